@@ -35,9 +35,9 @@ def promised(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def promise(folder: Path, name: str, *, fresh: bool = False) -> None:
+def promise(folder: Path, name: str, *more: str, fresh: bool = False) -> None:
     """``middeck promise``, on what was refined already unless ``fresh``."""
-    asked = ["promise", str(ARTICLE), str(folder / "promise.toml"), "--date", "2026-11-23"]
+    asked = ["promise", str(ARTICLE), str(folder / "promise.toml"), "--date", "2026-11-23", *more]
     with pytest.MonkeyPatch.context() as patch:
         if not fresh:
             share_results(patch)
@@ -71,6 +71,21 @@ def test_the_sweep_stands_beside_the_draws(promised: Path):
     )
     sweep = load_plan(promised / "other.toml", ARTICLE).plan.sweep
     assert (sweep.first_bending, sweep.others) == (0.0, 0.01)
+
+
+def test_what_was_taken_out_is_the_way_from_the_ground(promised: Path):
+    """To a thousandth of the frequency; also of modes that no survey saw."""
+    orbit = read_promise(promised / "promise.json")["environments"][0]
+    removed, modes = orbit["removed"], orbit["modes"]
+    assert removed["survey"] == "virtual survey"
+    assert removed["effects"] == ["suspension", "stiffness", "deformation"]
+    for mode, shares in zip(modes, removed["share_hz"], strict=True):
+        if mode["ground_hz"] is not None:
+            way = mode["ground_hz"] - mode["frequency_hz"]
+            assert sum(shares) == pytest.approx(way, abs=1e-3 * mode["frequency_hz"])
+    largest = max(range(len(modes)), key=lambda k: sum(removed["share_hz"][k]))
+    assert modes[largest]["name"] == "first torsion"
+    assert removed["share_hz"][largest][1] > 0.9 * sum(removed["share_hz"][largest])
 
 
 JOINT = """
@@ -107,7 +122,7 @@ def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     assert orbit["friction"]["joints"][0]["slip_torque_nm"] == 0.002
     assert not any("every plant is linear" in limit for limit in document["not_valid_for"])
     first = (tmp_path / "promise.json").read_bytes()
-    promise(tmp_path, "again.json", fresh=True)
+    promise(tmp_path, "again.json", "--ledger", str(tmp_path / "draws.ledger"), fresh=True)
     assert (tmp_path / "again.json").read_bytes() == first
 
 

@@ -29,7 +29,7 @@ from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
-from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, risk_of
+from middeck.updating.promise.outlook import LoopNoise, Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
 from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
@@ -147,7 +147,7 @@ def test_probabilities_are_counted_and_the_risk_is_named():
     k, idle = rng.uniform(0.2, 1.2, 400), rng.standard_normal(400)
     drawn = DrawnPlants(tuple(gained(x) for x in k), ("idle", "gain"), np.stack([idle, k], axis=1))
     alone = k * measure_noise_rms(gained(1.0), STILL, WEIGHTS).rms
-    found = look_ahead("lag", LAG, drawn, WEIGHTS, alone)
+    found = look_ahead("lag", LAG, drawn, LoopNoise(*noise_on(drawn.plants, LAG, WEIGHTS)), alone)
     np.testing.assert_array_equal(found.stable, k < 1.0)
     assert found.risk[0] == "gain"
     assert found.risk[1] > 0.95

@@ -1,6 +1,7 @@
 """Friction in promises: sliders against a rig and an exact density, loops against their responses."""
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import promise_case as case
@@ -33,10 +34,17 @@ from middeck.updating.promise.slip_loops import (
     noise_response,
     pole_form,
 )
-from middeck.updating.promise.slip_run import run_slips
+from middeck.updating.promise.slip_run import Slipped, join_slips, run_slips, set_run
 from middeck.updating.refinement.refine import Refined
 
 GIMBAL = JointSlip(name="turn", slip_torque=0.05, slip_angle=1e-3)
+
+
+def slipped(
+    plants: Sequence[Plant], laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan
+) -> dict[str | None, Slipped]:
+    """All draws at once, joined."""
+    return join_slips([run_slips(set_run(plants[0], laws, slips, plan), plants)])
 
 
 def chain() -> Plant:
@@ -121,7 +129,7 @@ def test_a_bearing_under_white_noise_has_its_exact_density():
     draws = 60
     joint = dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4)
     plan = asked(joints=(joint,), intensity=np.array([0.3]))
-    _, found = run_slips([turntable()] * draws, {}, alike((joint,), draws), plan)
+    found = slipped([turntable()] * draws, {}, alike((joint,), draws), plan)
     exact, alone = bearing_db(0.3, 0.3), found[None]
     assert exact < -3.0
     assert np.mean(alone.db) == pytest.approx(exact, abs=0.15)
@@ -145,7 +153,7 @@ def test_draws_differ_as_their_articles_do():
     draws, s = 200, 0.3
     joint = dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4, slip_torque_tolerance=0.08)
     slips = alike((joint,), draws)
-    _, found = run_slips([turntable()] * draws, {}, slips, asked(joints=(joint,), intensity=np.array([s])))
+    found = slipped([turntable()] * draws, {}, slips, asked(joints=(joint,), intensity=np.array([s])))
     exact = np.array([bearing_db(T, s) for T in slips.slip_torque[:, 0].tolist()])
     alone = found[None]
     assert np.std(exact) < np.sqrt(np.mean(alone.variance))
@@ -172,7 +180,7 @@ def test_a_loop_that_hunts_is_bounded_and_said():
     plant, law = delayed_brake()
     joint = JointSlip(name="turn", slip_torque=0.1, slip_angle=1e-3)
     plan = asked(performance=("turn",), joints=(joint,), intensity=np.array([1e-6]), noise={"": 1e-8})
-    _, found = run_slips([plant], {"brake": law}, alike((joint,), 1), plan)
+    found = slipped([plant], {"brake": law}, alike((joint,), 1), plan)
     assert found[None].sticks.all()
     assert not found["brake"].sticks.any()
     assert np.isfinite(found["brake"].db).all()
@@ -181,9 +189,7 @@ def test_a_loop_that_hunts_is_bounded_and_said():
     assert found[None].travel[0, 0] < 1e-3 * joint.slip_angle
     assert found[None].db[0] == pytest.approx(-20.0, abs=1.5)
     easy = dataclasses.replace(joint, slip_torque=1e-7)
-    _, slips = run_slips(
-        [plant], {"brake": law}, alike((easy,), 1), dataclasses.replace(plan, joints=(easy,))
-    )
+    slips = slipped([plant], {"brake": law}, alike((easy,), 1), dataclasses.replace(plan, joints=(easy,)))
     assert slips["brake"].sticks.all()
 
 
@@ -231,7 +237,7 @@ def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatc
     def db(**changes: float) -> np.ndarray:
         altered = dataclasses.replace(chosen, **changes)
         monkeypatch.setattr(slip_run, "choose_time", lambda *_: altered)
-        return run_slips([turntable()] * 4, {}, slips, plan)[1][None].db
+        return slipped([turntable()] * 4, {}, slips, plan)[None].db
 
     with monkeypatch.context() as little:
         little.setattr(slip_run, "ALONE", 2)
@@ -248,7 +254,7 @@ def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatc
 def test_a_joint_that_slips_at_nothing_adds_nothing():
     joint = dataclasses.replace(GIMBAL, slip_torque=0.0, slip_angle_tolerance=0.5)
     slips = draw_slips((joint,), 200, np.random.default_rng(0))
-    _, found = run_slips([turntable()] * 2, {}, draw_slips((joint,), 2, np.random.default_rng(0)), asked())
+    found = slipped([turntable()] * 2, {}, draw_slips((joint,), 2, np.random.default_rng(0)), asked())
     np.testing.assert_allclose(found[None].db, 0.0, atol=1e-9)
     assert 0.0005 <= slips.slip_angle.min() < 0.00052
     assert 0.00148 < slips.slip_angle.max() <= 0.0015
@@ -268,7 +274,18 @@ def test_joints_that_cannot_be_are_refused():
         inputs=["turn"], outputs=["turn", "rate"], w=["turn"], z=["rate"],
     )  # fmt: skip
     with pytest.raises(ConfigError, match="relative angle"):
-        run_slips([plant], {}, alike((GIMBAL,), 1), asked())
+        slipped([plant], {}, alike((GIMBAL,), 1), asked())
+
+
+def test_draws_simulated_apart_are_those_of_a_run_of_all():
+    joint = dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4, slip_torque_tolerance=0.2)
+    plan, slips = asked(joints=(joint,), draws=3), draw_slips((joint,), 3, np.random.default_rng(0))
+    run = set_run(turntable(), {}, slips, plan)
+    whole = slipped([turntable()] * 3, {}, slips, plan)[None]
+    parts = join_slips([run_slips(run, [turntable()] * 2), run_slips(run, [turntable()], 2)])[None]
+    assert np.ptp(whole.travel) > 1e-3 * whole.travel.max()
+    for key in ("db", "variance", "travel"):
+        np.testing.assert_allclose(getattr(parts, key), getattr(whole, key), rtol=1e-9)
 
 
 @pytest.fixture(scope="module")

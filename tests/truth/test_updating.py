@@ -23,6 +23,7 @@ from middeck.structure.model.section import Section
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
+from middeck.updating.orbit.removed import removed_terms
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
 from middeck.updating.refinement.posterior import (
@@ -247,6 +248,35 @@ def test_gravity_is_taken_out():
     assert np.all(np.abs(np.log(predicted.frequency_hz / true)) < 3.0 * predicted.log_std)
     assert np.all(predicted.log_std < 1e-3)
     assert np.all(predicted.seen > 0.9)
+
+
+def test_what_was_taken_out_is_said_term_by_term():
+    """Nothing suspends a mast; its weight softens bending, and stiffens it a little by making it shorter."""
+    seen = survey_of(modes_of(mast(EI=1.07, mass=0.43), clamped()), MeasurementNoise(1e-4, 0.01))
+    found = refine(mast(), [seen], (MODULUS, TOP))
+    predicted = predict_modes(found, clamped(gravity=0.0), count=3)
+    removed = removed_terms(found, predicted)
+    assert removed is not None
+    ground = set_up(found.structure, clamped(), (), found.unknowns).solve(found.x).frequency_hz[:3]
+    suspension, stiffness, deformation = removed.share_hz.T
+    way = ground - predicted.modes.frequency_hz[:3]
+    np.testing.assert_allclose(removed.share_hz.sum(axis=1), way, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(suspension, 0.0, atol=1e-12)
+    assert np.all(stiffness[:2] < -1e-3 * ground[:2])
+    assert np.all((deformation[:2] > 0.0) & (deformation[:2] < -0.01 * stiffness[:2]))
+    assert not removed.unclear.any()
+    assert removed.survey == seen.name
+
+
+def test_where_a_budget_cannot_part_the_terms_there_are_none():
+    """Still under gravity; other clamps than the survey's; another article, by what the survey set."""
+    seen = survey_of(modes_of(mast(), clamped()), MeasurementNoise(1e-4, 0.01))
+    found = refine(mast(), [seen], (MODULUS, TOP))
+    for place in (clamped(), Environment.orbit()):
+        assert removed_terms(found, predict_modes(found, place, count=3)) is None
+    other = dataclasses.replace(seen, settings=((TOP.parameters[0], 0.9),))
+    found = refine(mast(), [other], (MODULUS,))
+    assert removed_terms(found, predict_modes(found, clamped(gravity=0.0), count=3)) is None
 
 
 def test_measured_damping_goes_with_the_shape():

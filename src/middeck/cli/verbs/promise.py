@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +13,11 @@ from middeck.cli import figures, options
 from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
+
+if TYPE_CHECKING:
+    from middeck.updating.promise.blocks import Measured
+    from middeck.updating.promise.plan import Plan
+    from middeck.updating.refinement.refine import Refined
 
 NAMED = 4
 """Lost cases of a sweep that the screen names; the document has all."""
@@ -39,6 +44,15 @@ Examples:
     metavar="PLANTS.json",
     help="Write the drawn plants beside it: `middeck gate` and `qualify` take the promise then.",
 )
+@options.written(
+    "--ledger",
+    endings=(".ledger",),
+    cls=options.Updated,
+    help="Keep draws here as they come: after a kill the same call goes on behind them.",
+)
+@click.option(
+    "--workers", type=click.IntRange(min=1), help="Processes that draw, with --ledger.  [default: 1]"
+)
 @figures.figure
 @options.printing
 def verb(
@@ -48,6 +62,8 @@ def verb(
     date: str | None,
     target: str | None,
     plants_file: str | None,
+    ledger: str | None,
+    workers: int | None,
     figure_file: str | None,
     as_json: bool,
 ) -> None:
@@ -56,8 +72,8 @@ def verb(
     ARTICLE is refined on the surveys that PLAN names; plants are then drawn from what stays open, and every
     compensator is tried on all of them: docs/reference/files.md. The document says with which probability it
     is stable, how many decibels to expect, what the risk hangs on and how far an ideal compensator is. It
-    carries the hash of its own content and of all files behind it. With --load-cases it says what gauges will
-    read of the refined article at rest.
+    carries the hash of its own content and of all files behind it; with --ledger and --workers it is the
+    same to the last byte. With --load-cases it says what gauges will read of the refined article at rest.
     """
     from middeck.files.json.output import write_json
     from middeck.files.setups import find_document
@@ -71,11 +87,15 @@ def verb(
     folder = None if plan is None or target is None else Path(target).parent
     if plants_file is not None and Path(plants_file).parent != folder:
         raise ConfigError(f"--plants {plants_file}", hint="a PLAN, and -o PROMISE.json in the same folder")
+    if workers is not None and ledger is None:
+        raise ConfigError(f"--workers {workers}", hint="--ledger FILE, in which the processes' draws meet")
+    if ledger is not None and plan is None:
+        raise ConfigError(f"--ledger {ledger}", hint="a PLAN: load cases have no draws")
     body, day = find_document(article, "article"), options.day(date)
     if plan is None:
         document = _at_rest(body, str(load_cases), day)
     else:
-        document = _of_loops(body, plan, day, plants_file)
+        document = _of_loops(body, plan, day, plants_file, (ledger, workers or 1) if ledger else None)
     if target is not None:
         write_json(target, document)
     if figure_file is not None:
@@ -84,7 +104,10 @@ def verb(
     show(as_json, document if as_json else warnings, *_blocks(document, target))
 
 
-def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[str, Any]:
+def _of_loops(
+    body: Path, plan: str, day: str, plants_file: str | None, kept: tuple[str, int] | None
+) -> dict[str, Any]:
+    """``kept`` are the ledger of the draws and the number of processes."""
     from middeck.files.json.hash_seal import SEAL
     from middeck.files.json.output import write_json
     from middeck.files.promises.documents import hash_files, promise_document
@@ -96,13 +119,37 @@ def _of_loops(body: Path, plan: str, day: str, plants_file: str | None) -> dict[
     files = hash_files(loaded.files)
     with reading(body, plan):
         refined = md.refine(loaded.structure, *loaded.refinement.of_refine)
-        promised = md.promise(refined, loaded.plan)
+        measured = None if kept is None else _measured(refined, loaded.plan, (body, Path(plan)), files, *kept)
+        promised = md.promise(refined, loaded.plan, measured)
     plants = None
     if plants_file is not None:
         drawn = plants_document(promised, loaded.plan)
         write_json(plants_file, drawn)
         plants = Path(plants_file).name, drawn[SEAL]
     return promise_document(refined, loaded.plan, promised, files=files, date=day, plants=plants)
+
+
+def _measured(
+    refined: Refined,
+    plan: Plan,
+    files: tuple[Path, Path],
+    digests: tuple[tuple[str, str], ...],
+    ledger: str,
+    workers: int,
+) -> dict[str, list[Measured]]:
+    from middeck.cli.shown.progress import left_words, status
+    from middeck.files.promises.campaign import measured_in_ledger
+
+    with status("promise") as say:
+        return measured_in_ledger(
+            refined,
+            plan,
+            files,
+            digests,
+            ledger,
+            workers=workers,
+            progress=lambda p: say(f"{p.done} of {p.total} blocks of draws, {left_words(p.remaining_s)}"),
+        )
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
@@ -122,6 +169,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
     blocks: list[str | Table] = []
     for place in document["environments"]:
         blocks += [_modes(place)] if place["modes"] else []
+        blocks += [_removed(place)] if "removed" in place else []
         if "compensators" in place:
             blocks += [_loops(place, document), *_with_friction(place, document), _sweep(place)]
             blocks += [_highest(place, document)]
@@ -147,6 +195,20 @@ def _modes(place: dict[str, Any]) -> Table:
     headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen [%]", "on the ground [Hz]",
                "from there [%]"]  # fmt: skip
     return Table(f"promised in {place['name']}: modes", headers, rows)
+
+
+def _removed(place: dict[str, Any]) -> Table:
+    """What gravity made of each frequency on the ground; * where the effects cannot be told apart."""
+    removed = place["removed"]
+    rows = [
+        [
+            f"{mode['name']} *" if k in removed["unclear"] else mode["name"],
+            *(f"{share:+.4f}" for share in (*shares, sum(shares))),
+        ]
+        for k, (mode, shares) in enumerate(zip(place["modes"], removed["share_hz"], strict=True), start=1)
+    ]
+    title = f"promised in {place['name']}: taken out of what {removed['survey']} has [Hz]"
+    return Table(title, ["mode", *removed["effects"], "together"], rows)
 
 
 def _readings(place: dict[str, Any]) -> Table:

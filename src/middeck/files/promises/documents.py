@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,8 +15,10 @@ from middeck import __version__
 from middeck.files.disk.digest import sha256_of
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import PROMISE
+from middeck.structure.gravity.budget import EFFECTS
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.removed import removed_terms
 from middeck.updating.orbit.shapes import promised_shapes
 from middeck.updating.promise.confidence import draws_needed, level
 from middeck.updating.promise.draws import LoopSpread
@@ -61,8 +64,7 @@ def promise_document(
         "shares": LEVELS,
         "not_valid_for": limits_of(plan, promises),
         "environments": [
-            promised_there(name, p, plan) | {"shapes": promised_shapes(refined, p.modes)}
-            for name, p in promises.items()
+            promised_there(name, p, plan) | _of_shape(refined, p.modes) for name, p in promises.items()
         ],
     }
     if plants is not None:
@@ -86,12 +88,32 @@ def loads_document(
         "load_cases": [_case(case) for case in deflections],
     }
     if modes is not None:
-        place["shapes"] = promised_shapes(refined, modes)
+        place |= _of_shape(refined, modes)
     said = {
         "not_valid_for": ["contact, yielding and creep: members are elastic at any strain"],
         "environments": [place],
     }
     return seal(_head(refined, files, date) | said)
+
+
+def _of_shape(refined: Refined, modes: Prediction) -> dict[str, Any]:
+    """Shapes of promised modes, and how much of their frequency on the ground was taken out, by effect."""
+    removed = removed_terms(refined, modes)
+    found: dict[str, Any] = {"shapes": promised_shapes(refined, modes)}
+    if removed is not None:
+        both = zip(removed.share_hz, modes.frequency_hz, strict=True)
+        found["removed"] = {
+            "survey": removed.survey,
+            "effects": EFFECTS,
+            "share_hz": [[_beside(x, hz) for x in shares.tolist()] for shares, hz in both],
+            "unclear": (np.flatnonzero(removed.unclear) + 1).tolist(),
+        }
+    return found
+
+
+def _beside(value: float, whole: float) -> float:
+    """To the digits that are promised of ``whole``, of which it is a part."""
+    return round(value, DIGITS - 1 - math.floor(math.log10(whole))) + 0.0
 
 
 def hash_files(files: Sequence[Path]) -> tuple[tuple[str, str], ...]:

@@ -9,7 +9,8 @@ has as much of the shear that the article is drawn without as the surveys leave 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
@@ -85,6 +86,86 @@ class DrawnPlants:
     drawn: Float[np.ndarray, "plant name"]
 
 
+@record(kw_only=True)
+class Drawing:
+    """Plants of an article in an environment, drawn but not built yet: each is the same in any order.
+
+    Attributes:
+        there: The article and what the unknowns move there.
+        mean: Its most probable modes.
+        build, finish, loop: As `draw_plants` has them.
+        sensors: Each output's, an angle and its rate being one's.
+        n: Numbers of the estimate's root.
+        alone, lossy: Of each mode's own error and damping.
+        pulls: Of the umbilical's frequency, from zero to one.
+        late, gains: Of the delay and of each sensor's gain, from -1 to 1.
+    """
+
+    refined: Refined
+    there: SetUp
+    mean: Prediction
+    build: Callable[[Modes], Plant]
+    finish: Callable[[Plant], Plant]
+    loop: LoopSpread
+    sensors: tuple[str, ...]
+    n: Float[np.ndarray, "draw both"]
+    alone: Float[np.ndarray, "draw mode"]
+    lossy: Float[np.ndarray, "draw mode"]
+    pulls: Float[np.ndarray, " draw"]
+    late: Float[np.ndarray, " draw"]
+    gains: Float[np.ndarray, "draw sensor"]
+
+    def plants(self, which: range) -> DrawnPlants:
+        """The plants of these draws. Raises `NumericalError` where an article has no rest state."""
+        both = [self._one(number) for number in which]
+        plants, drawn = (tuple(x) for x in zip(*both, strict=True)) if both else ((), ())
+        return DrawnPlants(plants, self.names, np.reshape(drawn, (len(both), len(self.names))))
+
+    @functools.cached_property
+    def like(self) -> Plant:
+        """A plant of the ports and the form of all."""
+        return self.finish(self.build(self.mean.modes))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what is drawn, as `DrawnPlants` has them."""
+        modes = [self.mean.modes.name[i] for i in self.mean.index]
+        return (
+            *(u.name for u in self.refined.unknowns),
+            *(f"frequency of {n}" for n in modes),
+            *(f"damping of {n}" for n in modes),
+            "delay",
+            "umbilical",
+            *(f"gain of {n}" for n in dict.fromkeys(self.sensors)),
+        )
+
+    def _one(self, number: int) -> tuple[Plant, Float[np.ndarray, " name"]]:
+        mean, loop, n, late = self.mean, self.loop, self.n[number], self.late[number]
+        try:
+            modes = _drawn_modes(self.refined, self.there, n, loop.umbilical_hz * self.pulls[number])
+        except NumericalError as error:
+            error.where = f"draw {number} of {len(self.n)}, {error.where}"
+            raise
+        shift = mean.log_shift + mean.log_root @ n + mean.log_rest * self.alone[number]
+        zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * self.lossy[number])
+        plant = self.build(modes)
+        gains = 1.0 + loop.gain_tolerance * self.gains[number]
+        gain = dict(zip(dict.fromkeys(self.sensors), gains, strict=True))
+        modal = _moved(require_modal(plant), mean, modes, shift, zeta)
+        modal = _scaled_outputs(modal, np.array([gain[s] for s in self.sensors]))
+        plant = self.finish(dataclasses.replace(plant, dynamics=modal))
+        delay = loop.delay_s + loop.delay_tolerance_s * late
+        # What has no tolerance was not drawn, and no risk hangs on it.
+        of_loop = [
+            late * (loop.delay_tolerance_s > 0.0),
+            (2.0 * self.pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),
+            *(self.gains[number] * (loop.gain_tolerance > 0.0)),
+        ]
+        own = (shift - mean.log_shift) / mean.log_std
+        drawn = np.concatenate([_in_deviations(self.refined, n), own, self.lossy[number], of_loop])
+        return delay_plant(plant, delay) if delay else plant, drawn
+
+
 def draw_plants(
     refined: Refined,
     environment: Environment,
@@ -101,40 +182,53 @@ def draw_plants(
     frequencies and damping are in, as to close an inner loop; the delay comes last. Raises `ConfigError` for
     a plant that is not modal, and `NumericalError` where a drawn article has no rest state.
     """
+    drawing = draw_numbers(refined, environment, build, draws=draws, rng=rng, loop=loop, finish=finish)
+    return drawing.plants(range(draws))
+
+
+def draw_numbers(
+    refined: Refined,
+    environment: Environment,
+    build: Callable[[Modes], Plant],
+    *,
+    draws: int,
+    rng: np.random.Generator,
+    loop: LoopSpread,
+    finish: Callable[[Plant], Plant],
+) -> Drawing:
+    """The numbers of `draw_plants`, the same for whichever of its plants are built."""
     there = set_up(refined.structure, environment, (), refined.unknowns)
-    count = len(require_modal(build(there.solve(refined.x))).omega)
+    plant = build(there.solve(refined.x))
+    count, sensors = len(require_modal(plant).omega), _sensors(plant)
     mean = predict_modes(refined, environment, count=count, umbilical_hz=loop.most_cable_hz)
     # A stream of its own: with a cable or without, all else is drawn alike.
     pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
-    plants, drawn = [], []
-    for number in range(draws):
-        n = refined.with_shear(rng.standard_normal(refined.estimate.root.shape[1]))
-        alone, lossy = rng.standard_normal((2, len(mean.index)))
-        try:
-            modes = _drawn_modes(refined, there, n, loop.umbilical_hz * pulls[number])
-        except NumericalError as error:
-            error.where = f"draw {number} of {draws}, {error.where}"
-            raise
-        shift = mean.log_shift + mean.log_root @ n + mean.log_rest * alone
-        zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * lossy)
-        plant = build(modes)
-        sensors = _sensors(plant)
-        late, gains = rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0, len(set(sensors)))
-        gain = dict(zip(dict.fromkeys(sensors), 1.0 + loop.gain_tolerance * gains, strict=True))
-        modal = _moved(require_modal(plant), mean, modes, shift, zeta)
-        modal = _scaled_outputs(modal, np.array([gain[s] for s in sensors]))
-        plant = finish(dataclasses.replace(plant, dynamics=modal))
-        delay = loop.delay_s + loop.delay_tolerance_s * late
-        plants.append(delay_plant(plant, delay) if delay else plant)
-        own = (shift - mean.log_shift) / mean.log_std
-        # What has no tolerance was not drawn, and no risk hangs on it.
-        of_loop = [
-            late * (loop.delay_tolerance_s > 0.0),
-            (2.0 * pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),
-            *(gains * (loop.gain_tolerance > 0.0)),
-        ]
-        drawn.append(np.concatenate([_in_deviations(refined, n), own, lossy, of_loop]))
-    return DrawnPlants(tuple(plants), _names(refined, mean, plants), np.array(drawn))
+    both, modes, own = refined.estimate.root.shape[1], len(mean.index), len(set(sensors))
+    rows = [
+        (
+            refined.with_shear(rng.standard_normal(both)),
+            *rng.standard_normal((2, modes)),
+            rng.uniform(-1.0, 1.0),
+            rng.uniform(-1.0, 1.0, own),
+        )
+        for _ in range(draws)
+    ]
+    n, alone, lossy, late, gains = (np.array(x) for x in zip(*rows, strict=True))
+    return Drawing(
+        refined=refined,
+        there=there,
+        mean=mean,
+        build=build,
+        finish=finish,
+        loop=loop,
+        sensors=sensors,
+        n=n,
+        alone=alone,
+        lossy=lossy,
+        pulls=pulls,
+        late=late,
+        gains=gains,
+    )
 
 
 def _drawn_modes(refined: Refined, there: SetUp, n: np.ndarray, umbilical_hz: float) -> Modes:
@@ -145,18 +239,6 @@ def _drawn_modes(refined: Refined, there: SetUp, n: np.ndarray, umbilical_hz: fl
     except NumericalError as error:
         error.hint = "narrower spreads of the unknowns that the surveys do not see"
         raise
-
-
-def _names(refined: Refined, mean: Prediction, plants: Sequence[Plant]) -> tuple[str, ...]:
-    names = [mean.modes.name[i] for i in mean.index]
-    return (
-        *(u.name for u in refined.unknowns),
-        *(f"frequency of {n}" for n in names),
-        *(f"damping of {n}" for n in names),
-        "delay",
-        "umbilical",
-        *(f"gain of {n}" for n in dict.fromkeys(_sensors(plants[0]) if plants else ())),
-    )
 
 
 def mean_plant(mean: Prediction, build: Callable[[Modes], Plant]) -> Plant:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,9 +14,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.participation import find_participation
-from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import decibels
-from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant
@@ -29,6 +28,14 @@ LEVELS = (0.01, 0.025, 0.25, 0.5, 0.75, 0.975, 0.99)
 """Of the distribution of decibels, from the best to the worst."""
 COMPARED = 12
 """Unstable draws whose leading mode is looked for."""
+
+
+class LoopNoise(NamedTuple):
+    """What `noise_on` says of a compensator on drawn plants, over all frequencies or in a band."""
+
+    decays: Bool[np.ndarray, " draw"]
+    rms: Float[np.ndarray, " draw"]
+    effort: Float[np.ndarray, " draw"]
 
 
 @record(kw_only=True)
@@ -104,27 +111,18 @@ def highest_promised(outlooks: Sequence[Outlook], probability: float = 0.99) -> 
 
 
 def look_ahead(
-    name: str,
-    law: Compensator,
-    drawn: DrawnPlants,
-    weights: LQGWeights,
-    alone: Float[np.ndarray, " draw"],
-    band_hz: tuple[float, float] | None = None,
+    name: str, law: Compensator, drawn: DrawnPlants, noise: LoopNoise, alone: Float[np.ndarray, " draw"]
 ) -> Outlook:
-    """``law`` on plants whose groups y and u are its ports; ``alone`` is each plant's rms without it.
-
-    Both over all frequencies, or in ``band_hz``.
-    """
-    plants = drawn.plants
-    decays, rms, effort = noise_on(plants, law, weights, band_hz)
-    stable = decays & np.isfinite(rms)
-    unstable = [p for p, held in zip(plants, stable, strict=True) if not held]
-    db = np.array([decibels(*both) for both in zip(np.where(stable, rms, np.inf), alone, strict=True)])
+    """``law`` on plants whose groups y and u are its ports; ``alone`` is each plant's rms without it."""
+    stable = noise.decays & np.isfinite(noise.rms)
+    unstable = [p for p, held in zip(drawn.plants, stable, strict=True) if not held]
+    both = zip(np.where(stable, noise.rms, np.inf), alone, strict=True)
+    db = np.array([decibels(*each) for each in both])
     return Outlook(
         name=name,
         stable=stable,
         db=db,
-        control_rms=np.where(stable, effort, np.inf),
+        control_rms=np.where(stable, noise.effort, np.inf),
         unstable_mode=_growing(unstable[:COMPARED], law),
         risk=risk_of(drawn, db),
     )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -14,20 +13,19 @@ from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.verification.monte_carlo import uncontrolled_rms
 from middeck.errors import ConfigError
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
-from middeck.updating.promise.draws import DrawnPlants, draw_plants
+from middeck.updating.promise.blocks import Measured, Site, blocks, join_blocks, measure_block, seen_by
+from middeck.updating.promise.draws import DrawnPlants, draw_numbers
 from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
 from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
-from middeck.updating.promise.slip import draw_slips
-from middeck.updating.promise.slip_run import run_slips
+from middeck.updating.promise.slip_run import join_slips
 from middeck.updating.promise.slip_time import SlipTime
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up
@@ -81,17 +79,29 @@ def design_on(delayed: Plant, ladder: Ladder, plan: Plan) -> dict[str, LQGCompen
     }
 
 
-def promise(refined: Refined, plan: Plan) -> dict[str, Promise]:
+def promise(
+    refined: Refined, plan: Plan, measured: Mapping[str, Sequence[Measured]] | None = None
+) -> dict[str, Promise]:
     """Every compensator of the plan and of its ladder, in every environment.
 
-    Raises `ConfigError` for ports that the article does not have, units whose noise the plan does not
-    state, and so few modes that all of them are rigid, and as `draw_plants`.
+    ``measured`` are the blocks of every environment (`measure_block`) where they are known already. Raises
+    `ConfigError` for ports that the article does not have, units whose noise the plan does not state, and so
+    few modes that all of them are rigid, and as `draw_plants`.
     """
+    sites = set_sites(refined, plan)
+    known = measured or {
+        name: [measure_block(site, k) for k in range(blocks(plan))] for name, site in sites.items()
+    }
+    return {name: _there(site, known[name]) for name, site in sites.items()}
+
+
+def set_sites(refined: Refined, plan: Plan) -> dict[str, Site]:
+    """What the draws share, by environment. Raises as `promise`, of whose draws none is built yet."""
     first = next(iter(plan.environments.values()))
     modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)
     _require_flexible(modes, plan, first)
-    ladder = design_ladder(modes, plan)
-    return {name: _there(refined, plan, place, ladder) for name, place in plan.environments.items()}
+    laws = _together(plan.laws, design_ladder(modes, plan))
+    return {name: _site(refined, plan, place, laws) for name, place in plan.environments.items()}
 
 
 def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
@@ -104,10 +114,10 @@ def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
         )
 
 
-def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str, LQGCompensator]) -> Promise:
+def _site(refined: Refined, plan: Plan, place: Environment, laws: Mapping[str, Compensator]) -> Site:
     predicted = predict_modes(refined, place, count=plan.modes, umbilical_hz=plan.loop.most_cable_hz)
     _require_flexible(predicted.modes, plan, place)
-    drawn = draw_plants(
+    drawing = draw_numbers(
         refined,
         place,
         partial(plant_of, plan),
@@ -116,49 +126,35 @@ def _there(refined: Refined, plan: Plan, place: Environment, ladder: Mapping[str
         loop=plan.loop,
         finish=partial(close_inner, plan),
     )
-    laws = _together(plan.laws, ladder)
-    seen = {name: _seen_by(law, drawn, plan) for name, law in laws.items()}
-    anyone, weights = next(iter(seen.values()))  # whose ports do not matter without a compensator
-    alone = uncontrolled_rms(anyone.plants, weights, plan.band_hz)
-    if not np.all(np.isfinite(alone)):
-        raise ConfigError(
-            "without a compensator the performance has no finite rms: a mode that it sees does not decay",
-            where=f"promise in {place.title}",
-            hint="inner loops that hold the article; decibels are relative to the rms with them alone",
-        )
-    outlooks = tuple(look_ahead(name, law, *seen[name], alone, plan.band_hz) for name, law in laws.items())
+    return Site(plan=plan, title=place.title, predicted=predicted, drawing=drawing, laws=laws)
+
+
+def _there(site: Site, parts: Sequence[Measured]) -> Promise:
+    plan, laws, found = site.plan, site.laws, join_blocks(site, parts)
+    drawn, alone = found.drawn, found.alone
+    seen = {name: seen_by(law, drawn, plan) for name, law in laws.items()}
+    outlooks = tuple(
+        look_ahead(name, law, seen[name][0], found.noise[name], alone) for name, law in laws.items()
+    )
     slip_time = None
-    if plan.joints:
-        outlooks, alone, slip_time = _slipping(outlooks, alone, drawn, laws, plan)
-    some = dataclasses.replace(drawn, plants=drawn.plants[: plan.bounded], drawn=drawn.drawn[: plan.bounded])
-    swept = sweep_plants(predicted, plan)
+    if site.run is not None:
+        slipped, slip_time = join_slips([part.slipped for part in parts]), site.run.time
+        rest, slips = slipped[None], site.run.slips
+        outlooks = tuple(with_friction(o, slipped[o.name], rest, slips, drawn) for o in outlooks)
+        alone = alone * 10.0 ** (rest.db / 20.0)
+    swept = sweep_plants(site.predicted, plan)
     best = highest_promised(outlooks[len(plan.laws) :], plan.probability)
     return Promise(
-        modes=predicted.below(plan.modes),
+        modes=site.predicted.below(plan.modes),
         plants=drawn.plants,
         outlooks=outlooks,
         rest_rms=alone,
-        bound={name: _bound(law, some, plan) for name, law in laws.items()},
+        bound={name: _bound(law, *seen[name], plan.bounded) for name, law in laws.items()},
         highest=None if best is None else best.name,
         swept=swept,
         sweeps={name: try_sweep(swept, law, plan) for name, law in laws.items()},
         slip_time=slip_time,
     )
-
-
-def _slipping(
-    outlooks: tuple[Outlook, ...],
-    alone: np.ndarray,
-    drawn: DrawnPlants,
-    laws: Mapping[str, Compensator],
-    plan: Plan,
-) -> tuple[tuple[Outlook, ...], np.ndarray, SlipTime]:
-    """Outlooks and rms without a compensator, with the friction of the joints."""
-    slips = draw_slips(plan.joints, plan.draws, np.random.default_rng([plan.seed, len(plan.joints)]))
-    time, slipped = run_slips(drawn.plants, laws, slips, plan)
-    rest = slipped[None]
-    found = tuple(with_friction(o, slipped[o.name], rest, slips, drawn) for o in outlooks)
-    return found, alone * 10.0 ** (rest.db / 20.0), time
 
 
 def _together(
@@ -174,13 +170,5 @@ def _together(
     return {**given, **ladder}
 
 
-def _seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPlants, LQGWeights]:
-    """The plants between the ports of this loop alone, grouped for it, and its weights."""
-    u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
-    plants = tuple(group_loop(plan, plant, u, y) for plant in drawn.plants)
-    return dataclasses.replace(drawn, plants=plants), weights_of(plan, law.outputs, law.inputs)
-
-
-def _bound(law: Compensator, some: DrawnPlants, plan: Plan) -> RobustBound:
-    seen, weights = _seen_by(law, some, plan)
-    return bound_worst(seen.plants, law, weights)
+def _bound(law: Compensator, seen: DrawnPlants, weights: LQGWeights, bounded: int) -> RobustBound:
+    return bound_worst(seen.plants[:bounded], law, weights)

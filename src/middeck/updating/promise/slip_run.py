@@ -58,12 +58,20 @@ class Slipped:
     sticks: Bool[np.ndarray, " draw"]
 
 
-def run_slips(
-    plants: Sequence[Plant], laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan
-) -> tuple[SlipTime, dict[str | None, Slipped]]:
-    """Every compensator on every draw, and under the key None no compensator.
+@record(kw_only=True)
+class SlipRun:
+    """How every compensator, and under the key None no compensator, is simulated on all draws alike."""
 
-    Several records of each draw tell the error; how long and how fine they are is chosen by the first draw.
+    plan: Plan
+    laws: Mapping[str | None, Compensator | None]
+    slips: DrawnSlips
+    wiring: SlipPorts
+    time: SlipTime
+    orders: Mapping[str | None, int]
+
+
+def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
+    """Length and step of the simulation, chosen by the ``first`` draw.
 
     Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest.
     """
@@ -73,32 +81,56 @@ def run_slips(
         disturbances=plan.disturbances,
     )
     every: dict[str | None, Compensator | None] = {None: None, **laws}
-    own = [_own_ports(p, every.values(), wiring) for p in plants]
-    time = choose_time(own[0], every.values(), slips, plan, wiring)
-    orders = {
-        name: 1 if law is None else approximation_order(own[0], law.system) for name, law in every.items()
-    }
-    together = max(1, MOST // max(1, len(time.lines_hz) * len(own[0].inputs) * len(own[0].outputs)))
-    parts: dict[str | None, list[Slipped]] = {name: [] for name in every}
+    own = _own_ports(first, every.values(), wiring)
+    return SlipRun(
+        plan=plan,
+        laws=every,
+        slips=slips,
+        wiring=wiring,
+        time=choose_time(own, every.values(), slips, plan, wiring),
+        orders={
+            name: 1 if law is None else approximation_order(own, law.system) for name, law in every.items()
+        },
+    )
+
+
+def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:
+    """Every compensator on ``plants``, which are draw ``start`` and those behind it.
+
+    Several records of each draw tell the error.
+    """
+    own = [_own_ports(p, run.laws.values(), run.wiring) for p in plants]
+    lines = run.time.lines_hz
+    together = max(1, MOST // max(1, len(lines) * len(own[0].inputs) * len(own[0].outputs)))
+    parts: dict[str | None, list[Slipped]] = {name: [] for name in run.laws}
     for first in range(0, len(plants), together):
         mine = slice(first, first + together)
+        drawn = slice(start + first, start + min(first + together, len(plants)))
         some = _Draws(
             plants=tuple(own[mine]),
-            responses=np.array([evaluate_open(p, time.lines_hz) for p in own[mine]]),
-            stiffness=slips.stiffness[mine],
-            slip_torque=slips.slip_torque[mine],
-            first=first,
+            responses=np.array([evaluate_open(p, lines) for p in own[mine]]),
+            stiffness=run.slips.stiffness[drawn],
+            slip_torque=run.slips.slip_torque[drawn],
+            first=start + first,
         )
-        for name, law in every.items():
-            parts[name].append(_run(_Asked(plan, wiring, time), some, law, orders[name]))
-    found = {name: _as_articles_differ(_joined(each)) for name, each in parts.items()}
+        for name, law in run.laws.items():
+            parts[name].append(_run(run, some, law, run.orders[name]))
+    return {name: _joined(each) for name, each in parts.items()}
+
+
+def join_slips(parts: Sequence[Mapping[str | None, Slipped]]) -> dict[str | None, Slipped]:
+    """All draws together, without what their records add to their differences.
+
+    Raises `ConfigError` where a joint or a performance output grows without a compensator.
+    """
+    found = {name: _as_articles_differ(_joined([part[name] for part in parts])) for name in parts[0]}
     if not np.all(np.isfinite(found[None].db)):
         raise ConfigError(
             "without a compensator a joint or a performance output grows without bound",
             where="joint",
             hint="inner loops that hold the article",
         )
-    return time, found
+    return found
 
 
 def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: SlipPorts) -> Plant:
@@ -112,13 +144,6 @@ def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: SlipPor
     return partition_modes(own).active
 
 
-@record
-class _Asked:
-    plan: Plan
-    wiring: SlipPorts
-    time: SlipTime
-
-
 @record(kw_only=True)
 class _Draws:
     """Draws that fit into memory, and their responses on the lines of the noise."""
@@ -130,7 +155,7 @@ class _Draws:
     first: int
 
 
-def _run(asked: _Asked, some: _Draws, law: Compensator | None, order: int) -> Slipped:
+def _run(asked: SlipRun, some: _Draws, law: Compensator | None, order: int) -> Slipped:
     around = [around_sliders(p, law, asked.wiring, order) for p in some.plants]
     forms = [pole_form(loop) for loop in around]
     held = {i: form for i, form in enumerate(forms) if form is not None}
@@ -144,7 +169,7 @@ def _run(asked: _Asked, some: _Draws, law: Compensator | None, order: int) -> Sl
 
 
 def _with_friction(
-    asked: _Asked, some: _Draws, law: Compensator | None, forms: Mapping[int, SlipPoles]
+    asked: SlipRun, some: _Draws, law: Compensator | None, forms: Mapping[int, SlipPoles]
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
     """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
     time, joints = asked.time, len(asked.wiring.joints)
