@@ -8,7 +8,7 @@ from struck_plant import FORCE, TIP, response, struck
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.impact.averaged_blows import average_blows
+from middeck.identification.impact.averaged_blows import average_blows, exponential_window, lines_alike
 from middeck.identification.impact.blows import locate_blows
 from middeck.identification.impact.fit_of_blows import fit_impact, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
@@ -221,6 +221,47 @@ def test_what_the_window_cuts_off_is_less_than_the_deviations(campaign):
     # 288 normal numbers, of which few blows tell the deviations.
     assert np.abs(off).max() < 4.5
     assert np.sqrt(np.mean(np.square(off))) < 1.3
+
+
+def test_lines_under_a_window_count_as_few_as_they_tell(campaign):
+    """The mean of |z|^2 over lines of white noise scatters as that of so many fewer independent ones."""
+    size, tau = 1150, 1.2
+    window = exponential_window(size, RATE, tau)
+    noise = np.random.default_rng(75).standard_normal((len(campaign(8000, 4)), size))
+    power = np.abs(np.fft.rfft(noise * window, axis=1)[:, 1:-1]) ** 2 / np.sum(window**2)
+    alike = lines_alike(size, RATE, tau)
+    assert alike == pytest.approx(size / RATE / tau, rel=0.02)  # of a window that ends in nothing
+    assert np.mean(power) == pytest.approx(1.0, abs=0.015)
+    assert np.var(power.mean(axis=1)) == pytest.approx(alike / power.shape[1], rel=0.1)
+
+
+def averaged_response(seed, *, faint=1.0):
+    """Three to six blows of a lightly damped article, each from rest; its second mode is ``faint``."""
+    rng = np.random.default_rng([76, seed])
+    hz, _, phi, delay_s = three_modes(rng)
+    plant = hz, rng.uniform(0.004, 0.02, 3), phi * [1.0, faint, 1.0], delay_s
+    blows = five_blows(rng, 12.0)[: rng.integers(3, 6)]
+    each = [struck(plant, [(1.0 + 0.01 * k, *b[1:])], 1150, RATE, noise=0.0) for k, b in enumerate(blows)]
+    u, y = (np.concatenate([getattr(r, name) for r in each]) for name in "uy")
+    y = y + 10.0 ** rng.uniform(-4.0, -3.0) * y.std() * rng.standard_normal(y.shape)
+    u = u + 10.0 ** rng.uniform(-6.0, -5.0) * u.max() * rng.standard_normal(u.shape)
+    return plant, average_blows(dataclasses.replace(each[0], u=u, y=y))
+
+
+def test_averaged_blows_are_doubted_for_a_mode_that_lacks_and_not_for_their_window(campaign):
+    """Lines taken for independent made one clean fit in eight doubtful, and deviations too small."""
+    doubted, off, seeds = [], [], campaign(48, 4)
+    for seed in seeds:
+        plant, test = averaged_response(seed)
+        fit = fit_impact(test, of="response", states=6)
+        doubted += [seed] if fit.warnings else []
+        near = [int(np.argmin(np.abs(natural_hz(fit.model) - f))) for f in plant[0]]
+        off.append((natural_hz(fit.model)[near] - plant[0]) / fit.uncertainty.natural_hz[near])
+        off.append((damping_ratio(fit.model)[near] - plant[1]) / fit.uncertainty.damping[near])
+        assert fit_impact(averaged_response(seed, faint=0.02)[1], of="response", states=4).warnings
+    assert len(doubted) <= max(len(seeds) // 48, 1)
+    assert np.abs(off).max() < 4.0
+    assert 0.75 < np.sqrt(np.mean(np.square(off))) < 1.2
 
 
 def test_noise_of_the_force_is_no_reason_to_doubt_deviations_and_scatter_is(campaign):

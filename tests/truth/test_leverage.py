@@ -24,7 +24,8 @@ def a_fit(options: FitOptions, seed: int):
     size = 0.01 * np.sqrt(np.mean(np.abs(H) ** 2))
     re, im = size * rng.standard_normal((2, *H.shape)) / np.sqrt(2.0)
     v = np.full(H.shape, size**2)
-    data, spread = Data(s=s, H=H + re + 1j * im, weight=1.0 / np.sqrt(v)), Spread(v, np.ones(H.shape))
+    data = Data(s=s, H=H + re + 1j * im, weight=1.0 / np.sqrt(v))
+    spread = Spread(variance=v, size=np.ones(H.shape))
     first = next(iter(starts(data, options)))
     return data, spread, polish(data, first, spread, steps=40, rounds=1, share=0.0)
 

@@ -95,7 +95,7 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
     def kept(zeta):
         H = np.sum(w**2 / (s**2 + 2.0 * zeta * w * s + w**2), axis=0)[None, :, None]
         data = Data(s=s, H=np.repeat(H, 4, axis=2), weight=np.ones((1, len(s), 4)))
-        spread = Spread(np.zeros((1, len(s), 4)), np.ones((1, len(s), 4)))
+        spread = Spread(variance=np.zeros((1, len(s), 4)), size=np.ones((1, len(s), 4)))
         return data, thin_lines(data, spread)
 
     data, wide = kept(0.02)
@@ -104,7 +104,7 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
     # Half-power bandwidths of 0.02 and 0.06 Hz are narrower than the lines are apart: none below the higher
     # mode can be spared, and few above it.
     assert np.all(np.diff(f[narrow][f[narrow] < 301.0]) < 0.126)
-    part, _ = take_lines(data, Spread(np.abs(data.H) ** 2, np.abs(data.H) ** 2), wide)
+    part, _ = take_lines(data, Spread(variance=np.abs(data.H) ** 2, size=np.abs(data.H) ** 2), wide)
     np.testing.assert_array_equal(part.H, data.H[:, wide])
 
 
@@ -131,7 +131,7 @@ def test_a_pole_outside_the_band_stays_where_the_band_cannot_tell_it_from_less_d
     point = Point(
         np.array([-2.0 + 121j, -5.0 + 1j * np.pi / T]), np.ones((2, 1), dtype=complex), np.zeros((1, 1))
     )
-    spread = Spread(np.full((1, 300, 1), 1e-6), np.ones((1, 300, 1)))
+    spread = Spread(variance=np.full((1, 300, 1), 1e-6), size=np.ones((1, 300, 1)))
     found = polish(data, Start(layout, pack(layout, point)), spread, steps=40, rounds=2)
     poles = unpack(layout, found.refined.theta).poles
     distance = np.pi / T - 2.0 * np.pi * 45.0

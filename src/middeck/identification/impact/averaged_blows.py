@@ -8,10 +8,11 @@ signals by the same, so that the windowed response is H(s + 1 / tau), exactly: e
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import DataError
 from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
@@ -112,7 +113,8 @@ def average_blows(
         tau = _time_constant(blocks, min(END, END_OF_NOISE * _noise_of_peaks(found)))
         spectra = _spectra(blocks, tau)
         found = spectra_response(spectra, ratio, band_hz=band_hz)
-    variance, covariance = trusted(found)
+    kept = np.isin(spectra.frequency_hz, found.frequency_hz)
+    variance, covariance = trusted(_by_each_blow(found, blocks, kept, tau))
     response = FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -120,8 +122,8 @@ def average_blows(
         outputs=record.outputs,
         variance=variance,
         covariance=covariance,
+        alike=lines_alike(size, record.sample_hz, tau),
     )
-    kept = np.isin(spectra.frequency_hz, found.frequency_hz)
     coherence = ordinary_coherence(spectra)[kept, :, 0]
     return ImpactTest(
         response=response,
@@ -180,8 +182,22 @@ def windowed_spectra(
     x: Float[np.ndarray, "block sample channel"], sample_hz: float, window_s: float
 ) -> Complex[np.ndarray, "block line channel"]:
     """Of each block under exp(-t / window_s)."""
-    window = np.exp(-(np.arange(x.shape[1]) - BEFORE) / (sample_hz * window_s))[:, None]
-    return np.fft.rfft(x * window, axis=1)
+    return np.fft.rfft(x * exponential_window(x.shape[1], sample_hz, window_s)[:, None], axis=1)
+
+
+def exponential_window(size: int, sample_hz: float, window_s: float) -> Float[np.ndarray, " sample"]:
+    """One where the pulse begins."""
+    return np.exp(-(np.arange(size) - BEFORE) / (sample_hz * window_s))
+
+
+def lines_alike(size: int, sample_hz: float, window_s: float) -> float:
+    """Lines of white noise under the window that tell no more than one.
+
+    Two lines correlate as the Fourier transform of the window's square, at their distance: the sum of its
+    squared size, by Parseval's theorem, is that of the window's fourth power.
+    """
+    power = exponential_window(size, sample_hz, window_s) ** 2
+    return float(size * np.sum(power**2) / np.sum(power) ** 2)
 
 
 def _spectra(blocks: Record, window_s: float) -> Spectra:
@@ -197,6 +213,28 @@ def _spectra(blocks: Record, window_s: float) -> Spectra:
         outputs=blocks.outputs,
         averages=float(count),
         window_hz=0.0,
+    )
+
+
+def _by_each_blow(
+    found: ResponseScatter, blocks: Record, kept: Bool[np.ndarray, " line"], window_s: float
+) -> ResponseScatter:
+    """With the variance by what each blow leaves, its leverage counted: blows may differ in their noise.
+
+    Of n alike blows the same as what all leave over n - 1 (MacKinnon and White 1985, HC2).
+    """
+    U, Y = (windowed_spectra(x[:, 0], blocks.sample_hz, window_s)[:, kept] for x in (blocks.u, blocks.y))
+    share = np.abs(U) ** 2 / np.sum(np.abs(U) ** 2, axis=0)
+    left = np.abs(Y - found.H[:, :, 0] * U) ** 2
+    own = np.sum(left * share / (1.0 - share), axis=0)
+    times = own * (len(U) - 1.0) / np.sum(left, axis=0)
+    more = np.sqrt(times)
+    assert found.total is not None  # blows are averages
+    assert found.total_covariance is not None
+    return dataclasses.replace(
+        found,
+        total=found.total * times[:, :, None],
+        total_covariance=found.total_covariance * more[:, :, None] * more[:, None, :],
     )
 
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from middeck.identification.fit.fit_response import FitResult
-from middeck.identification.impact.averaged_blows import ImpactTest, windowed_spectra
+from middeck.identification.impact.averaged_blows import ImpactTest, exponential_window, windowed_spectra
 from middeck.identification.problem.transient_projection import as_real
 from middeck.identification.spectra.excess_variance import spread_of
 from middeck.identification.uncertainty import orthogonal
@@ -28,7 +28,8 @@ def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
     """``fit`` of the averaged response with the covariance that noise of the force and the blows ask for."""
     known, (heard, apart) = fit.covariance, _parts(test)
     s = 2j * np.pi * test.response.frequency_hz
-    v = spread_of(test.response, relative=False).variance[:, :, 0] + fit.excess[:, None] ** 2
+    measured = spread_of(test.response, relative=False).variance[:, :, 0]
+    v = measured + fit.excess[:, None] ** 2
     J = np.zeros((len(known.root), len(v), len(s)), dtype=complex)
     for o in range(len(v)):
         entry = entry_slopes(known.model, known.structure, s, o, 0)
@@ -41,19 +42,47 @@ def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
         """Unknowns by what is added to the response, in directions of a root of their covariance."""
         return np.linalg.lstsq(root, W @ (W.T @ (rows @ as_real(H / np.sqrt(v)).T)), rcond=None)[0]
 
-    noise = moved(heard, known.fixed)
-    root = known.fixed @ orthogonal.root_of(np.eye(len(noise)) + noise @ noise.T)
-    by_blow = moved(apart, root)
-    size, direction = np.linalg.eigh(by_blow @ by_blow.T)
-    chance = (1.0 + np.sqrt(len(size) / (len(apart) - 1.0))) ** 2
-    more = direction * np.sqrt(np.where(size > chance, size, 1.0))
+    steady = W.T @ _under_window(J * np.sqrt(measured) / v, test)
+    root = W @ orthogonal.root_of(steady @ steady.T)
+    left = np.linalg.lstsq(root, known.fixed, rcond=None)[0]
+    root = root @ _beyond_chance(left, len(s) / test.response.alike)
+    noise = moved(heard, root)
+    root = root @ orthogonal.root_of(np.eye(len(noise)) + noise @ noise.T)
+    root = root @ _beyond_chance(moved(apart, root), len(apart) - 1.0)
     free = known.root[:, known.root.shape[1] - known.loose :]
     covariance = dataclasses.replace(
         known,
-        root=np.hstack([orthogonal.canonical_root(root @ more), free]),
+        root=np.hstack([orthogonal.canonical_root(root), free]),
         degrees=min(known.degrees, len(apart) - 1.0),
     )
     return dataclasses.replace(fit, covariance=covariance, uncertainty=uncertainty_of(covariance))
+
+
+def _beyond_chance(
+    found: Float[np.ndarray, "direction part"], numbers: float
+) -> Float[np.ndarray, "direction direction"]:
+    """Root of what so many ``numbers`` tell of a covariance that is one; one where that may be chance."""
+    size, direction = np.linalg.eigh(found @ found.T)
+    chance = (1.0 + np.sqrt(len(size) / numbers)) ** 2
+    return direction * np.sqrt(np.where(size > chance, size, 1.0))
+
+
+def _under_window(
+    slopes: Complex[np.ndarray, "unknown output line"], test: ImpactTest
+) -> Float[np.ndarray, "unknown sample"]:
+    """What samples of white noise under the window, of variance one on each line, do to the scores.
+
+    Neighbouring lines of it are alike: in time its samples are independent.
+    """
+    size, rate = test.blocks.u.shape[2], test.blocks.sample_hz
+    kept = np.isin(np.fft.rfftfreq(size, 1.0 / rate), test.response.frequency_hz)
+    # A response is by the pulse, which comes some samples after the noise begins.
+    U = windowed_spectra(test.blocks.u[:, 0], rate, test.window_s)[:, kept, 0].sum(axis=0)
+    full = np.zeros((*slopes.shape[:2], len(kept)), dtype=complex)
+    full[..., kept] = slopes * (U / np.abs(U))
+    window = exponential_window(size, rate, test.window_s)
+    shares = 0.5 * size * np.fft.irfft(full, size) * window / np.sqrt(np.sum(window**2))
+    return shares.reshape(len(shares), -1)
 
 
 def _parts(

@@ -100,8 +100,8 @@ def model_error(best: Polished, spread: Spread) -> float:
 
 def leaves_noise(best: Polished, spread: Spread) -> bool:
     """Whether what a model leaves may be noise alone; no where none was measured."""
-    by_chance = BY_CHANCE * spread.chance
-    return model_error(best, spread) <= max(EXPLAINED, by_chance / (1.0 + by_chance))
+    most = spread.mean * (1.0 + BY_CHANCE * spread.chance)
+    return model_error(best, spread) <= max(EXPLAINED, 1.0 - 1.0 / most)
 
 
 def some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:

@@ -7,6 +7,8 @@ gaps would be lost.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Complex, Int
 
@@ -55,7 +57,9 @@ def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tu
         s=data.s[kept], H=data.H[:, kept], weight=data.weight[:, kept], drive=drive, transient=data.transient
     )
     chance = spread.chance * float(np.sqrt(data.H.size / max(part.H.size, 1)))
-    return part, Spread(spread.variance[:, kept], spread.size[:, kept], spread.relative, chance)
+    return part, dataclasses.replace(
+        spread, variance=spread.variance[:, kept], size=spread.size[:, kept], chance=chance
+    )
 
 
 def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:

@@ -120,7 +120,8 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
             "the record has one period, which does not tell noise from what the model lacks: the deviations "
             "come from what the fit leaves"
         ]
-    if covariance.degrees < FEW_DEGREES:
+    # Blows under a window are few, and their scatter counts beside that of lines.
+    if covariance.degrees < FEW_DEGREES and measured.alike == 1.0:
         return [
             f"the noise is known from {covariance.degrees:.0f} degrees of freedom only, and so are the "
             "deviations; record more periods"

@@ -128,7 +128,7 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     shared = len(start.refined.theta)
     E = data.H - start.residual(data)
     size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
-    of_log = Spread(spread.variance / size, np.ones(size.shape))
+    of_log = Spread(variance=spread.variance / size, size=np.ones(size.shape))
     again = Data(
         s=data.s, H=data.H, weight=1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log)))
     )

@@ -46,18 +46,20 @@ NO_SCATTER = 0.01
 ROUNDING = 1e-22
 
 
-@record
+@record(kw_only=True)
 class Spread:
     """What a residual may come from: measured variance v, and the size P of what a model must follow.
 
-    ``relative``: P is the size of each line, not of the output. ``chance``: standard deviation of the mean of
-    |r|^2 / v over a residual that is noise alone.
+    ``relative``: P is the size of each line, not of the output. Of a residual that is noise alone, |r|^2 / v
+    has a ``mean`` above one, as v is known by few degrees, and over all lines the relative deviation
+    ``chance``.
     """
 
     variance: Float[np.ndarray, "output line input"]
     size: Float[np.ndarray, "output line input"]
     relative: bool = False
     chance: float = 0.0
+    mean: float = 1.0
 
     def at(self, share: float) -> Float[np.ndarray, "output line input"]:
         """v + share P."""
@@ -104,18 +106,20 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     degrees = line_degrees(measured)
     variance = ROUNDING * power
     if measured.variance is not None:
-        variance = variance + _smooth(by_output(measured.variance), degrees)
+        variance = variance + _smooth(by_output(measured.variance), degrees, measured.alike)
     # |r|^2 / E |r|^2 scatters by one, and v, a gamma variate, by one over the root of its degrees.
-    chance = np.sqrt((1.0 + 1.0 / degrees) / H.size)
-    return Spread(variance, np.abs(H) ** 2 if relative else power, relative, float(chance))
+    chance = np.sqrt((1.0 + 1.0 / degrees) * measured.alike / H.size)
+    size = np.abs(H) ** 2 if relative else power
+    mean = inverse_bias(averaged_degrees(measured))
+    return Spread(variance=variance, size=size, relative=relative, chance=float(chance), mean=mean)
 
 
-def _smooth(v: Float[np.ndarray, "output line input"], degrees: float) -> np.ndarray:
+def _smooth(v: Float[np.ndarray, "output line input"], degrees: float, alike: float = 1.0) -> np.ndarray:
     """An average over lines, no less than what fewer of them say beyond chance."""
     smooth = wide = _mean_of_lines(v, NEIGHBOURS)
     for half in (h for h in NARROWER if degrees < np.inf):
         # Gamma variates: what fewer lines say, where it is more than chance.
-        known = degrees * (2 * half + 1)
+        known = degrees * max((2 * half + 1) / alike, 1.0)
         chance = float(gammainccinv(known, BY_CHANCE)) / known
         near = _mean_of_lines(v, half)
         smooth = np.where(near > chance * wide, np.maximum(near, smooth), smooth)
@@ -136,14 +140,26 @@ def line_degrees(measured: FrequencyResponse) -> float:
     """Complex degrees of freedom of the variance on one line, from its scatter between neighbours.
 
     An estimate of nu complex degrees scatters as a gamma variate of shape nu, whose logarithm has the
-    variance trigamma(nu) = 1 / nu + 1 / (2 nu^2) + ... Infinite for a variance that does not scatter.
+    variance trigamma(nu) = 1 / nu + 1 / (2 nu^2) + ... Infinite for a variance that does not scatter. Lines
+    that are alike do not scatter: those are compared that stand so far apart.
     """
-    if measured.variance is None or len(measured.H) < 2:
+    lag = int(np.ceil(measured.alike))
+    if measured.variance is None or len(measured.H) <= lag:
         return float("inf")
     known = np.log(np.maximum(measured.variance[:, :, 0], np.finfo(float).tiny))
-    scatter = 0.5 * float(np.mean(np.diff(known, axis=0) ** 2))
+    scatter = 0.5 * float(np.mean((known[lag:] - known[:-lag]) ** 2))
     nu = 0.5 * (1.0 + np.sqrt(1.0 + 2.0 * scatter)) / max(scatter, NO_SCATTER)
     return max(float(nu), 1.0) if scatter > NO_SCATTER else float("inf")
+
+
+def averaged_degrees(measured: FrequencyResponse) -> float:
+    """Complex degrees of freedom of the variance averaged over neighbouring lines."""
+    return line_degrees(measured) * max(min(2 * NEIGHBOURS + 1, len(measured.H)) / measured.alike, 1.0)
+
+
+def inverse_bias(degrees: float) -> float:
+    """Mean of 1 / v over that of v, a gamma variate of so many degrees."""
+    return 1.0 if np.isinf(degrees) else degrees / max(degrees - 1.0, 1.0)
 
 
 def excess_share(residual: Complex[np.ndarray, "output line input"], spread: Spread) -> float:

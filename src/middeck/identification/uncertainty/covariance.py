@@ -18,7 +18,12 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
-from middeck.identification.spectra.excess_variance import NEIGHBOURS, by_output, line_degrees
+from middeck.identification.spectra.excess_variance import (
+    averaged_degrees,
+    by_output,
+    inverse_bias,
+    line_degrees,
+)
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.entry_factors import (
     EntrySlopes,
@@ -210,18 +215,16 @@ def _quality(
 ) -> tuple[float, bool]:
     """Degrees of freedom, and whether the residual is more than noise or not independent.
 
-    An average v of the variances of W lines of nu degrees each has nu W complex degrees, and the mean of
-    1 / v is larger than that of v by nu W / (nu W - 1).
+    The mean of the inverse of an averaged variance is larger than that of the variance (`inverse_bias`).
     """
     numbers = 2.0 * residual.size
     if measured.variance is None:
         return max(numbers - unknowns, 1.0), True
-    each = line_degrees(measured)
-    averaged = each * min(2 * NEIGHBOURS + 1, len(measured.H))
-    bias = 1.0 if np.isinf(averaged) else averaged / max(averaged - 1.0, 1.0)
+    averaged = averaged_degrees(measured)
     z = residual / np.sqrt(noise)
     power = np.abs(z) ** 2
-    more = float(np.mean(power)) / bias - 1.0 > CLEARLY_MORE * np.sqrt((1.0 + 1.0 / each) / z.size)
+    by_chance = np.sqrt((1.0 + 1.0 / line_degrees(measured)) * measured.alike / z.size)
+    more = float(np.mean(power)) / inverse_bias(averaged) - 1.0 > CLEARLY_MORE * by_chance
     next_line = abs(float(np.sum(np.real(z[:, 1:] * z[:, :-1].conj()))))
     return 2.0 * averaged, more or next_line > CLEARLY_MORE / np.sqrt(z.size) * float(np.sum(power))
 

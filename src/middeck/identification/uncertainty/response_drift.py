@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.excess_variance import NEIGHBOURS, by_output, spread_of
-from middeck.identification.uncertainty.covariance import line_degrees
+from middeck.identification.spectra.excess_variance import averaged_degrees, by_output, spread_of
 from middeck.identification.uncertainty.parameter_deviations import check_level, joint_tail
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import FrequencyResponse
@@ -126,7 +125,7 @@ def compare_responses(
     v = [v[0][a], v[1][b]]
     difference = np.abs(after.H[b] - before.H[a])
     statistic = difference**2 / (v[0] + v[1])
-    degrees = [2.0 * line_degrees(m) * min(2 * NEIGHBOURS + 1, len(m.H)) for m in (before, after)]
+    degrees = [2.0 * averaged_degrees(m) for m in (before, after)]
     share = v[0] / (v[0] + v[1])
     slowness = share**2 / degrees[0] + (1.0 - share) ** 2 / degrees[1]
     degrees = 1.0 / np.maximum(slowness, 1e-9)

@@ -35,7 +35,8 @@ class FrequencyResponse:
     entry; of a smoothed estimate, that of each line's own data, so that a sum over lines counts each sample
     once; None for a computed response. ``covariance`` says also how its entries err together, where known.
     ``hold_s`` is the period over which the inputs were held, whose hold is in H; zero where there is none in
-    it, None where that is not known (`release_hold`).
+    it, None where that is not known (`release_hold`). ``alike`` is how many neighbouring lines tell no more
+    of the noise than one does, as under a window: the sum of their squared correlations over all lags.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -45,6 +46,7 @@ class FrequencyResponse:
     variance: Float[np.ndarray, "line output input"] | None = None
     covariance: ResponseCovariance | None = None
     hold_s: float | None = None
+    alike: float = 1.0
 
 
 def statespace_response(
@@ -86,4 +88,5 @@ def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> Freque
         inputs=response.inputs,
         outputs=response.outputs,
         variance=variance,
+        alike=response.alike,
     )
