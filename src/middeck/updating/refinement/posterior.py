@@ -98,7 +98,7 @@ def estimate_at(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Estimate:
     z = sla.solve_triangular(R, Q[: len(A)].T @ (problem.y / std))
     root = scale[:, None] * sla.solve_triangular(R, np.eye(n + m))
     # What data say of x alone, the model's own errors counted as noise.
-    noise = np.linalg.cholesky(_covariance(problem, tau) - _of_unknowns(problem))
+    noise = np.linalg.cholesky(_of_the_rest(problem, tau))
     _, gain, direction = np.linalg.svd(
         sla.solve_triangular(noise, problem.J * problem.spread, lower=True), full_matrices=True
     )
@@ -171,9 +171,8 @@ def excess(problem: Linear, found: Estimate, rows: Bool[np.ndarray, " row"]) -> 
     """
     std = _deviations(problem, found.tau)
     left = (problem.y - problem.J @ found.x - problem.S @ found.d) / std
-    root = sla.solve_triangular(
-        np.linalg.cholesky(_covariance(problem, found.tau)), np.diag(std)[:, rows], lower=True
-    )
+    C = _of_the_rest(problem, found.tau) + _of_unknowns(problem)
+    root = sla.solve_triangular(np.linalg.cholesky(C), np.diag(std)[:, rows], lower=True)
     free = float(np.sum(root**2))
     return float(np.linalg.norm(left[rows])) / np.sqrt(free) if free >= 1.0 else 0.0
 
@@ -183,25 +182,31 @@ def errors_shown(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Bool[np.nd
 
     They do where without them y is less likely by more than chance lets expect (ratio of likelihoods, 95 %).
     """
-    none = np.where(np.eye(len(tau), dtype=bool), LEAST, tau)
-    return np.array([_unlikely(problem, row) - _unlikely(problem, tau) > 0.5 * NORMAL_95**2 for row in none])
+    none, unlikely = np.where(np.eye(len(tau), dtype=bool), LEAST, tau), _unlikely_of(problem)
+    return np.array([unlikely(row) - unlikely(tau) > 0.5 * NORMAL_95**2 for row in none])
 
 
-def _unlikely(problem: Linear, tau: Float[np.ndarray, " sort"]) -> float:
-    """Minus the logarithm of the likelihood of ``tau``."""
-    C = np.linalg.cholesky(_covariance(problem, tau))
-    white = sla.solve_triangular(C, problem.y, lower=True)
-    return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white)
+def _unlikely_of(problem: Linear) -> Callable[[Float[np.ndarray, " sort"]], float]:
+    """Minus the logarithm of the likelihood of tau."""
+    of_unknowns = _of_unknowns(problem)
+
+    def unlikely(tau: np.ndarray) -> float:
+        C = np.linalg.cholesky(_of_the_rest(problem, tau) + of_unknowns)
+        white = sla.solve_triangular(C, problem.y, lower=True, check_finite=False)
+        return float(np.sum(np.log(np.diag(C))) + 0.5 * white @ white)
+
+    return unlikely
 
 
 def _surprise_of(
     problem: Linear, usual: float | Float[np.ndarray, " sort"]
 ) -> Callable[[Float[np.ndarray, " sort"]], float]:
     """Minus the logarithm of the posterior of ln tau."""
+    unlikely = _unlikely_of(problem)
 
     def surprise(log_tau: np.ndarray) -> float:
         before = 0.5 * np.sum(((log_tau - np.log(usual)) / np.log(FACTOR)) ** 2)
-        return _unlikely(problem, np.exp(log_tau)) + before
+        return unlikely(np.exp(log_tau)) + before
 
     return surprise
 
@@ -220,6 +225,7 @@ def _of_unknowns(problem: Linear) -> np.ndarray:
     return scaled @ scaled.T
 
 
-def _covariance(problem: Linear, tau: np.ndarray) -> np.ndarray:
+def _of_the_rest(problem: Linear, tau: np.ndarray) -> np.ndarray:
+    """Covariance of y by noise and the model's errors."""
     shared = problem.S * _sizes(problem, tau)
-    return np.diag(_deviations(problem, tau) ** 2) + shared @ shared.T + _of_unknowns(problem)
+    return np.diag(_deviations(problem, tau) ** 2) + shared @ shared.T
