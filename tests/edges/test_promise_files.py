@@ -10,7 +10,7 @@ import pytest
 from cli_runner import middeck, share_results
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
-from middeck.files.json.hash_seal import seal
+from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import load_outcomes, statements_of
 from middeck.files.promises.plans import load_plan
@@ -149,6 +149,41 @@ def test_what_came_is_compared(promised: Path, capfd: pytest.CaptureFixture[str]
     assert found["score"]["count"] == 10
     assert found["score"]["brier"] == 0.0
     assert sum(v["inside"] for v in found["verdicts"]) >= 9
+
+
+def test_many_comparisons_are_scored_together(
+    promised: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """By hand: 3 of 4 inside; two loops of 0.9 and 0.6, of which the second is lost; 1.5 dB."""
+
+    def written(name: str, promise: str, *rows: tuple[object, ...]) -> Path:
+        keys = "kind", "name", "inside", "brier", "pessimism_db"
+        verdicts = [dict(zip(keys, row, strict=True)) for row in rows]
+        sealed = seal({"schema": "middeck.comparison/1", "promise": promise, "verdicts": verdicts})
+        (tmp_path / name).write_text(json.dumps(sealed), encoding="utf-8")
+        return tmp_path / name
+
+    mode = "mode", "orbit: mode 1"
+    a = written("a.json", "aa", (*mode, True, None, None), ("compensator", "orbit: K", True, 0.01, 1.5))
+    b = written("b.json", "bb", (*mode, False, None, None), ("compensator", "orbit: K", True, 0.36, None))
+    found = json.loads(middeck(capfd, "outcome", a, b, "--json", "-o", tmp_path / "score.json").out)
+    assert found["score"] == {
+        "count": 4, "coverage": 0.75, "coverage_interval_95": [0.19412, 0.993691], "brier": 0.185,
+        "pessimism_db": 1.5, "lost": 1,
+    }  # fmt: skip
+    assert found["by_kind"]["mode"]["coverage"] == 0.5
+    assert found["by_kind"]["mode"]["brier"] is None
+    assert [c["promise"] for c in found["comparisons"]] == ["aa", "bb"]
+    assert json.loads((tmp_path / "score.json").read_text(encoding="utf-8")) == found
+    assert seal({key: value for key, value in found.items() if key != SEAL}) == found
+    assert "score of 2 comparisons" in middeck(capfd, "outcome", a, b).out
+    twice = middeck(capfd, "outcome", a, written("c.json", "aa", (*mode, True, None, None)))
+    assert (twice.code, "orbit: mode 1 of promise aa... stands in" in twice.err) == (4, True)
+    tampered = json.loads(b.read_text(encoding="utf-8"))
+    tampered["verdicts"][0]["inside"] = True
+    b.write_text(json.dumps(tampered), encoding="utf-8")
+    assert "not what was sealed" in middeck(capfd, "outcome", a, b).err
+    assert middeck(capfd, "outcome", a, promised / "promise.json", a).code == 2
 
 
 def test_a_changed_promise_is_refused(promised: Path, tmp_path: Path):

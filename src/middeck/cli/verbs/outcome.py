@@ -1,4 +1,4 @@
-"""``middeck outcome``: what came, beside what was promised."""
+"""``middeck outcome``: what came, beside what was promised, and how good many promises were."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import click
 from middeck.cli import figures, options
 from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.errors import ConfigError
 
 EPILOG = """\
 \b
@@ -18,26 +19,48 @@ Examples:
     data/virtual-survey/outcome.toml -o comparison.json
   middeck outcome data/virtual-survey/promise.json \\
     data/virtual-survey/outcome.toml --json
+  middeck outcome comparison.json
 """
 
 
 @click.command("outcome", cls=options.Verb, epilog=EPILOG)
-@click.argument("promise", metavar="PROMISE.json")
-@click.argument("outcome", metavar="OUTCOME")
+@click.argument("files", nargs=-1, required=True, metavar="{PROMISE.json OUTCOME | COMPARISON.json...}")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed comparison.")
 @figures.figure
 @options.printing
 def verb(
-    promise: str, outcome: str, date: str | None, target: str | None, figure_file: str | None, as_json: bool
+    files: tuple[str, ...], date: str | None, target: str | None, figure_file: str | None, as_json: bool
 ) -> None:
-    """Compare what came with a promise.
+    """Compare what came with a promise, or score many.
 
     OUTCOME has frequencies, shapes and decibels as they came: docs/reference/files.md. Modes are paired with
     promised ones by shape where OUTCOME names a survey, else by name or number, and what this leaves open is
     said. The comparison is a document of its own, which names the promise by its hash; a promise that was
     changed is refused, and a file beside it that it was made of and that was changed is named.
+
+    COMPARISONs of many promises, as this verb writes them, are scored together.
     """
+    from middeck.files.disk.looks import COMPARED, looks_like
+    from middeck.files.json.output import write_json
+    from middeck.files.promises.scores import score_document
+
+    if all(looks_like(file) == COMPARED for file in files):
+        if figure_file is not None:
+            raise ConfigError(f"--figure {figure_file}", hint="one PROMISE.json and its OUTCOME to draw")
+        document = score_document(files, date=options.day(date))
+        if target is not None:
+            write_json(target, document)
+        show(as_json, document, *_scores(document), *([f"wrote {target}"] if target else []))
+        return
+    if len(files) != 2:
+        raise ConfigError(f"{len(files)} files", hint="PROMISE.json OUTCOME, or COMPARISON.json of many")
+    _compare(*files, date, target, figure_file, as_json)
+
+
+def _compare(
+    promise: str, outcome: str, date: str | None, target: str | None, figure_file: str | None, as_json: bool
+) -> None:
     from middeck.files.json.output import write_json
     from middeck.files.promises.form import read_promise
     from middeck.files.promises.outcomes import comparison_document, load_outcomes
@@ -53,6 +76,27 @@ def verb(
             promised, {(v["kind"], v["name"]): v for v in document["verdicts"]}, figure_file
         )
     show(as_json, document, *_blocks(document, target))
+
+
+def _scores(document: dict[str, Any]) -> list[str | Table]:
+    def number(value: float | None, form: str) -> str:
+        return "-" if value is None else format(value, form)
+
+    scored = {**document["by_kind"], "all": document["score"]}
+    rows = [
+        [
+            kind,
+            str(s["count"]),
+            f"{100.0 * s['coverage']:.1f}",
+            "{:.1f} to {:.1f}".format(*(100.0 * end for end in s["coverage_interval_95"])),
+            number(s["brier"], ".4f"),
+            number(s["pessimism_db"], ".2f"),
+            str(s["lost"]),
+        ]
+        for kind, s in scored.items()
+    ]
+    headers = ["quantity", "count", "inside [%]", "95 %", "Brier score", "pessimism [dB]", "lost"]
+    return [Table(f"score of {len(document['comparisons'])} comparisons", headers, rows)]
 
 
 def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:

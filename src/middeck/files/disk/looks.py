@@ -13,6 +13,7 @@ BLACKLIST = "a blacklist of packages"
 VERDICT = "a verdict of the gate"
 REFINEMENT, CANDIDATES, PLAN = "a refinement", "a list of candidate tests", "the plan of a promise"
 OUTCOME, LOADS, DRAWN = "an outcome", "promised load cases", "the plants of a promise"
+COMPARED = "what came beside a promise"
 FOLDER, EMPTY, BINARY, TEXT = "a folder", "an empty file", "a binary file", "plain text"
 TABLE, ARCHIVE, ARRAY = "a table of numbers", "an archive of arrays (NPZ)", "one array (NPY)"
 MAT, HDF5, UNIVERSAL = "a MATLAB file", "an HDF5 file", "a universal file"
@@ -68,6 +69,7 @@ SCHEMAS = {
     "outcome": OUTCOME,
     "promised-loads": LOADS,
     "promised-plants": DRAWN,
+    "comparison": COMPARED,
 }
 PARTS = (
     "node",
