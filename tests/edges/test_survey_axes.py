@@ -87,16 +87,14 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
 @pytest.mark.parametrize(
     ("systems", "defined", "displaced", "said"),
     [
-        (system(5, 1, EYE), 5, 1, "coordinate axes of its own, system 5: turned, shifted or not Cartesian"),
-        (system(1, 0, TURNED), 1, 1, "axes of its own, system 1: turned"),
-        (system(4, 0, SHIFTED), 4, 1, "coordinate axes"),
         (
             system(4, 1, TURNED),
             1,
             4,
-            "node 3 has displacement axes .* cylindrical about the node",
+            "node 3 has displacement axes .* its axis runs through it",
         ),
-        (system(4, 2, SHIFTED), 1, 4, "displacement axes .* spherical"),
+        (system(4, 2, SHIFTED), 1, 4, "displacement axes .* runs through it"),
+        (system(4, 3, EYE), 4, 1, "coordinate axes .* unknown kind"),
         (system(4, 0, 2.0 * TURNED), 1, 4, "displacement axes"),
         (system(4, 0, -EYE), 1, 4, "displacement axes"),
         ("", 6, 1, "not in data set 2420"),
@@ -105,7 +103,6 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
 def test_other_systems_are_refused(
     tmp_path: Path, systems: str, defined: int, displaced: int, said: str
 ) -> None:
-    """Radius and angle of a cylindrical system were taken for x and y."""
     with pytest.raises(DataError, match=said):
         survey(tmp_path, units(), systems, places(defined, displaced), normal(10.0, 0.01))
 
@@ -136,6 +133,50 @@ def test_motions_along_cylindrical_axes_are_turned(tmp_path: Path) -> None:
         radial, tangential, axial = moves[int(node)]
         x, y = radial * out + tangential * np.array([-out[1], out[0]])
         assert value == pytest.approx({"x": x, "y": y, "z": axial}[way], abs=1e-5)
+    assert len(found.node) == 9
+
+
+@pytest.mark.parametrize("number", [15, 2411])
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_places_and_motions_in_systems_of_their_own(tmp_path: Path, number: int, kind: int) -> None:
+    """From the definition: a place by its own coordinates, a motion as how the place moves with them."""
+    rng = np.random.default_rng(kind)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    axes *= np.linalg.det(axes)
+    origin = rng.normal(size=3)
+
+    def place(own: np.ndarray) -> np.ndarray:
+        a, b, c = own
+        b, c = (b, c) if kind == 0 else np.deg2rad([b, c]) if kind == 2 else (np.deg2rad(b), c)
+        local = {
+            0: [a, b, c],
+            1: [a * np.cos(b), a * np.sin(b), c],
+            2: [a * np.sin(b) * np.cos(c), a * np.sin(b) * np.sin(c), a * np.cos(b)],
+        }[kind]
+        return np.array(local) @ axes + origin
+
+    owned = {n: np.round([rng.uniform(1, 3), rng.uniform(20, 160), rng.uniform(-170, 170)], 2) for n in NODES}
+    moves = {n: rng.uniform(0.1, 1.0, 3) for n in NODES}
+    rows = [(whole(n, 4, 4, 11), own.tolist()) for n, own in owned.items()]
+    lines = [
+        *(
+            line
+            for head, own in rows
+            for line in ([head + reals(own)] if number == 15 else [head, reals(own, 25)])
+        )
+    ]
+    shape = {n: x.tolist() for n, x in moves.items()}
+    turned = system(4, kind, np.vstack([axes, origin]))
+    found = survey(tmp_path, units(), turned, block(number, *lines), normal(10.0, 0.01, shape))
+    assert any("system 4" in w for w in found.warnings) == (number == 2411)
+    assert found.position_m is not None
+    for row, (node, way) in enumerate(zip(found.node, found.direction, strict=True)):
+        own = owned[int(node)]
+        np.testing.assert_allclose(found.position_m[row], place(own), atol=1e-4)
+        slopes = np.array([place(own + 1e-5 * e) - place(own - 1e-5 * e) for e in np.eye(3)])
+        units_of = slopes / np.linalg.norm(slopes, axis=1)[:, None]
+        moved = moves[int(node)] @ units_of
+        assert found.shape[row, 0] == pytest.approx(moved["xyz".index(way)], abs=1e-5)
     assert len(found.node) == 9
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import middeck as md
-from middeck.errors import DataError
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
 # Units of length in a metre with their codes, as programs print them.
@@ -109,18 +108,15 @@ def test_a_survey_comes_in_and_goes_out(seed: int, end: str, tmp_path: Path) -> 
         compare(md.load_measured_modes(tmp_path / "b.unv"), truth)
 
 
-def test_turned_axes_are_refused_and_global_ones_read(tmp_path: Path) -> None:
-    turned, same = np.eye(3)[[1, 2, 0]], np.eye(3)
-    for axes, fits in ((turned, False), (same, True)):
-        truth, path = Survey(0, axes=7), tmp_path / "a.unv"
-        rows = ["".join(f"{x:25.16E}" for x in row) for row in [*axes, np.zeros(3)]]
-        truth.put(2420, [whole(1), "part", whole(7, 0, 8), "CS7", *rows])
-        path.write_text("\n".join([*truth.lines, ""]))
-        if fits:
-            compare(md.load_measured_modes(path), truth)
-        else:
-            with pytest.raises(DataError, match=r"axes of its own, system 7: turned, shifted"):
-                md.load_measured_modes(path)
+@pytest.mark.parametrize("axes", [np.eye(3)[[1, 2, 0]], np.eye(3)])
+def test_places_and_motions_are_turned_into_global_axes(tmp_path: Path, axes: np.ndarray) -> None:
+    truth, path = Survey(0, axes=7), tmp_path / "a.unv"
+    rows = ["".join(f"{x:25.16E}" for x in row) for row in [*axes, np.zeros(3)]]
+    truth.put(2420, [whole(1), "part", whole(7, 0, 8), "CS7", *rows])
+    path.write_text("\n".join([*truth.lines, ""]))
+    truth.places = truth.places @ axes
+    truth.motion = (truth.motion.reshape(4, 5, -1, 3) @ axes).reshape(4, 5, -1)
+    compare(md.load_measured_modes(path), truth)
 
 
 def test_nodes_keep_their_numbers_beside_nodes_without_one(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Modal surveys in universal files: shapes in data sets 55 or 2414, nodes in 15 or 2411, units in 164.
 
-Motions along Cartesian or cylindrical axes of 2420 are turned into the global ones; places are in these.
+Places and motions in Cartesian, cylindrical and spherical systems of 2420 are turned into the part's own.
 
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
 file formats). Header (151), trace lines (82) and functions (58) of the same file are passed over.
@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.errors import DataError
+from middeck.files.nastran.deck.coordinates import BASIC, System
 from middeck.files.records.uff58 import AGAIN, TextSet, fortran, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
@@ -73,6 +74,10 @@ def load_uff(path: Path) -> MeasuredModes:
         said[f"{rigid} modes at 0 Hz are left out"] = None
     if factor is None and (places or any(a > 2 for _, a in moved)):
         said["no units (data set 164): lengths are taken as metres"] = None
+    if systems.placed_in:
+        # The form speaks of the part's system there, programs of the node's; 15 is clear.
+        labels = ", ".join(map(str, sorted(systems.placed_in)))
+        said[f"places in data set 2411 are taken along the axes of their own system {labels}"] = None
     if places and not located:
         said["some nodes have no coordinates: nodes are known by their numbers only"] = None
     value = np.array([table[k, :, a] for k, a in moved]).reshape(-1, len(shapes))
@@ -173,11 +178,11 @@ def _length(found: TextSet, path: Path) -> float:
 
 
 class _Systems:
-    """The coordinate systems of a file, Cartesian or ``round``: unit vectors in rows, then the origin."""
+    """The coordinate systems of a file by their labels; 0 and 1 are the part's own where it says no more."""
 
     def __init__(self, sets: list[TextSet], path: Path) -> None:
-        self.read = {0: np.eye(4, 3), 1: np.eye(4, 3)}
-        self.odd, self.round = set[int](), set[int]()
+        self.read = {0: BASIC, 1: BASIC}
+        self.odd, self.placed_in = set[int](), set[int]()
         self.unread = any(s.number == 18 for s in sets)
         for found in (s for s in sets if s.number == 2420):
             lines = _Lines(found, path)
@@ -188,25 +193,15 @@ class _Systems:
                 lines.line()
                 matrix = np.array([lines.real(3, 25, 3) for _ in range(4)])
                 square = np.abs(matrix[:3] @ matrix[:3].T - np.eye(3)).max() < AXES_OFF
-                self.read[label] = matrix
-                if kind == 1:
-                    self.round.add(label)
-                if kind > 1 or not square or np.linalg.det(matrix[:3]) < 0.0:
+                self.read[label] = System("RCS"[kind] if kind in (0, 1, 2) else "", matrix[3], matrix[:3].T)
+                if not self.read[label].kind or not square or np.linalg.det(matrix[:3]) < 0.0:
                     self.odd.add(label)
 
-    def axes(self, node: int, what: str, label: int, at: np.ndarray, where: str) -> np.ndarray:
-        """Unit vectors in rows. Raises `DataError` for a system that is not described, or cannot be used."""
+    def own(self, node: int, what: str, label: int, where: str) -> System:
+        """The system of a node. Raises `DataError` for one that is not described, or no system."""
         if label in self.read and label not in self.odd:
-            matrix = self.read[label]
-            if what == "displacement":
-                axes = _polar(matrix, at) if label in self.round else matrix[:3]
-                if np.isfinite(axes).all():
-                    return np.where(np.abs(axes) > AXES_OFF, axes, 0.0)  # printed zeros
-            elif label not in self.round and np.abs(matrix - np.eye(4, 3)).max() < AXES_OFF:
-                return np.eye(3)
-        known = "turned, shifted or not Cartesian" if label in self.read else "not in data set 2420"
-        if label in self.read and what == "displacement":
-            known = "no unit vectors, spherical, or cylindrical about the node"
+            return self.read[label]
+        known = "no unit vectors, or an unknown kind" if label in self.read else "not in data set 2420"
         if self.unread and label not in self.read:
             known = "in data set 18, which is not read"
         raise DataError(
@@ -215,12 +210,18 @@ class _Systems:
             hint="export shapes and nodes in global axes",
         )
 
-
-def _polar(matrix: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Radial, tangential and axial directions at a place, not finite on the axis."""
-    x, y, _ = matrix[:3] @ (at - matrix[3])
-    r = np.hypot(x, y) if np.hypot(x, y) > AXES_OFF * np.abs(at - matrix[3]).max() else np.nan
-    return np.array([[x / r, y / r, 0.0], [-y / r, x / r, 0.0], [0.0, 0.0, 1.0]]) @ matrix[:3]
+    def axes(self, node: int, label: int, at: np.ndarray, where: str) -> np.ndarray:
+        """Unit vectors of displacement in rows, at a place; `DataError` where they have no direction."""
+        system = self.own(node, "displacement", label, where)
+        off = system.axes.T @ (at - system.origin)
+        if system.kind != "R" and not np.hypot(off[0], off[1]) > AXES_OFF * np.abs(off).max():
+            raise DataError(
+                f"node {node} has displacement axes of its own, system {label}: its axis runs through it",
+                where=where,
+                hint="export shapes in global axes",
+            )
+        axes = system.axes_at(at).T
+        return np.where(np.abs(axes) > AXES_OFF, axes, 0.0)  # printed zeros
 
 
 def _turn(table: np.ndarray, axes: np.ndarray, node: int, path: Path) -> np.ndarray:
@@ -271,8 +272,12 @@ def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, tuple[np.
         else:
             number, defined, axes, *_ = lines.whole(4)
             at = lines.real(3, 25, 3)
-        own = systems.axes(number, "displacement", axes, at, lines.where())
-        systems.axes(number, "coordinate", defined, at, lines.where())
+        system = systems.own(number, "coordinate", defined, lines.where())
+        moved = system.to_basic(at)
+        if found.number == 2411 and np.abs(moved - at).max() > AXES_OFF * np.abs(at).max():
+            systems.placed_in.add(defined)
+        at = moved
+        own = systems.axes(number, axes, at, lines.where())
         if number in places and not np.array_equal(places[number][0], at):
             raise DataError(f"node {number} stands at two places", where=lines.where(), hint=AGAIN)
         places[number] = at, own
