@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from scipy.special import lambertw
 
 from middeck.control.analysis.margins.margins import measure_margins
-from middeck.control.analysis.stability.delayed_roots import follow_roots, poles_with_rounding
+from middeck.control.analysis.stability.delayed_roots import follow_roots
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.h2.noise_rms import integrate_noise
 from middeck.control.law.compensator import Compensator
@@ -34,6 +34,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.poles.rounding import poles_with_rounding
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import BODY, FORCE, RATE, WAY, gain, grouped_plant, sum_of_modes, unit_weights

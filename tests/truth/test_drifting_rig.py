@@ -23,7 +23,7 @@ from middeck.laboratory.rig.runs import StopRule, run_closed_loop, run_open_loop
 from middeck.laboratory.rig.ticks.simulate_rig import simulate_rig, switch_on
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.poles.stability import is_stable
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.sampling import tustin
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace

@@ -19,7 +19,7 @@ from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import solve_modes
-from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
 from structure_builders import GRAVITY, TUBE, body, member, node, straight_beam, structure
 
 L, EI, RHO = 2.0, 100.0, 0.5
@@ -93,16 +93,27 @@ def both_ends(**moves: np.ndarray) -> LoadCase:
     return LoadCase(name="settles", prescribed=(Clamp(node="b", **moves),))
 
 
-def test_a_settling_support_bends_a_built_in_beam() -> None:
-    d = 1e-8
-    rest = solve_equilibrium(straight_beam(TUBE, L, 4), WALL, both_ends(shift=np.array([0.0, d, 0.0])))
+@pytest.mark.parametrize("mass", [TUBE.rho_A, 0.0])
+def test_a_settling_support_bends_a_built_in_beam(mass: float) -> None:
+    """Without mass, too, where there is no weight to compare an imbalance with."""
+    d, beam = 1e-8, straight_beam(dataclasses.replace(TUBE, rho_A=mass), L, 4)
+    rest = solve_equilibrium(beam, WALL, both_ends(shift=np.array([0.0, d, 0.0])))
+    assert rest.converged
     wall, support = rest.reactions
     np.testing.assert_allclose(support.force, [0.0, 12.0 * EI * d / L**3, 0.0], atol=1e-10)
     np.testing.assert_allclose(wall.moment, [0.0, 0.0, -6.0 * EI * d / L**2], atol=1e-10)
-    rest = solve_equilibrium(straight_beam(TUBE, L, 4), WALL, both_ends(turn=np.array([0.0, d, 0.0])))
+    rest = solve_equilibrium(beam, WALL, both_ends(turn=np.array([0.0, d, 0.0])))
+    assert rest.converged
     wall, support = rest.reactions
     np.testing.assert_allclose(support.moment, [0.0, 4.0 * EI * d / L, 0.0], atol=1e-10)
     np.testing.assert_allclose(wall.moment, [0.0, 2.0 * EI * d / L, 0.0], atol=1e-10)
+
+
+def test_a_clamped_beam_that_a_moment_bends_has_not_turned() -> None:
+    """An arc of 1.5 rad: the end at R sin and R (1 - cos), and no warning that the article fell."""
+    rest = solve_equilibrium(straight_beam(TUBE, L, 16), WALL, push(moment=(0, 0, 1.5 * EI / L)))
+    np.testing.assert_allclose(tip(rest) / L, [np.sin(1.5) / 1.5, (1.0 - np.cos(1.5)) / 1.5, 0.0], atol=1e-6)
+    assert rest_warnings(rest) == ()
 
 
 def test_a_prescribed_turn_of_any_size_carries_a_free_end_along() -> None:

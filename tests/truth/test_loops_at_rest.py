@@ -19,7 +19,8 @@ from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.poles.integrators import part_integrators, realise_residues
-from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system

@@ -17,7 +17,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports
-from middeck.systems.poles.stability import is_stable
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import sum_of_modes, unit_weights
 from repeats import repeats

@@ -15,7 +15,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.emulation import emulate
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
-from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from repeats import repeats

@@ -13,7 +13,8 @@ import middeck as md
 from middeck.control.analysis.loop.feedback_loop import At, evaluate_halves, form_loop, go_round
 from middeck.control.analysis.margins.shared_gain import closed_round
 from middeck.systems.poles.integrators import part_integrators
-from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 
 

@@ -15,7 +15,7 @@ from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse, statespace_response
-from middeck.systems.poles.stability import is_stable
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.systems.plants.response import statespace_response
-from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
 from middeck.systems.state_space.modal_system import ModalSystem, modal_response, modal_to_statespace

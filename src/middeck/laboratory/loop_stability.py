@@ -21,6 +21,7 @@ from middeck.laboratory.rig.parts.law import place_law
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.poles.stability import growth_limits, growth_rates, none_grows
+from middeck.systems.poles.verdict import warn_if_open
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
@@ -91,7 +92,10 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
 def fastest_pole(view: RigView, compensator: Compensator) -> complex:
     """The pole of the sampled loop [rad/s] that grows farthest beyond rounding, or decays slowest."""
     (outputs, inputs), plant = view.H.shape[1:], view.plant.sampled
-    rates = growth_rates(feedback(plant, _placed(view, compensator), range(inputs), range(outputs)))
+    law = _placed(view, compensator)
+    loop = feedback(plant, law, range(inputs), range(outputs))
+    warn_if_open(loop, plant, law)
+    rates = growth_rates(loop)
     return complex(rates[int(np.argmax(np.real(rates) - growth_limits(rates, view.plant.period_s)))])
 
 

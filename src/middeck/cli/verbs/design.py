@@ -173,7 +173,7 @@ def describe(
     import numpy as np
 
     from middeck.control.qualification import decibels
-    from middeck.systems.poles.stability import is_stable
+    from middeck.systems.poles.verdict import is_stable
     from middeck.systems.state_space.statespace import poles
 
     law, loop = designed.compensator, designed.loop

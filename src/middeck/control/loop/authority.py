@@ -13,7 +13,7 @@ from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
-from middeck.systems.poles.stability import is_stable
+from middeck.systems.poles.verdict import is_stable
 from middeck.values import record
 
 Design = Callable[[float], Compensator]

@@ -12,6 +12,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.poles.stability import growth_rates, none_grows
+from middeck.systems.poles.verdict import warn_if_open
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import StateSpace, select_paths
 from middeck.values import record
@@ -27,7 +28,7 @@ class ClosedLoop:
         state_names: Mode or part of each plant state; the remaining states are the compensator's.
         poles: Eigenvalues [rad/s].
         stable: No pole grows (`middeck.systems.poles.stability`); a free body that merely drifts counts as
-            stable.
+            stable, a loop that rounding leaves undecided does not.
         inert: Uncontrollable and unobservable modes of the plant, which ``system`` leaves out.
     """
 
@@ -44,7 +45,8 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     """Join them by port name; the compensator's output is added at the plant's input.
 
     Raises `ConfigError` where the plant lacks a port of the compensator, or has it in another unit, or where
-    the loop through the direct terms has no solution.
+    the loop through the direct terms has no solution. Warns (`UserWarning`) where rounding leaves its
+    stability open, which `decide_stability` refuses.
     """
     part = partition_modes(plant)
     active, law = part.active, compensator.system
@@ -52,13 +54,14 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     u, y = locate_ports(compensator, active.inputs, active.outputs)
     joined = select_paths(feedback(active.system, law, u, y), w, z)
     values = growth_rates(joined)
+    stable = not warn_if_open(joined, active.system, law) and none_grows(values)
     return ClosedLoop(
         system=joined,
         inputs=tuple(active.inputs[i] for i in w),
         outputs=tuple(active.outputs[i] for i in z),
         state_names=name_states(active),
         poles=values,
-        stable=none_grows(values),
+        stable=stable,
         inert=part.inert,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
@@ -12,7 +13,6 @@ from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
-from middeck.systems.poles.stability import is_stable
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import SampledStateSpace, poles, same_period, select_paths
 from middeck.values import record
@@ -23,7 +23,7 @@ class SampledOutcome:
     """Stability and rms of a sampled loop; an unstable loop is an outcome, not an error.
 
     Attributes:
-        stable: By the eigenvalues of the loop from sample to sample.
+        stable: By the eigenvalues of the loop from sample to sample (`decide_stability`).
         poles: Those eigenvalues, z-plane.
         rms: Of each output z over all time, between the samples too; ``inf`` for an unstable loop, and for
             one with a pole on the circle that noise drives.
@@ -55,9 +55,9 @@ def measure_sampled_loop(
     """
     held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
+    stable = decide_stability(plant, compensator).stable
     loop = _close(held, law)
     values = poles(loop)
-    stable = is_stable(loop)
     covariance = _covariance(held, law, loop) if stable else None
     if covariance is None:
         nz, nu = np.full(len(held.z), np.inf), np.full(len(held.inputs), np.inf)

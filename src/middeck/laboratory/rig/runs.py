@@ -30,7 +30,8 @@ from middeck.laboratory.rig.ticks.simulate_rig import (
 )
 from middeck.laboratory.rig.ticks.state import RigBlock, RigState, cut_block
 from middeck.signals.record import Record
-from middeck.systems.poles.stability import growth_rates, is_stable
+from middeck.systems.poles.stability import growth_rates
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.simulation import find_periodic_state
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record

@@ -314,10 +314,17 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
     ]
     turned = {name: float(np.linalg.norm(v)) for name, v in rotations.items()}
     name = max(turned, key=lambda n: turned[n])
-    if turned[name] > FAR_TURN:
+    if turned[name] > FAR_TURN and not _is_held(equilibrium):
         degrees = np.degrees(turned[name])
         found.append(f"the article turned by {degrees:.0f} deg from its drawn attitude (node {name!r})")
     return tuple(found)
+
+
+def _is_held(equilibrium: Equilibrium) -> bool:
+    """Whether the article cannot turn but by bending: of members alone, clamped against turning somewhere."""
+    structure = equilibrium.model.structure
+    loose = (*structure.joints, *structure.links, *structure.springs, *structure.bushings)
+    return not loose and any(len(clamp.about) == 3 for clamp in equilibrium.environment.clamps)
 
 
 def _check_travel(structure: Structure, angle: Float[np.ndarray, " joint"]) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import Assembly
-from middeck.structure.assembly.environment_loads import Loads
+from middeck.structure.assembly.energy import Assembly, assemble_carried
+from middeck.structure.assembly.environment_loads import Loads, no_loads
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.mesh import Model
 
@@ -16,7 +16,8 @@ STANDARD_GRAVITY = 9.80665
 def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinate"]:
     """Scale of the residual at each coordinate: the weight, for a moment times a length.
 
-    The weight is that on the ground where there is none. The length is half the article's size, or a metre if
+    The weight is that on the ground where there is none, or of an article without mass the force by which
+    prescribed displacements strain it as drawn. The length is half the article's size, or a metre if
     that is less: strict for large articles and for small ones.
     """
     weight = imbalance_weight(model, loads)
@@ -31,7 +32,18 @@ def imbalance_weight(model: Model, loads: Loads) -> float:
     force, moment = applied.max(axis=0, initial=0.0)
     weight = mass * float(np.linalg.norm(loads.gravity))
     most = max(weight, float(force), float(moment) / min(article_size(model), 1.0))
-    return most or mass * STANDARD_GRAVITY or float(np.finfo(float).tiny)
+    return most or mass * STANDARD_GRAVITY or _displaced_force(model) or float(np.finfo(float).tiny)
+
+
+def _displaced_force(model: Model) -> float:
+    """Largest force [N] of prescribed displacements on the article as drawn, all other nodes held there."""
+    if model.held is None or not np.any(model.held.moved):
+        return 0.0
+    pushed = np.zeros(model.tree.size)
+    pushed[: model.held.moved.size] = model.held.moved.ravel()
+    at = assemble_carried(model, model.rest, no_loads())
+    force, moment = np.abs(at.tangent @ pushed)[: model.held.moved.size].reshape(-1, 2, 3).max(axis=(0, 2))
+    return float(max(force, moment / min(article_size(model), 1.0)))
 
 
 def article_size(model: Model) -> float:

@@ -111,22 +111,13 @@ def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.n
     return found
 
 
-def is_stable(system: StateSpace | SampledStateSpace) -> bool:
-    """True where no pole grows faster than `growth_limit`; a system without states is stable.
-
-    >>> is_stable(StateSpace([[0.1]], [[1.0]], [[1.0]], [[0.0]]))
-    False
-    """
-    return none_grows(growth_rates(system), system.period_s)
-
-
 def decays(system: StateSpace) -> bool:
     """Whether all poles decay."""
     return bool(np.all(np.real(growth_rates(system)) < 0.0))
 
 
 def none_grows(rates: Complex[np.ndarray, " state"], period_s: float | None = None) -> bool:
-    """As `is_stable`, for known poles [rad/s], of a sampled system if it has a period.
+    """True where no pole [rad/s] grows faster than `growth_limits`, of a sampled system if it has a period.
 
     >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
     True

@@ -6,13 +6,15 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, rate_scale
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 WHOLE = 1e-9
 """Distance in samples within which a delay is rounded to a whole number: decimals like 0.009 s at 500 Hz are
 not exact in binary."""
+NEAR_EDGE = 1e-6
+"""Relative distance within which a pole sits at the edge 2/T of Tustin's rule."""
 
 
 def sample_dynamics(
@@ -48,14 +50,21 @@ def sample_dynamics(
 def tustin(system: StateSpace, period_s: float) -> SampledStateSpace:
     """The trapezoidal rule s = (2/T) (z - 1)/(z + 1): stable stays stable, no aliasing, warped frequencies.
 
-    Raises `ConfigError` where a pole sits at 2/T.
+    Raises `ConfigError` where a pole sits at 2/T, `NumericalError` for states so mixed that rounding might
+    put one there.
     """
     n = len(system.A)
     half = 0.5 * period_s * system.A
     left = np.eye(n) - half
     # Reciprocal of rounding with four digits to spare.
     if n and np.linalg.cond(left) > 1e12:
-        raise ConfigError(f"Tustin's rule: a pole at 2/T = {2.0 / period_s:.3g} rad/s", hint="sample faster")
+        edge = 2.0 / period_s
+        if np.abs(poles(system) - edge).min() > NEAR_EDGE * edge:
+            raise NumericalError(
+                "Tustin's rule: in states so mixed rounding leaves the sampled system unknown",
+                hint="states of like sizes, as modal ones",
+            )
+        raise ConfigError(f"Tustin's rule: a pole at 2/T = {edge:.3g} rad/s", hint="sample faster")
     A = np.linalg.solve(left, np.eye(n) + half)
     B = np.linalg.solve(left, system.B) * np.sqrt(period_s)
     C = np.linalg.solve(left.T, system.C.T).T * np.sqrt(period_s)

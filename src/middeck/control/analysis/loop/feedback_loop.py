@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.control.analysis.loop.sampled_rounding import sample_known
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
@@ -18,7 +19,6 @@ from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.poles.inert_modes import observed_modes, reached_modes
 from middeck.systems.poles.integrators import part_integrators, rest_once
 from middeck.systems.poles.resolvent import Resolvent, balance_states, by_schur_form
-from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.feedback import beside, close_static
 from middeck.systems.state_space.modal_system import (
     ModalSystem,
@@ -103,7 +103,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
     delays exact.
 
     Raises `ConfigError` for ports that do not exist, a continuous compensator on a sampled plant, and periods
-    that differ.
+    that differ; `NumericalError` as `sample_known`.
     """
     path, period = loop_path(plant, compensator), compensator.period_s
     if period is None:
@@ -111,7 +111,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
             raise ConfigError("a continuous compensator on a sampled plant", hint="emulate(law, period_s)")
         return FeedbackLoop(path, compensator.system)
     if plant.period_s is None:
-        return FeedbackLoop(sample_plant(path, period), compensator.sampled)
+        return FeedbackLoop(sample_known(path, compensator.sampled), compensator.sampled)
     if not same_period(period, plant.period_s):
         raise ConfigError(
             f"the compensator's period is {period} s, the plant's {plant.period_s} s",

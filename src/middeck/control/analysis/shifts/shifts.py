@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from middeck.control.analysis.loop.feedback_loop import form_loop
-from middeck.control.analysis.stability.stability import decide_loop, loop_poles
+from middeck.control.analysis.stability.stability import decide_loop, loop_poles, require_known
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
@@ -54,7 +54,8 @@ def find_allowed_shifts(
             ``state_names`` are named by number and frequency (`part_modes`).
 
     Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or ``most`` not
-    between 0 and 1; `NumericalError` where modes without names nearly coincide (`part_modes`).
+    between 0 and 1; `NumericalError` where modes without names nearly coincide (`part_modes`), and where
+    stability cannot be decided (`decide_stability`).
     """
     if not 0.0 < most < 1.0:
         raise ConfigError(f"most = {most:g}", hint="0 < most < 1")
@@ -100,6 +101,7 @@ def _first(
     low = 0.0
     for high in np.append(np.arange(STEP, most, STEP), most):
         loop = form_loop(plant_at(sign * float(high)), law)
+        require_known(loop)
         if not none_grows(loop_poles(loop), loop.period_s) and not decide_loop(loop).stable:
             break
         low = float(high)

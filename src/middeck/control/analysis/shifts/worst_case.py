@@ -15,6 +15,7 @@ from middeck.control.analysis.stability.stability import (
     decide_loop,
     largest_growth,
     loop_poles,
+    require_known,
 )
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -74,7 +75,7 @@ def find_worst_case(
     true worst (`measure_disk_margin` bounds from the other side).
 
     Raises `ConfigError` for a box that does not fit the plant (`perturb_plant`), or too many corners without
-    ``corners``.
+    ``corners``; `NumericalError` where stability of a plant cannot be decided (`decide_stability`).
     """
     positions = corner_positions(uncertainty, corners, rng)
     count = _Count()
@@ -123,6 +124,7 @@ def _closeness(loop: FeedbackLoop) -> float:
     The rightmost pole is no measure where it belongs to a mode that the loop hardly moves; the sensitivity at
     the poles' frequencies is.
     """
+    require_known(loop)
     rates = loop_poles(loop)
     if not none_grows(rates, loop.period_s):
         return UNSTABLE * (1.0 + largest_growth(rates))

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
 from middeck.systems.plants.plant import remove_delays
-from middeck.systems.poles.resolvent import balance_states
-from middeck.systems.state_space.statespace import LinearSystem
+from middeck.systems.poles.rounding import poles_with_rounding
 
 LIGHT = 0.1
 """Damping ratio below which a pole needs a good approximation at its own frequency."""
@@ -30,9 +26,6 @@ RESTS = 1e-7
 """Relative distance below which the root beside an open pole counts as one already known."""
 ROUNDINGS = 10.0
 """Uncertainties of a pole by rounding within which f is not told from f without that pole."""
-LIGHTEST, VAGUE = 1e-6, 1e-6
-"""Distance from the axis [rad/s] below which many plants leave a root undecided; and the share of its decay
-by which rounding moves a pole that is known."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 
@@ -81,31 +74,6 @@ def find_open_poles(loop: FeedbackLoop) -> tuple[Complex[np.ndarray, " pole"], F
     parts = [poles_with_rounding(A) for A in (remove_delays(loop.plant).system.A, loop.law.A) if len(A)]
     values, rounding = zip((np.zeros(0, dtype=complex), np.zeros(0)), *parts, strict=True)
     return np.concatenate(values), np.concatenate(rounding)
-
-
-def poles_with_rounding(A: np.ndarray) -> tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:
-    """Eigenvalues, and how far each moves when every entry does by its rounding, to first order."""
-    values, left, right = cast("tuple[np.ndarray, ...]", sla.eig(A, left=True, right=True))
-    aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
-    moves = np.finfo(float).eps * np.sum(np.abs(left) * (np.abs(A) @ np.abs(right)), axis=0)
-    return values.astype(complex), np.divide(moves, aligned, out=np.full(len(A), np.inf), where=aligned > 0.0)
-
-
-def is_vague(system: LinearSystem) -> bool:
-    """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
-    if not len(system.A):
-        return False
-    A = balance_states(system).A
-    poles, rounding = poles_with_rounding(A)
-    # Of a double pole, the root.
-    moved = np.minimum(rounding, np.sqrt(np.finfo(float).eps * np.linalg.norm(A) * np.abs(poles)))
-    decay = off_axis(poles, system.period_s)
-    return bool(np.any((decay >= LIGHTEST) & (moved > VAGUE * decay)))
-
-
-def off_axis(poles: np.ndarray, period_s: float | None) -> Float[np.ndarray, " pole"]:
-    """Distance from the axis, of poles of a sampled system from the unit circle."""
-    return np.abs(np.real(poles)) if period_s is None else np.abs(np.abs(poles) - 1.0)
 
 
 def is_light(poles: np.ndarray) -> np.ndarray:

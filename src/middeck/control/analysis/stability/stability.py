@@ -15,20 +15,19 @@ from middeck.control.analysis.loop.feedback_loop import (
 )
 from middeck.control.analysis.stability.delayed_roots import (
     NEAR,
-    ROUNDINGS,
     find_open_poles,
     follow_roots,
     is_light,
-    is_vague,
-    off_axis,
-    poles_with_rounding,
 )
 from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.rounding import ROUNDINGS, is_vague, poles_with_rounding
 from middeck.systems.poles.stability import all_decay, growth_limits, growth_rates, none_grows
+from middeck.systems.poles.verdict import CURE, OPEN, may_cross
+from middeck.systems.state_space.statespace import LinearSystem
 from middeck.values import record
 
 MOST_ORDER = 64
@@ -93,15 +92,17 @@ def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
     An infinite one stands for a chain of roots on or right of the axis. Raises as `decide_stability`.
     """
     if not loop.plant.delayed:
-        loop, unmoved = split_unmoved(loop)
-        _require_known(loop)
-        return np.concatenate([loop_poles(loop), unmoved])
+        moved, unmoved = split_unmoved(loop)
+        require_known(loop, moved)
+        return np.concatenate([loop_poles(moved), unmoved])
     if direct_gain(loop) >= 1.0:  # a neutral equation (Hale and Verduyn Lunel 1993)
         return np.array([complex(np.inf, np.inf)])
-    loop, unmoved = split_unmoved(loop)
+    whole = loop
+    loop, unmoved = split_unmoved(whole)
+    require_known(whole, loop)
     halves, reach = evaluate_halves(loop), _reach(loop)
     open_poles, rounding = find_open_poles(loop)
-    vague = is_vague(remove_delays(loop.plant).system) or is_vague(loop.law)
+    vague = any(map(is_vague, _parts(loop)))
     vague |= bool(np.any(is_light(open_poles) & (rounding > NEAR * np.abs(open_poles))))
     found, counted = 0, None
     for order in (orders := _orders(loop, open_poles)):
@@ -125,17 +126,24 @@ def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
     )
 
 
-def _require_known(loop: FeedbackLoop) -> None:
-    """Refuse a loop of vague halves with a root that rounding may take across the axis."""
-    plant = loop.plant.system if loop.period_s is None else loop.plant.sampled
-    if not (is_vague(plant) or is_vague(loop.law)):
+def require_known(loop: FeedbackLoop, moved: FeedbackLoop | None = None) -> None:
+    """Raise `NumericalError` where rounding of vague halves leaves the loop's stability open.
+
+    Also where stability goes by which integrators count as unmoved, ``moved`` being the loop without these.
+    """
+    if not any(map(is_vague, _parts(loop))):
         return
-    roots, blur = poles_with_rounding(close_channels(approximate_halves(loop)).A)
-    if np.any(off_axis(roots, loop.period_s) < ROUNDINGS * blur):
-        raise NumericalError(
-            "stability cannot be decided: rounding of the matrices alone may take a root across the axis",
-            hint="states of like sizes, as modal ones",
-        )
+    closed = close_channels(approximate_halves(loop))
+    # With delays roots are counted, too.
+    roundings = 1.0 if loop.plant.delayed else ROUNDINGS
+    grow = [] if moved is None else [growth_rates(closed), loop_poles(moved)]
+    if may_cross(closed, roundings) or len({none_grows(rates, loop.period_s) for rates in grow}) > 1:
+        raise NumericalError(f"stability cannot be decided: {OPEN}", hint=CURE)
+
+
+def _parts(loop: FeedbackLoop) -> tuple[LinearSystem, LinearSystem]:
+    plant = remove_delays(loop.plant).system if loop.period_s is None else loop.plant.sampled
+    return plant, loop.law
 
 
 def _near(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 DOUBLINGS = 60
+NAMED = 8
 
 
 def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:
@@ -16,6 +18,16 @@ def same_shapes(shapes: Sequence[tuple[int, ...]]) -> list[list[int]]:
     for i, shape in enumerate(shapes):
         groups.setdefault(shape, []).append(i)
     return list(groups.values())
+
+
+def warn_of_lost(lost: Sequence[int], count: int) -> None:
+    """Warn of the plants, by their positions among ``count``, whose stability is undecided."""
+    if lost:
+        warnings.warn(
+            f"stability is undecided, and counts as lost, of {len(lost)} of {count} plants, at positions "
+            f"{', '.join(map(str, lost[:NAMED]))} from 0: decide_stability of one says why",
+            stacklevel=3,
+        )
 
 
 def sampled_covariances(

@@ -24,7 +24,6 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import resolve, transfer_of
-from middeck.control.analysis.stability.delayed_roots import LIGHTEST, is_vague
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import FAR, NoiseOutcome
 from middeck.control.law.compensator import Compensator
@@ -33,6 +32,7 @@ from middeck.systems.norms.quadrature import integrate
 from middeck.systems.norms.rms import RESPONSE_TOLERANCE, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent, balance_states
+from middeck.systems.poles.rounding import LIGHTEST, is_vague
 from middeck.systems.state_space.modal_system import ModalSystem, output_rows
 from middeck.values import record
 

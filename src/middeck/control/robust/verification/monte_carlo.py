@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.analysis.stability.delayed_roots import is_vague
 from middeck.control.h2.closed_cost import Law, closed_matrices
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_band_noise, integrate_noise
@@ -17,7 +15,7 @@ from middeck.control.law.compensator import Compensator, idle_compensator, locat
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.verification.batch import same_shapes
+from middeck.control.robust.verification.batch import same_shapes, warn_of_lost
 from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.robust.verification.many_loops import measure_many
@@ -26,11 +24,11 @@ from middeck.control.robust.verification.single_loop import measure_one
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.rounding import is_vague
 from middeck.systems.poles.stability import all_decay
 from middeck.values import record
 
 UNDECIDED = NoiseOutcome(False, np.inf, np.inf)
-NAMED = 8
 
 
 @record(kw_only=True)
@@ -193,12 +191,7 @@ def _noise_on(
     for i, outcome in zip(left, others, strict=True):
         found[i] = outcome
     lost = [i for i, outcome in enumerate(found) if outcome is None]
-    if lost:
-        warnings.warn(
-            f"stability is undecided, and counts as lost, of {len(lost)} of {len(plants)} plants, at "
-            f"positions {', '.join(map(str, lost[:NAMED]))} from 0: decide_stability of one says why",
-            stacklevel=2,
-        )
+    warn_of_lost(lost, len(plants))
     rows = [(f.stable, f.rms, f.control_rms) for f in (one or UNDECIDED for one in found)]
     stable, rms, control = (np.array(x) for x in zip(*rows, strict=True)) if rows else (np.zeros(0),) * 3
     return stable.astype(bool), rms, control

@@ -8,15 +8,22 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.verification.batch import row_rms, same_shapes, sampled_covariances
+from middeck.control.robust.verification.batch import (
+    row_rms,
+    same_shapes,
+    sampled_covariances,
+    warn_of_lost,
+)
 from middeck.control.sampled.quadratic_integrals import spread_noise
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, subsystem
+from middeck.systems.poles.rounding import is_vague
 from middeck.systems.poles.stability import growth_limits
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.state_space.feedback import feedback
@@ -43,16 +50,21 @@ def sampled_outcomes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Whether each loop is stable, the rms of its weighted outputs and of its weighted inputs.
 
-    Sensor noise is averaged over a period: variance = intensity / period.
+    Sensor noise is averaged over a period: variance = intensity / period. A plant that rounding leaves
+    undecided counts as lost, with a warning.
     """
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"rate of {rate_hz} Hz", hint="positive and finite")
     period = 1.0 / rate_hz
     law = tustin(compensator.system, period)
-    loops = [_sampled_loop(plant, law, weights, period) for plant in plants]
-    stable = np.zeros(len(loops), dtype=bool)
-    rms, control = np.full(len(loops), np.inf), np.full(len(loops), np.inf)
-    for group in same_shapes([loop.A.shape for loop in loops]):
+    held, vague = dataclasses.replace(compensator, dynamics=law), is_vague(law)
+    known = [i for i, p in enumerate(plants) if (p.modal and not vague) or _is_known(p, held)]
+    warn_of_lost(sorted({*range(len(plants))} - {*known}), len(plants))
+    loops = {i: _sampled_loop(plants[i], law, weights, period) for i in known}
+    stable = np.zeros(len(plants), dtype=bool)
+    rms, control = np.full(len(plants), np.inf), np.full(len(plants), np.inf)
+    for alike in same_shapes([loop.A.shape for loop in loops.values()]):
+        group = [known[k] for k in alike]
         values, X = sampled_covariances(
             np.array([loops[i].A for i in group]), np.array([loops[i].Q for i in group])
         )
@@ -64,6 +76,14 @@ def sampled_outcomes(
         noise = np.array([loops[i].input_noise for i in group])
         control[group] = np.sqrt(np.sum(moved**2 + noise, axis=1))
     return stable, rms, control
+
+
+def _is_known(plant: Plant, law: Compensator) -> bool:
+    try:
+        decide_stability(plant, law)
+    except NumericalError:
+        return False
+    return True
 
 
 def _sampled_loop(plant: Plant, law: SampledStateSpace, weights: LQGWeights, period: float) -> _SampledLoop:

@@ -1,0 +1,58 @@
+"""Whether rounding of a continuous plant leaves the stability of its sampled loop open.
+
+Of mixed states the exponential that samples them loses more than their poles do, so that the sampled matrices
+alone do not tell: the plant is sampled again with its entries moved by rounding.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from middeck.errors import NumericalError
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.rounding import EPS, is_vague
+from middeck.systems.poles.stability import growth_limits, growth_rates
+from middeck.systems.poles.verdict import CURE, OPEN
+from middeck.systems.sampling.sampled_plant import sample_plant
+from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+
+MOVED, DRAWS = 10.0 * EPS, 3
+"""Relative change of each entry, of random sign; and how often."""
+SPREADS = 10.0
+"""Distance from the limit of growth, in spreads of the loops so moved, that decides."""
+
+
+def sample_known(path: Plant, law: SampledStateSpace) -> Plant:
+    """The plant from the law's outputs to its inputs, sampled at its period.
+
+    Raises `NumericalError` where poles of the plant are vague (`is_vague`), and the loop with ``law`` is not
+    `SPREADS` from the limit of growth.
+    """
+    sampled = sample_plant(path, law.period_s)
+    plain = remove_delays(path)
+    if path.modal is not None or not is_vague(plain.system):
+        return sampled
+    rng = np.random.default_rng(0)
+    moved = [dataclasses.replace(path, dynamics=_moved(plain.system, rng)) for _ in range(DRAWS)]
+    beyond = [_beyond(one, law) for one in (sampled, *(sample_plant(one, law.period_s) for one in moved))]
+    if not min(map(abs, beyond)) > SPREADS * (max(beyond) - min(beyond)):
+        raise NumericalError(f"stability of the sampled loop cannot be decided: {OPEN}", hint=CURE)
+    return sampled
+
+
+def _moved(system: StateSpace, rng: np.random.Generator) -> StateSpace:
+    A, B, C = (M * (1.0 + MOVED * rng.choice([-1.0, 1.0], M.shape)) for M in (system.A, system.B, system.C))
+    return StateSpace(A, B, C, system.D)
+
+
+def _beyond(plant: Plant, law: SampledStateSpace) -> float:
+    """How far the pole that grows fastest [rad/s] is beyond the limit; infinite for an overflow."""
+    held = plant.sampled
+    loop = feedback(held, law, range(held.D.shape[1]), range(len(held.D)))
+    if not np.isfinite(loop.A).all():
+        return np.inf
+    rates = growth_rates(loop)
+    return float((np.real(rates) - growth_limits(rates, law.period_s)).max(initial=-np.inf))

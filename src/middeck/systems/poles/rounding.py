@@ -1,0 +1,86 @@
+"""How far rounding of a system's matrices moves its poles.
+
+States mixed by a matrix of condition k multiply the rounding of each entry by k at the poles. From 1e7 on no
+algorithm tells on which side of the axis they lie: what would tell was lost when the matrices were stored.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import scipy.linalg as sla
+from jaxtyping import Complex, Float
+
+from middeck.systems.poles.integrator_chains import NONE, NONE_SAMPLED, integrating_chains, strictly_upper
+from middeck.systems.state_space.balancing import balance
+from middeck.systems.state_space.statespace import LinearSystem
+
+EPS = float(np.finfo(float).eps)
+LIGHTEST, VAGUE = 1e-6, 1e-6
+"""Distance from the axis [rad/s] below which many plants leave a root undecided; and the share of its decay
+by which rounding moves a pole that is known."""
+
+ROUNDINGS = 10.0
+"""Uncertainties of a pole by rounding within which it may be on the other side of a limit."""
+
+Poles = tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]
+
+
+def poles_with_rounding(A: np.ndarray) -> Poles:
+    """Eigenvalues, and how far each moves when every entry does by its rounding, to first order."""
+    values, left, right = _eigenvectors(A)
+    return values, _moves(left, right, EPS * np.abs(left) * (np.abs(A) @ np.abs(right)))
+
+
+def is_vague(system: LinearSystem) -> bool:
+    """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
+    if not len(system.A):
+        return False
+    A, _ = balance(system.A)
+    poles, rounding = poles_with_rounding(A)
+    # Of a double pole, the root.
+    moved = np.minimum(rounding, np.sqrt(EPS * np.linalg.norm(A) * np.abs(poles)))
+    decay = np.abs(np.real(poles)) if system.period_s is None else np.abs(np.abs(poles) - 1.0)
+    return bool(np.any((decay >= LIGHTEST) & (moved > VAGUE * decay)))
+
+
+def moving_poles(system: LinearSystem) -> tuple[Poles, list[int]]:
+    """Poles other than integrators (z = 1), with their rounding; and the numbers of these by their place in a
+    chain (`integrating_chains`).
+
+    Of strongly mixed states slow poles, too, are taken for integrators. What is left out as rounding then
+    moves the others far, and is counted with theirs; where some of them are known not to be at rest, nothing
+    is known of any.
+    """
+    A, _ = balance(system.A)
+    rest, none = (0.0, NONE) if system.period_s is None else (1.0, NONE_SAMPLED)
+    turn, sizes = integrating_chains(A - rest * np.eye(len(A)), least=none)
+    n = sum(sizes)
+    values, moved = poles_with_rounding(A)
+    if not n:
+        return (values, moved), sizes
+    if n > np.sum(np.abs(values - rest) <= ROUNDINGS * moved + LIGHTEST):
+        return (values, np.full(len(A), np.inf)), sizes
+    turned = turn.T @ A @ turn - rest * np.eye(len(A))
+    chain = strictly_upper(turned[:n, :n], sizes)
+    rounding = EPS * np.abs(turn.T) @ np.abs(A) @ np.abs(turn)
+    rounding[n:, :n] += np.abs(turned[n:, :n])
+    values, left, right = _eigenvectors(turned[n:, n:])
+    least = EPS * float(np.linalg.norm(A))
+    away = np.where(np.abs(values) < least, least, values)
+    ahead = [
+        np.linalg.solve(p * np.eye(n) - chain, turned[:n, n:] @ x) for p, x in zip(away, right.T, strict=True)
+    ]
+    whole = np.vstack([np.reshape(ahead, (-1, n)).T, right])
+    return (values + rest, _moves(left, right, np.abs(left) * (rounding[n:] @ np.abs(whole)))), sizes
+
+
+def _eigenvectors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    values, left, right = cast("tuple[np.ndarray, ...]", sla.eig(A, left=True, right=True))
+    return values.astype(complex), left, right
+
+
+def _moves(left: np.ndarray, right: np.ndarray, products: np.ndarray) -> Float[np.ndarray, " pole"]:
+    aligned, moved = np.abs(np.sum(np.conj(left) * right, axis=0)), np.sum(products, axis=0)
+    return np.divide(moved, aligned, out=np.full(len(moved), np.inf), where=aligned > 0.0)
