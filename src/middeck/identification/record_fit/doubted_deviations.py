@@ -1,7 +1,8 @@
 """Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
 
 What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
-no part of the record asks for another delay or gain than the rest. Otherwise faults of the record are sought.
+no part of the record asks for another delay, gain, frequency or damping than the rest, and the direction of
+motion does not matter. Otherwise faults of the record are sought.
 
 Noise of sensors, and forces that the inputs do not make, do not know how large the response is. Blows that
 scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large: with the
@@ -18,6 +19,7 @@ filter leaves nothing of it at half the rate, where an unfiltered pulse of a few
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Generator
 
 import numpy as np
@@ -50,6 +52,8 @@ LEADS = 6.0
 NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
 # A force moves a rate within a sample; a continuous model has it through the hold, as a filter would.
 AT_ONCE = "a velocity or an acceleration that a held force moves within a sample (take a sampled model), "
+# A pole is moved by so much of itself for its slope.
+SHIFT = 1e-6
 # A step of the delay is looked for so many samples, and this share of the record, from both ends.
 EDGE, EDGE_SHARE = 16, 0.01
 # Faults by which a fit is wrong in all parts of the record.
@@ -91,9 +95,12 @@ def causes_of(
     each = list(zip(white, response, noise, strict=True))
     moved = np.array([_step_score(w, y * data.s[:, None], n, data) for w, y, n in each])
     scaled = np.array([_step_score(w, y, n, data, uneven=True) for w, y, n in each])
+    steps = bool(np.any(np.maximum(moved, scaled) > STEPS))
+    changed = {} if steps else _changed_modes(record, data, run, size, noise)
     told = np.array([_told_by_inputs(w, data) for w in white])
+    play = _play_scores(record, data, run, size, noise)
     leads = lead > LEADS
-    wrong = np.any(left > LEFT) or np.any(np.maximum(moved, scaled) > STEPS) or leads.any()
+    wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
     found = [
         f"{f.side} {f.channel}: {f.what}; so no stated deviation holds. {f.hint[0].upper()}{f.hint[1:]}"
@@ -104,10 +111,22 @@ def causes_of(
     unknown = [NO_UNIT if real and not port.unit else "" for port in record.outputs]
     held = record.held and run.layout.options.period_s == 0.0
     at_once = [AT_ONCE if held and is_rate(port) else "" for port in record.outputs]
+    found += [
+        f"mode at {hz:.4g} Hz: its frequency or damping is not the same throughout the record ({z:.0f} "
+        "deviations of noise): an article that changes; no stated deviation holds"
+        for hz, z in changed.items()
+        if not faults
+    ]
     for o, port in enumerate(record.outputs):
         if port.name in named:
             continue
-        if moved[o] > STEPS:
+        if play[o] > max(STEPS, moved[o], scaled[o]):
+            found.append(
+                f"output {port.name}: what the fit leaves goes by the direction of motion ({play[o]:.0f} "
+                "deviations of noise): play, backlash or dry friction; no stated deviation holds; excite "
+                "more, or take the play out"
+            )
+        elif moved[o] > STEPS:
             found.append(
                 f"output {port.name}: its delay is not the same throughout the record ({moved[o]:.0f} "
                 "standard deviations of noise): samples lost or repeated, two runs joined, a clock that "
@@ -203,6 +222,58 @@ def _step_score(
         bridge = np.abs(own[inner] - share * own[-1])[use]
         best = max(best, float(np.max(bridge / np.sqrt(spread[use]), initial=0.0)))
     return best
+
+
+def _changed_modes(
+    record: Record, data: Data, run: RecordRun, size: Float[np.ndarray, "output line column"], heard: Heard
+) -> dict[float, float]:
+    """Modes [Hz] whose pole is not the same throughout the record, and by how many deviations of noise."""
+    model, lines = model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi)
+    H, white, found = model_response(model, lines), run.residual(data) / size, dict[float, float]()
+    for m, pole in enumerate(model.poles):
+        hz = abs(pole) / (2.0 * np.pi)
+        if not model.is_pair[m] or not lines[0] <= hz <= lines[-1]:
+            continue
+        for way in (SHIFT * pole, 1j * SHIFT * pole):
+            moved = np.where(np.arange(len(model.poles)) == m, pole + way, model.poles)
+            change = (model_response(dataclasses.replace(model, poles=moved), lines) - H) / SHIFT
+            each = np.einsum("koi,kic->okc", change, data.U) / size
+            z = max(
+                _step_score(w, by, n, data, uneven=True) for w, by, n in zip(white, each, heard, strict=True)
+            )
+            if z > STEPS:
+                found[hz] = max(z, found.get(hz, 0.0))
+    return found
+
+
+def _play_scores(
+    record: Record, data: Data, run: RecordRun, size: Float[np.ndarray, "output line column"], heard: Heard
+) -> Float[np.ndarray, " output"]:
+    """Deviations by which what is left goes by the direction in which an output, or an input, moves.
+
+    Play lags by half its width, either way. What a linear model makes of that, and noise, does not know it.
+    """
+    H = model_response(model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi))
+    left, of_inputs = run.residual(data), [_by_direction(u, data) for u in np.moveaxis(data.U, 1, 0)]
+    found = np.zeros(len(left))
+    for o, r in enumerate(left):
+        of_output = np.ones(len(H)), _by_direction(data.H[o] - r, data)
+        for gain, terms in [of_output, *zip(H[:, o].T, of_inputs, strict=True)]:
+            by, *linear = ((gain[:, None] * term / size[o]).ravel().view(float) for term in terms)
+            basis = np.column_stack(linear)
+            by = by - basis @ np.linalg.lstsq(basis, by, rcond=None)[0]
+            white = (r / size[o]).ravel().view(float)
+            parts = np.real(heard[o].conj().T @ by.view(complex).reshape(r.shape))
+            spread = np.mean(white**2) * np.sum(by**2) + np.sum(parts**2) / max(len(parts), 1)
+            found[o] = max(found[o], abs(white @ by) / np.sqrt(max(spread, np.finfo(float).tiny)))
+    return found
+
+
+def _by_direction(x: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spectra of the sign of a signal's rate, of the signal and of its rate."""
+    rate = data.s[:, None] * x
+    signs = np.sign(signals(data, rate))
+    return np.fft.rfft(signs, axis=1)[:, data.lines].T, x, rate
 
 
 def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> float:

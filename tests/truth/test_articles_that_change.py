@@ -1,0 +1,72 @@
+"""An article that changes slowly, and play of a sensor or an actuator, are told of; sound records are not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from struck_plant import FORCE, TIP, grid, response, shaken
+
+from middeck.identification.record_fit.fit_record import fit_record
+from middeck.signals.record import Record
+
+RATE, COUNT = 100.0, 3000
+
+
+def random_plant(rng):
+    hz = np.cumsum(rng.uniform(4.0, 8.0, 3))
+    phi = rng.choice([-1, 1], 3) * rng.uniform(0.4, 1.0, 3) * 8.0 * hz**2
+    return hz, rng.uniform(0.005, 0.03, 3), phi, rng.uniform(0.0, 0.02)
+
+
+def shaken_at(plant, seed):
+    return shaken(plant, COUNT, RATE, (0.5, 40.0), noise=1e-3, seed=seed)
+
+
+def play(x, width):
+    """What follows x with so much play: it stays until x has crossed half the width."""
+    found, at = np.empty(len(x)), 0.0
+    for k, value in enumerate(x):
+        at = min(max(at, value - width), value + width)
+        found[k] = at
+    return found
+
+
+def test_a_pole_that_changes_slowly_is_told(campaign):
+    """One frequency of three by 0.2 %, or a damping by 20 %, evenly: 17 to 60 deviations off in silence."""
+    for seed in campaign(24, 6):
+        rng = np.random.default_rng([81, seed])
+        hz, zeta, phi, delay_s = random_plant(rng)
+        one = np.arange(3) == rng.integers(3)
+        start, later = shaken_at((hz, zeta, phi, delay_s), seed), np.linspace(0.0, 1.0, COUNT)[:, None]
+        assert not any("deviation" in line for line in fit_record(start, states=6).warnings)
+        for end in ((hz * (1.0 - 0.002 * one), zeta), (hz, zeta * (1.0 + 0.2 * one))):
+            y = (1.0 - later) * start.y + later * shaken_at((*end, phi, delay_s), seed).y
+            fit = fit_record(dataclasses.replace(start, y=y), states=6)
+            assert any("not the same throughout" in line for line in fit.warnings)
+            assert "sound" not in fit.standing
+
+
+@pytest.mark.parametrize("of", ["sensor", "actuator"])
+def test_play_is_told(of, campaign):
+    """Of a twentieth of the rms: delays 16 to 50 and constants 5 to 27 deviations off, half in silence."""
+    for seed in campaign(24, 6):
+        rng = np.random.default_rng([82, seed])
+        plant = random_plant(rng)
+        size, f = grid(plant[0], plant[1], 2 * COUNT, RATE)
+        u = np.fft.irfft(np.fft.rfft(rng.standard_normal(size)) * ((f > 0.5) & (f < 30.0)), size)
+        H, noise = response(*plant, 2j * np.pi * f), 1e-3 * rng.standard_normal(size)
+        for width, told in ((0.0, False), (0.05, True)):
+            force = play(u, width * u.std()) if of == "actuator" else u
+            y = np.fft.irfft(H * np.fft.rfft(force), size)
+            y = play(y, width * y.std()) if of == "sensor" else y
+            runs = (x[None, None, -COUNT:, None] for x in (u, y + y.std() * noise))
+            record = Record(
+                sample_hz=RATE,
+                **dict(zip("uy", runs, strict=True)),
+                inputs=(FORCE,),
+                outputs=(TIP,),
+                periodic=False,
+            )
+            warnings = fit_record(record, states=6, sampled=False).warnings
+            assert any("direction of motion" in line for line in warnings) == told, (seed, warnings)
+            assert told or not any("deviation" in line for line in warnings)
