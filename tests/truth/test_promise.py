@@ -9,7 +9,7 @@ import promise_case as case
 import pytest
 from scipy.signal import tf2ss
 from scipy.stats import binomtest
-from updating_case import DAMPING_STD
+from updating_case import DAMPING_STD, sheet
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -223,14 +223,18 @@ def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     assert 0.9 < np.abs(bounded).max() <= 1.0
 
 
-def test_what_is_promised_comes(refined: Refined):
-    """Against a truth with a finer mesh, shear, misplaced mass, an umbilical, its own delay and gains."""
-    asked = case.plan([1e1, 1e5], 20, bounded=1)
-    (found,) = promise(refined, asked).values()
-    truth = case.true_plant(0)
-    for one, law in zip(
-        found.outlooks, design_ladder(case.modes_in_orbit(refined), asked).values(), strict=True
-    ):
+@pytest.mark.parametrize("name", ["orbit", "lab"])
+def test_what_is_promised_comes(refined: Refined, name: str):
+    """Against a truth with a finer mesh, shear, misplaced mass, an umbilical, its own delay and gains.
+
+    On the ground as well, where the same compensators can be checked before flight.
+    """
+    place = {"orbit": Environment.orbit(), "lab": sheet()[1]}[name]
+    asked = dataclasses.replace(case.plan([1e1, 1e5], 20, bounded=1), environments={name: place})
+    laws = design_ladder(case.modes_in_orbit(refined), asked)
+    (found,) = promise(refined, dataclasses.replace(asked, ladder=None, laws=laws)).values()
+    truth = case.true_plant(0, place=place)
+    for one, law in zip(found.outlooks, laws.values(), strict=True):
         came = case.true_db(truth, law, asked)
         assert abs(one.level_db(0.5) - came) < 0.3
         assert one.level_db(0.01) - 0.1 <= came <= one.level_db(0.99) + 0.1
