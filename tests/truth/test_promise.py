@@ -2,7 +2,9 @@
 
 import dataclasses
 import itertools
+import warnings
 from functools import partial
+from typing import Any
 
 import numpy as np
 import promise_case as case
@@ -11,6 +13,7 @@ from scipy.signal import tf2ss
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD, sheet
 
+from middeck.campaign.encoding import decode_result, encode_result
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.pd_loops import PDLoops
@@ -27,12 +30,13 @@ from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.promise import blocks
 from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.promise.outlook import LoopNoise, Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
 from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
-from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.promise.promise import design_ladder, promise, set_sites
 from middeck.updating.promise.robustness_sweep import sweep_plants, try_sweep
 from middeck.updating.refinement.refine import Refined
 from repeats import LONG
@@ -306,6 +310,25 @@ def _grows(
     system = law.system
     whole = np.block([[free, push @ system.C], [system.B @ read, system.A]])
     return bool(np.linalg.eigvals(whole).real.max() > 0.0)
+
+
+def test_what_a_block_warns_of_is_said_with_its_draws(refined: Refined, monkeypatch: pytest.MonkeyPatch):
+    """Also of one that comes out of a ledger, whose numbers are the same."""
+
+    def doubtful(*given: Any) -> Any:
+        warnings.warn("undecided", stacklevel=1)
+        return noise_on(*given)
+
+    asked = case.plan([1.0], 2)
+    (site,) = set_sites(refined, asked).values()
+    monkeypatch.setattr(blocks, "noise_on", doubtful)
+    found = blocks.measure_block(site, 0)
+    kept = encode_result(blocks.values_of(found))
+    again = blocks.restore_block(decode_result(kept), site)
+    assert again.drawn == found.drawn
+    assert encode_result(blocks.values_of(again)) == kept
+    with pytest.warns(UserWarning, match="draws 0 to 1: undecided"):
+        blocks.join_blocks(site, [again])
 
 
 def test_a_reading_whose_noise_is_not_stated_is_refused():
