@@ -110,13 +110,13 @@ def with_slips(asked: Plan, torque_nm: float) -> Plan:
     return dataclasses.replace(asked, joints=SLIPS, intensity=asked.intensity * torque_nm / TORQUE_NM)
 
 
-def true_plant(seed: int, asked: Plan | None = None) -> Plant:
-    """The truth in orbit, each mode with its own damping, all modes to 200 Hz, its delay and its gains.
+def true_plant(seed: int, asked: Plan | None = None, place: Environment | None = None) -> Plant:
+    """The truth, by default in orbit: each mode its own damping, all modes to 200 Hz, its delay and gains.
 
     With the inner loops of the plan, and its joints' drag.
     """
     article, _ = sheet()
-    hidden, modes = draw_hidden_errors(article, seed), true_modes(seed, Environment.orbit())
+    hidden, modes = draw_hidden_errors(article, seed), true_modes(seed, place or Environment.orbit())
     sensors = (OUTPUT, *(name for loop in PD.names for name in (loop, f"{loop}_rate")))
     plant = rig_article_plant(
         RigArticle(modes.equilibrium, modes, hidden),

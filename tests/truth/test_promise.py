@@ -2,15 +2,18 @@
 
 import dataclasses
 import itertools
+import warnings
 from functools import partial
+from typing import Any
 
 import numpy as np
 import promise_case as case
 import pytest
 from scipy.signal import tf2ss
 from scipy.stats import binomtest
-from updating_case import DAMPING_STD
+from updating_case import DAMPING_STD, sheet
 
+from middeck.campaign.encoding import decode_result, encode_result
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.pd_loops import PDLoops
@@ -27,12 +30,13 @@ from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.promise import blocks
 from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.promise.outlook import LoopNoise, Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
 from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
-from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.promise.promise import design_ladder, promise, set_sites
 from middeck.updating.promise.robustness_sweep import sweep_plants, try_sweep
 from middeck.updating.refinement.refine import Refined
 from repeats import LONG
@@ -223,14 +227,18 @@ def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     assert 0.9 < np.abs(bounded).max() <= 1.0
 
 
-def test_what_is_promised_comes(refined: Refined):
-    """Against a truth with a finer mesh, shear, misplaced mass, an umbilical, its own delay and gains."""
-    asked = case.plan([1e1, 1e5], 20, bounded=1)
-    (found,) = promise(refined, asked).values()
-    truth = case.true_plant(0)
-    for one, law in zip(
-        found.outlooks, design_ladder(case.modes_in_orbit(refined), asked).values(), strict=True
-    ):
+@pytest.mark.parametrize("name", ["orbit", "lab"])
+def test_what_is_promised_comes(refined: Refined, name: str):
+    """Against a truth with a finer mesh, shear, misplaced mass, an umbilical, its own delay and gains.
+
+    On the ground as well, where the same compensators can be checked before flight.
+    """
+    place = {"orbit": Environment.orbit(), "lab": sheet()[1]}[name]
+    asked = dataclasses.replace(case.plan([1e1, 1e5], 20, bounded=1), environments={name: place})
+    laws = design_ladder(case.modes_in_orbit(refined), asked)
+    (found,) = promise(refined, dataclasses.replace(asked, ladder=None, laws=laws)).values()
+    truth = case.true_plant(0, place=place)
+    for one, law in zip(found.outlooks, laws.values(), strict=True):
         came = case.true_db(truth, law, asked)
         assert abs(one.level_db(0.5) - came) < 0.3
         assert one.level_db(0.01) - 0.1 <= came <= one.level_db(0.99) + 0.1
@@ -302,6 +310,25 @@ def _grows(
     system = law.system
     whole = np.block([[free, push @ system.C], [system.B @ read, system.A]])
     return bool(np.linalg.eigvals(whole).real.max() > 0.0)
+
+
+def test_what_a_block_warns_of_is_said_with_its_draws(refined: Refined, monkeypatch: pytest.MonkeyPatch):
+    """Also of one that comes out of a ledger, whose numbers are the same."""
+
+    def doubtful(*given: Any) -> Any:
+        warnings.warn("undecided", stacklevel=1)
+        return noise_on(*given)
+
+    asked = case.plan([1.0], 2)
+    (site,) = set_sites(refined, asked).values()
+    monkeypatch.setattr(blocks, "noise_on", doubtful)
+    found = blocks.measure_block(site, 0)
+    kept = encode_result(blocks.values_of(found))
+    again = blocks.restore_block(decode_result(kept), site)
+    assert again.drawn == found.drawn
+    assert encode_result(blocks.values_of(again)) == kept
+    with pytest.warns(UserWarning, match="draws 0 to 1: undecided"):
+        blocks.join_blocks(site, [again])
 
 
 def test_a_reading_whose_noise_is_not_stated_is_refused():

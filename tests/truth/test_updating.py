@@ -15,6 +15,7 @@ import middeck as md
 import middeck.updating.refinement.refine as search
 import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
+from middeck.signals.ports import Port
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
@@ -22,8 +23,11 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
+from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
 from middeck.updating.orbit.removed import removed_terms
+from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
 from middeck.updating.refinement.posterior import (
@@ -277,6 +281,35 @@ def test_where_a_budget_cannot_part_the_terms_there_are_none():
     other = dataclasses.replace(seen, settings=((TOP.parameters[0], 0.9),))
     found = refine(mast(), [other], (MODULUS,))
     assert removed_terms(found, predict_modes(found, clamped(gravity=0.0), count=3)) is None
+
+
+def test_a_draw_that_buckles_is_named_with_what_would_help():
+    """A column at 90 % of Euler's load, whose survey saw torsion alone: of its bending the prior is all."""
+    bending = Unknown(name="bending", parameters=("member.mast.EI_y", "member.mast.EI_z"), spread=0.1)
+    floating = modes_of(mast(mass=11.0), clamped(gravity=0.0))
+    torsion = [k for k, name in enumerate(floating.name) if "torsion" in name]
+    found = refine(mast(mass=11.0), [survey_of(floating, TIGHT, chosen=torsion[:1])], (bending,))
+    assert found.estimate.x_std[0] > 0.09
+
+    def build_nothing(modes: Modes) -> Plant:
+        kept, force, angle = 3, Port("force", "N"), Port("way", "m")
+        none = np.zeros((kept, 1))
+        modal = ModalSystem(
+            omega=modes.omega[:kept], zeta=np.full(kept, 0.01), psi=none, phi=none.T, phi_rate=none.T,
+            names=tuple(modes.name[:kept]),
+        )  # fmt: skip
+        return Plant(dynamics=modal, inputs=(force,), outputs=(angle,))
+
+    def drawn(spread_of: Refined) -> DrawnPlants:
+        return draw_plants(
+            spread_of, clamped(), build_nothing, draws=40, rng=np.random.default_rng(0), loop=LoopSpread()
+        )
+
+    with pytest.raises(NumericalError, match=r"draw \d+ of 40, ") as refused:
+        drawn(found)
+    assert refused.value.hint == "narrower spreads of the unknowns that the surveys do not see"
+    narrow = dataclasses.replace(bending, spread=0.01)
+    assert len(drawn(refine(found.structure, [c.survey for c in found.compared], (narrow,))).plants) == 40
 
 
 def test_measured_damping_goes_with_the_shape():

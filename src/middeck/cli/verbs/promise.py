@@ -148,7 +148,9 @@ def _measured(
             digests,
             ledger,
             workers=workers,
-            progress=lambda p: say(f"{p.done} of {p.total} blocks of draws, {left_words(p.remaining_s)}"),
+            progress=lambda p: say(
+                f"{p.done} of {p.total} blocks of draws; {left_words(p.remaining_s) or 'the rest'}"
+            ),
         )
 
 
