@@ -166,6 +166,25 @@ def test_a_promise_and_a_study_name_the_files_of_components(tmp_path, component,
     assert "part.npz" in dict(load_study(tmp_path / "own/study.toml").inputs)
 
 
+def test_a_study_hashes_what_the_cards_of_a_component_include(tmp_path, component, capfd):
+    """A changed include is another article, as a changed deck is."""
+    assert middeck(capfd, "new", tmp_path / "own").code == 0
+    own = tmp_path / "own"
+    write_external(own / "part", component)
+    (own / "part.pch").rename(own / "inner.pch")
+    (own / "part.pch").write_text("INCLUDE 'inner.pch'\n")
+    with (own / "article.toml").open("a") as text:
+        text.write(
+            '[[component]]\nname = "part"\nfile = "part.op4"\ncards = ["part.pch"]\nunits = "m-kg-s-N"\n'
+            'nodes = { 1 = "n1", 2 = "n2" }\n'
+        )
+    first = dict(load_study(own / "study.toml").inputs)
+    assert {"part.op4", "part.pch", "inner.pch"} <= set(first)
+    with (own / "inner.pch").open("a") as text:
+        text.write("$\n")
+    assert dict(load_study(own / "study.toml").inputs)["inner.pch"] != first["inner.pch"]
+
+
 def test_an_article_finds_its_component_beside_itself(tmp_path, component, capfd):
     write_component(tmp_path / "part.npz", component)
     path = with_positions(article(tmp_path), component.positions[1])
@@ -184,6 +203,21 @@ def test_an_article_finds_its_component_beside_itself(tmp_path, component, capfd
     assert out.names[0] == "m x"
     assert np.abs(out.rest).max() < 1e-12
     assert out.modes.shape == (6, len(modes.omega))
+
+
+def test_modes_writes_the_points_inside_a_component(tmp_path, component, capfd):
+    write_component(tmp_path / "part.npz", component)
+    path = with_positions(article(tmp_path), component.positions[1])
+    file = tmp_path / "shapes.json"
+    ended = middeck(capfd, "modes", path, "--environment", "orbit", "--count", "9", "-o", file)
+    assert ended.code == 0
+    found = md.load_measured_modes(file)
+    modes = md.solve_modes(md.solve_equilibrium(md.load_structure(path), md.Environment.orbit()))
+    rows = [i for i, node in enumerate(found.node) if node == "m"]
+    assert [found.direction[i] for i in rows] == ["x", "y", "z", "rx", "ry", "rz"]
+    true = md.structure.recover_outputs(modes, "part").modes[:, 6:9]
+    signs = np.sign(np.sum(found.shape[rows] * true, axis=0))
+    np.testing.assert_allclose(found.shape[rows] * signs, true, atol=1e-6 * np.abs(true).max())
 
 
 def test_recovered_motion_is_that_of_the_whole():
@@ -383,6 +417,29 @@ def test_a_file_in_other_units(tmp_path, component, ending):
     (found,) = md.load_structure(path).components
     for key in ("positions", "stiffness", "mass", "damping", "recovery"):
         np.testing.assert_allclose(getattr(found, key), getattr(component, key), rtol=1e-12, err_msg=key)
+
+
+def test_outputs_in_other_units_are_what_they_are_not_what_they_are_called(tmp_path, component):
+    """A stress along x was taken for a length; one that is no motion as one body must state its kind."""
+    stress = np.vstack([1e3 * component.stiffness[0], component.recovery[0], component.recovery[5]])
+    names = ("stress x", "tip", "way z")
+    write_component(
+        tmp_path / "part.npz", dataclasses.replace(component, outputs=names, recovery=stress, damping=None)
+    )
+    path = with_positions(article(tmp_path), 1e-3 * component.positions[1])
+    path.write_text(path.read_text().replace('"part.npz"', '"part.npz"\nunits = "mm-t-s"'))
+    with pytest.raises(ConfigError, match="of what kind is its output 'stress x'"):
+        md.load_structure(path)
+    arrays = dict(np.load(tmp_path / "part.npz"))
+    np.savez(tmp_path / "part.npz", **arrays, kinds=["stress", "length", "angle"])
+    (found,) = md.load_structure(path).components
+    step = np.ones(len(component.stiffness))
+    step[[0, 1, 2, 6, 7, 8]] = 1e3  # a coordinate of the file per metre
+    by_hand = np.array([1e6, 1e-3, 1.0])[:, None] * stress * step  # 1 t/(mm s^2) = 1e6 Pa
+    np.testing.assert_allclose(found.recovery, by_hand, rtol=1e-12)
+    np.savez(tmp_path / "part.npz", **arrays, kinds=["stress", "length"])
+    with pytest.raises(ConfigError, match="2 kinds of outputs"):
+        md.load_structure(path)
 
 
 @pytest.mark.parametrize("form", [1, 2])

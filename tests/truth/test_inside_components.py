@@ -11,7 +11,13 @@ from reduced import bent_beam, with_component
 from scipy.spatial.transform import Rotation
 
 from middeck.errors import ConfigError
-from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, drawn_at, measure_modes
+from middeck.structure.correlation.measured_modes import (
+    AXES,
+    MeasuredModes,
+    channels_inside,
+    drawn_at,
+    measure_modes,
+)
 from middeck.structure.correlation.placing import place_channels
 from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
@@ -61,6 +67,13 @@ def test_a_point_inside_moves_as_in_the_whole_article(both: tuple[Modes, Modes])
     np.testing.assert_allclose(reduced.frequency_hz, whole.frequency_hz, rtol=1e-6)
     sign = np.sign(np.sum(whole.shape * reduced.shape, axis=0))
     np.testing.assert_allclose(reduced.shape * sign, whole.shape, atol=1e-5 * np.abs(whole.shape).max())
+
+
+def test_shapes_that_are_written_have_the_points_inside(both: tuple[Modes, Modes]) -> None:
+    whole, reduced = both
+    at = channels_inside(reduced.equilibrium.model)
+    assert at == [("m", way) for way in AXES]
+    assert channels_inside(whole.equilibrium.model) == []
 
 
 def test_so_it_does_where_the_article_has_turned() -> None:

@@ -9,11 +9,13 @@ from typing import Any, cast
 from middeck.errors import ConfigError
 from middeck.files.articles.build import build_structure
 from middeck.files.articles.checks import article_findings
+from middeck.files.articles.components import PUNCHED
 from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names, hanging_names, node_names, wheel_names
 from middeck.files.disk import looks
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment, joint_findings
+from middeck.files.nastran.deck.deck_lines import Lines
 from middeck.files.toml.faults import Fault, finding, nearest, raise_faults
 from middeck.files.toml.form import Form
 from middeck.files.toml.overrides import Target, apply_overrides
@@ -35,9 +37,14 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
 
 
 def article_files(path: str | Path) -> tuple[Path, ...]:
-    """The file of an article, and those of its components."""
-    parts = read_source(path, looks.ARTICLE).data.get("component", ())
-    return (Path(path), *(Path(path).parent / f for c in parts for f in (c["file"], *c.get("cards", ()))))
+    """The file of an article, those of its components, and what their cards include."""
+    found = [Path(path)]
+    for part in read_source(path, looks.ARTICLE).data.get("component", ()):
+        matrices, *cards = (Path(path).parent / f for f in (part["file"], *part.get("cards", ())))
+        held = matrices.suffix in PUNCHED
+        found += [] if held else [matrices]
+        found += (f for card in ([matrices] if held else []) + cards for f in Lines(card).files)
+    return tuple(dict.fromkeys(found))
 
 
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:

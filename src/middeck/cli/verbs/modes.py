@@ -84,14 +84,15 @@ def verb(
 
 
 def _write_shapes(modes: md.Modes, count: int, file: str) -> None:
-    """Motions of the nodes alone: a universal file has no place for the angle of a joint."""
-    from middeck.structure.correlation.measured_modes import AXES, measure_modes
+    """Motions of nodes, inside components too: a universal file has no place for the angle of a joint."""
+    from middeck.structure.correlation.measured_modes import AXES, channels_inside, measure_modes
 
     if modes.equilibrium.environment.spins:
         hint = "an environment whose wheels stand still"
         raise ConfigError("shapes of modes that whirl are not written yet", where=file, hint=hint)
     structure = modes.equilibrium.model.structure
     at = [(node.name, way) for node in structure.nodes for way in AXES]
+    at += channels_inside(modes.equilibrium.model)
     flexible = [i for i, kind in enumerate(modes.kind[:count]) if kind != "rigid"]
     md.files.write_measured_modes(file, measure_modes(modes, at, chosen=flexible), structure)
 

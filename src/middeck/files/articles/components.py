@@ -13,12 +13,16 @@ import numpy as np
 from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.files.articles.component_form import ComponentForm
 from middeck.files.disk.atomic import replacing
-from middeck.structure.model.component import Component, require_component
+from middeck.structure.model.component import Component, require_component, rigid_vectors
 
 SCHEMA = "middeck.component/1"
+# Endings of files of cards that may hold matrices, punched.
+PUNCHED = (".pch", ".dat", ".bdf", ".nas")
 OPTIONAL = ("damping", "present", "outputs", "recovery")
 # Names by which others may have them.
 ALSO = {"K": "stiffness", "M": "mass", "B": "damping", "C": "damping"}
+# How far what a motion as one body gives may be off for an output that is a shift or a turn.
+AS_BODY = 1e-6
 HINT = "stiffness, mass, grids and positions; middeck reduce writes them"
 
 
@@ -152,16 +156,32 @@ def build_component(form: ComponentForm, folder: Path) -> Component:
     )
 
 
-def _in_si(part: Component, text: str) -> Component:
-    """The component of a file in other units; outputs along x, y and z are lengths."""
+def _in_si(part: Component, text: str, kinds: Sequence[str]) -> Component:
+    """The component of a file in other units; ``kinds`` of its outputs where the file states them."""
     from middeck.files.nastran.deck.units import parse_units
 
     units = parse_units(text)
     step = np.ones(len(part.stiffness))
     step[: 6 * len(part.grids)].reshape(-1, 6)[:, :3] = 1.0 / units.length
     energy = units.mass * units.length**2 / units.time**2 * np.outer(step, step)
-    lengths = [x[-2:] in (" x", " y", " z") and "turn about" not in x for x in part.outputs]
-    out = np.where(lengths, units.length, 1.0)
+    sizes = {
+        "length": units.length,
+        "angle": 1.0,
+        "number": 1.0,
+        "force": units.mass * units.length / units.time**2,
+        "moment": units.mass * units.length**2 / units.time**2,
+        "stress": units.mass / units.length / units.time**2,
+    }
+    found = kinds or _kinds(part)
+    odd = [name for name, kind in zip(part.outputs, found, strict=False) if kind not in sizes]
+    if odd or len(found) != len(part.outputs):
+        what = f"of what kind is its output {odd[0]!r}" if odd else f"{len(found)} kinds of outputs"
+        raise ConfigError(
+            f"{what}? {text} does not say how it becomes SI",
+            where=f"component {part.name!r}",
+            hint=f"an array kinds in its file, one text an output of {', '.join(sizes)}; or a file in SI",
+        )
+    out = np.array([sizes[kind] for kind in found])
     return dataclasses.replace(
         part,
         positions=units.length * part.positions,
@@ -170,6 +190,20 @@ def _in_si(part: Component, text: str) -> Component:
         damping=None if part.damping is None else energy * units.time * part.damping,
         recovery=None if part.recovery is None else np.outer(out, step) * part.recovery,
     )
+
+
+def _kinds(part: Component) -> list[str]:
+    """Of outputs that follow the component as one body as shifts and turns do; "" of all others."""
+    if part.recovery is None:
+        return []
+    body = part.recovery @ rigid_vectors(part.positions, len(part.stiffness))
+    size = np.abs(part.positions).max() or 1.0
+    shifts = np.abs(np.abs(body[:, :3]).max(axis=1) - 1.0) < AS_BODY  # along one axis, whatever its place
+    shifts &= np.abs(np.abs(body[:, :3]).sum(axis=1) - 1.0) < AS_BODY
+    turns = np.abs(body[:, :3]).max(axis=1) * size < AS_BODY
+    turns &= np.abs(np.abs(body[:, 3:]).max(axis=1) - 1.0) < AS_BODY
+    turns &= np.abs(np.abs(body[:, 3:]).sum(axis=1) - 1.0) < AS_BODY
+    return ["length" if s else "angle" if t else "" for s, t in zip(shifts, turns, strict=True)]
 
 
 def _read(form: ComponentForm, folder: Path) -> Component:
@@ -185,7 +219,7 @@ def _read(form: ComponentForm, folder: Path) -> Component:
                 hint="leave them out",
             )
         part = load_component(path)
-        return _in_si(part, form.units) if form.units else part
+        return _in_si(part, form.units, _names(_arrays(path).get("kinds", []))) if form.units else part
     if form.units is None:
         raise ConfigError(
             "matrices of another program do not state their units",
@@ -193,7 +227,7 @@ def _read(form: ComponentForm, folder: Path) -> Component:
             hint='such as units = "mm-kg-s-mN"',
         )
     # Cards alone may hold the matrices, punched.
-    punched = path.suffix in (".pch", ".dat", ".bdf", ".nas")
+    punched = path.suffix in PUNCHED
     cards = [*([path] if punched else []), *(folder / card for card in form.cards)]
     return read_external(
         cards, None if punched else path, parse_units(form.units), number=form.superelement, name=form.name

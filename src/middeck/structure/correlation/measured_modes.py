@@ -14,6 +14,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import PosePoints, pose_jacobian
+from middeck.structure.model.component import WAYS
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.modes.results.component_outputs import drawn_inside, motions_inside, points_inside
 from middeck.structure.modes.solve import Modes
@@ -203,6 +204,18 @@ def every_channel(model: Model) -> list[tuple[str, str]]:
     joints = [j for j, free in zip(model.structure.joints, moving, strict=True) if free]
     nodes = [(n.name, d) for n in model.structure.nodes for d in AXES]
     return nodes + [(j.name, TRAVEL if j.slides else ANGLE) for j in joints]
+
+
+def channels_inside(model: Model) -> list[tuple[str, str]]:
+    """Shifts of every point inside components, and its turns where they are outputs."""
+    parts = model.structure.components
+    return [
+        (name, way)
+        for name, (k, point) in points_inside(model).items()
+        for three in (slice(0, 3), slice(3, 6))
+        if {f"{point.name} {w}" for w in WAYS[three]} <= set(parts[k].outputs)
+        for way in AXES[three]
+    ]
 
 
 def straight_channels(

@@ -80,6 +80,7 @@ class Lines:
         lines: Without comments, blank ones and ENDDATA.
         begins: Places of the lines that begin bulk data.
         ended: Whether there is an ENDDATA.
+        files: All that were read, the deck first.
     """
 
     def __init__(self, deck: Path) -> None:
@@ -87,6 +88,7 @@ class Lines:
         self.lines: list[Line] = []
         self.begins: list[int] = []
         self.ended = False
+        self.files: list[Path] = []
         self._absent: list[Fault] = []
         self._read(deck, ())
         if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):
@@ -99,6 +101,7 @@ class Lines:
 
     def _read(self, path: Path, within: tuple[Path, ...]) -> None:
         """Append the lines of ``path`` and of what it includes."""
+        self.files.append(path)
         file, number, texts, lines = str(path), 0, text_of(path).split("\n"), self.lines
         while number < len(texts) and not self.ended:
             text = texts[number]
