@@ -224,6 +224,13 @@ def test_a_subcase_of_a_superelement_holds_nothing_here(tmp_path, of):
     assert not convert(write(tmp_path, "SPC1,5,4,1", case=["SUBCASE 1", of, "SPC = 5"])).holds
 
 
+def test_a_range_of_one_is_one(tmp_path):
+    one = convert(write(tmp_path, "SPC1,5,4,1,THRU,1", case=["SPC = 5"]))
+    assert [(c["node"], c["about"]) for c in one.environment["clamp"]] == [("g1", "x")]
+    with pytest.raises(ConfigError, match="4 THRU 1 in a list of grids"):
+        convert(write(tmp_path, "SPC1,5,4,4,THRU,1", case=["SPC = 5"]))
+
+
 def test_only_selected_clamps_are_converted(tmp_path):
     """PS holds in any case; SPC where case control selects it, once, at grids of its own."""
     cards = ["SPC1,5,4,1", "SPC1,6,13,1,THRU,4", "GRID,8,,0.,9.,,,2"]

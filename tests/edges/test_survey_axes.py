@@ -97,6 +97,7 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
         (system(4, 3, EYE), 4, 1, "coordinate axes .* unknown kind"),
         (system(4, 0, 2.0 * TURNED), 1, 4, "displacement axes"),
         (system(4, 0, -EYE), 1, 4, "displacement axes"),
+        (system(4, 0, 1e200 * EYE), 1, 4, "displacement axes"),
         ("", 6, 1, "not in data set 2420"),
     ],
 )

@@ -192,7 +192,8 @@ class _Systems:
                 label, kind = lines.whole(2)
                 lines.line()
                 matrix = np.array([lines.real(3, 25, 3) for _ in range(4)])
-                square = np.abs(matrix[:3] @ matrix[:3].T - np.eye(3)).max() < AXES_OFF
+                with np.errstate(over="ignore", invalid="ignore"):  # a damaged exponent
+                    square = np.abs(matrix[:3] @ matrix[:3].T - np.eye(3)).max() < AXES_OFF
                 self.read[label] = System("RCS"[kind] if kind in (0, 1, 2) else "", matrix[3], matrix[:3].T)
                 if not self.read[label].kind or not square or np.linalg.det(matrix[:3]) < 0.0:
                     self.odd.add(label)

@@ -70,15 +70,16 @@ def grids_of(entry: Entry, faults: list[Fault]) -> list[int]:
 
 
 def expand(entry: Entry, texts: list[str], key: str, faults: list[Fault]) -> list[int]:
-    """A list of grids in which ``a THRU b`` stands for all from a to b."""
+    """A list of grids in which ``a THRU b`` stands for all from a to b, which may be one."""
     found: list[int] = []
     through = False
     for text in texts:
         number = integer(text)
         if text == "THRU" and found and not through:
             through = True
-        elif number is None or number <= 0 or (through and not 0 < number - found[-1] <= 100_000):
-            faults.append(entry.fault(f"{text!r} in a list of grids", key))
+        elif number is None or number <= 0 or (through and not 0 <= number - found[-1] <= 100_000):
+            what = f"{found[-1]} THRU {text}" if through else repr(text)
+            faults.append(entry.fault(f"{what} in a list of grids", key))
             return []
         elif through:
             found += range(found[-1] + 1, number + 1)
