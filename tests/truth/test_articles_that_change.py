@@ -70,3 +70,21 @@ def test_play_is_told(of, campaign):
             warnings = fit_record(record, states=6, sampled=False).warnings
             assert any("direction of motion" in line for line in warnings) == told, (seed, warnings)
             assert told or not any("deviation" in line for line in warnings)
+
+
+def test_outputs_interpolated_between_samples_are_told(campaign):
+    """By half a sample: constants 44 to 300 deviations off, one in ten in silence."""
+    for seed in campaign(24, 4):
+        record = shaken_at(random_plant(np.random.default_rng([83, seed])), seed)
+        y = 0.5 * (record.y[:, :, 1:] + record.y[:, :, :-1])
+        fit = fit_record(dataclasses.replace(record, u=record.u[:, :, :-1], y=y), states=6)
+        assert any("no stated" in line or "poles beyond" in line for line in fit.warnings), fit.warnings
+
+
+def test_a_mode_that_lacks_is_told_though_little_is_left(campaign):
+    """States for two modes of three, the third of a fiftieth of their size."""
+    for seed in campaign(24, 4):
+        hz, zeta, phi, delay_s = random_plant(np.random.default_rng([84, seed]))
+        record = shaken_at((hz, zeta, phi * [1.0, 0.02, 1.0], delay_s), seed)
+        assert any("follows the inputs" in line for line in fit_record(record, states=4).warnings)
+        assert not any("deviation" in line for line in fit_record(record, states=6).warnings)

@@ -44,8 +44,8 @@ Heard = Complex[np.ndarray, "output line part"]
 # it makes the modes doubtful.
 LEFT, MUCH = 0.05, 0.1
 # Deviations of a correlation with the inputs, and of a delay's step, above which what is left is no noise:
-# chance makes the largest of 1e4 four.
-TOLD, STEPS = 6.0, 5.0
+# chance makes the largest of 1e4 four; and above which little that is left tells of a mode that lacks.
+TOLD, STEPS, CLEARLY_TOLD = 6.0, 5.0, 8.0
 # Deviations by which an output leads that are no chance.
 LEADS = 6.0
 # Of rates the constants are complex, which their unit tells.
@@ -138,7 +138,7 @@ def causes_of(
                 "deviations of noise): a range that was changed, or an article that changes; no stated "
                 "deviation holds"
             )
-        elif told[o] > TOLD and left[o] > (0.0 if at_once[o] else MUCH):
+        elif told[o] > (TOLD if at_once[o] or left[o] > MUCH else CLEARLY_TOLD):
             found.append(
                 f"output {port.name}: what the fit leaves still follows the inputs ({told[o]:.0f} standard "
                 f"deviations of noise), so that it is no noise: {at_once[o]}more states, a delay, "
