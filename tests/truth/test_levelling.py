@@ -115,6 +115,17 @@ def test_an_article_that_moved_without_strain_is_fitted_exactly():
     assert found == pytest.approx(turned, abs=1e-13)  # rounding of positions of 30 m
 
 
+def test_a_twisted_article_that_turned_over_is_fitted_as_one():
+    """Frames short of half a turn and beyond it are turned alike, not by opposite angles."""
+    model = solve_equilibrium(dumbbell(), cables("ab")).model
+    drawn, about = model.rest, np.array([1.0, 0.0, 0.0])
+    over, twists = rotation_exp(np.pi * about), 0.02 * (drawn.x[:, 0] - 1.0)
+    twisted = np.array([rotation_exp(twist * about) for twist in twists]) @ drawn.R
+    fit = fit_rotation(model, drawn, Configuration(drawn.x, twisted, drawn.angle))
+    found = fit_rotation(model, drawn, Configuration(drawn.x @ over.T, over @ twisted, drawn.angle))
+    assert found == pytest.approx(over @ fit, abs=1e-12)  # rounding of logarithms
+
+
 def test_a_beam_that_sags_evenly_is_level():
     """Its ends turn by opposite angles, which the fit takes the mean of."""
     hangs = estimate_attitude(solve_equilibrium(dumbbell(), cables("ab")))

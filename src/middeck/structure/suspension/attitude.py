@@ -106,19 +106,21 @@ def _angle(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> float:
 def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Float[np.ndarray, "3 3"]:
     """Rotation of the rigid body at ``start`` that fits ``end`` best, errors weighed by mass (Gauss-Newton).
 
-    The error of a frame is its displacement and rotation vector from where the rigid body has it.
+    The error of a frame is its displacement and rotation vector from where the rigid body has it. From the
+    mean of their turns: from none, those to both sides of 180 deg would cancel out.
     """
     M = mass_matrix(model, start)
     T = rigid_columns(model.tree, start, np.zeros(3))
     rigid = T.T @ (M @ T)
-    fit, p = np.eye(3), np.zeros(3)
+    U, _, Vt = np.linalg.svd(np.einsum("fij,fkj->ik", end.R, start.R))
+    fit, p = U * [1.0, 1.0, np.linalg.det(U @ Vt)] @ Vt, np.zeros(3)
     for _ in range(FIT_ITERATIONS):
         # In the axes of the rigid body, so that the mass is that of the start.
         x = (end.x - p) @ fit - start.x
         turn = np.array([rotation_log(fit.T @ b @ a.T) for a, b in zip(start.R, end.R, strict=True)])
         error = np.zeros(model.tree.size)
         error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
-        # Masses in one line have no inertia about it: they do not say how it is turned, so that it is not.
+        # Masses in one line have no inertia about it, and do not say how it is turned: the mean does.
         step = np.linalg.lstsq(rigid, T.T @ (M @ error), rcond=FLAT**2)[0]
         p = p + fit @ step[:3]
         fit = fit @ rotation_exp(step[3:])

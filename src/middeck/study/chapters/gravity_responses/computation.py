@@ -16,6 +16,7 @@ from middeck.values import record
 LINES = 600  # logarithmic, for the models' curves
 DELAY_FROM_HZ = 5.0  # the phase gap is read above this frequency
 LONGEST_S = 0.5  # delays that are tried
+AS_GOOD = 0.95  # of the most power in phase: coarse lines, or one mode, have as much with a turn more
 ERROR_BAND_HZ = (0.3, 30.0)
 
 
@@ -73,7 +74,8 @@ def compute(study: Study, rng: np.random.Generator) -> GravityResponses:
 def phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray | None:
     """Weighted least squares of the phase lag on omega, through the origin; lines count by their power.
 
-    About the delay with which most of the power is in phase: in a deep zero the phase cannot be unwrapped.
+    About the shortest delay with which most of the power is in phase: in a deep zero the phase cannot be
+    unwrapped.
     """
     lines = measured.frequency_hz > DELAY_FROM_HZ
     if not lines.any():
@@ -81,9 +83,11 @@ def phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray | None:
     omega = 2.0 * np.pi * measured.frequency_hz[lines]
     H, G = measured.H[lines, :, 0], evaluate_plant(model, measured.frequency_hz[lines]).H[:, :, 0]
     turn, weight = np.exp(1j * np.angle(H * G.conj())), np.abs(H) ** 2
-    tried = np.arange(-LONGEST_S, LONGEST_S, 1.0 / omega[-1])
-    in_phase = np.real(np.exp(1j * np.outer(tried, omega)) @ (weight * turn))
-    near = tried[np.argmax(in_phase, axis=0)]
+    tried = np.arange(-LONGEST_S, LONGEST_S, 0.5 / omega[-1])
+    in_phase = np.array([np.real(np.exp(1j * omega * t) @ (weight * turn)) for t in tried])
+    beside = np.pad(in_phase, ((1, 1), (0, 0)), constant_values=-np.inf)
+    tops = in_phase >= np.maximum(AS_GOOD * in_phase.max(axis=0), np.maximum(beside[:-2], beside[2:]))
+    near = tried[np.argmin(np.where(tops, np.abs(tried)[:, None], np.inf), axis=0)]
     left = np.angle(turn * np.exp(1j * np.outer(omega, near)))
     return near - (weight * left * omega[:, None]).sum(axis=0) / (weight * omega[:, None] ** 2).sum(axis=0)
 
