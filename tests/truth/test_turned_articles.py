@@ -85,7 +85,7 @@ def test_a_path_ends_in_orbit_at_the_partners_of_a_comparison(turn):
 
 
 def rolled(roll: float) -> ModeComparison:
-    """Lumped masses on a thin beam, without inertia about it, drawn rolled from how it hangs on two springs."""
+    """Lumped masses on a thin beam, without inertia about it, drawn rolled from how it hangs on springs."""
     R, places = (
         rotation_exp(np.array([roll, 0.0, 0.0])),
         {n: (0.6 * k, 0.0, 0.0) for k, n in enumerate("abcd")},
@@ -102,7 +102,7 @@ def rolled(roll: float) -> ModeComparison:
 
 
 def test_masses_in_one_line_roll_as_their_frames_do():
-    """Their inertia says nothing of the roll, which swaps bendings: ratios 1.29 and 0.82 for 1.06 and 1.00."""
+    """Their inertia says nothing of the roll, which swaps bendings: 1.29 and 0.82 for 1.06 and 1.00."""
     level, turned = rolled(0.0), rolled(0.8)
     assert turned.pairs.tolist() == level.pairs.tolist()
     assert turned.ratio == pytest.approx(level.ratio, rel=1e-6)
