@@ -161,6 +161,24 @@ def test_draws_differ_as_their_articles_do():
     assert np.corrcoef(alone.db, exact)[0, 1] > 0.4
 
 
+@pytest.mark.parametrize(
+    ("articles", "noise", "count"),
+    [(0.58, [1e-2] * 99 + [6.3], 1000), (0.16, [0.32] * 39, 2), (0.3, [0.2] * 39, 2)],
+)
+def test_no_noise_makes_draws_agree(articles, noise, count):
+    """One noisy draw of a hundred, and noise told from two records that is twice what articles differ by."""
+    rng, noise = np.random.default_rng(7), np.array(noise)
+    made = []
+    for _ in range(60):
+        db = articles * rng.standard_normal(len(noise)) + noise * rng.standard_normal(len(noise))
+        told = noise**2 * rng.chisquare(count - 1, len(noise)) / (count - 1)
+        nothing = np.zeros((len(noise), 1))
+        one = Slipped(db=db, variance=told, travel=nothing, sticks=nothing[:, 0] == 0.0)
+        made.append(np.std(join_slips([{None: one}])[None].db, ddof=1) / articles)
+    assert np.quantile(made, 0.05) > 0.7
+    assert 0.9 < np.median(made) < 2.0
+
+
 def delayed_brake() -> tuple[Plant, Compensator]:
     """An oscillator of 1 rad/s, braked by a filtered rate 0.3 s late: at 10 rad/s the brake drives."""
     plant = delay_plant(

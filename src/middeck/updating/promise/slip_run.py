@@ -36,6 +36,8 @@ from middeck.values import record
 
 RECORDS, ALONE = 2, 16
 """Records of each draw, under other noise each: with a compensator, and without, where friction does most."""
+TRIED = 400
+"""Variances that are weighed, evenly up to four times what draws have."""
 MOST = 15_000_000
 """Numbers of responses, or samples, that are held at once."""
 
@@ -212,14 +214,39 @@ def _as_articles_differ(found: Slipped) -> Slipped:
     """Draws nearer to their mean by the variance of their simulation (Louis 1984, J. Am. Stat. Assoc. 79).
 
     Each is the article's decibels and an error of its own records: left in, that widens every interval.
+    Where draws of one linear performance slip alike, that is narrowed with the rest.
     """
     held = np.isfinite(found.db)
     if np.count_nonzero(held) < 2:
         return found
-    mean, spread = float(np.mean(found.db[held])), float(np.var(found.db[held], ddof=1))
-    noise = float(np.mean(found.variance[held]))
-    part = np.sqrt(1.0 - noise / spread) if noise < spread else 0.0
-    return dataclasses.replace(found, db=np.where(held, mean + part * (found.db - mean), np.inf))
+    db, noise = found.db[held], found.variance[held]
+    spread = _spread_of_articles(db, noise)
+    if spread == 0.0:
+        return found
+    weight = 1.0 / (spread + noise)
+    mean = float(weight @ db / weight.sum())
+    made = np.full(len(held), np.inf)
+    made[held] = mean + np.sqrt(spread * weight) * (db - mean)
+    return dataclasses.replace(found, db=made)
+
+
+def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray, " draw"]) -> float:
+    """Expected variance of what articles differ by, all being as likely before: zero only where ``db`` agree.
+
+    A difference of moments is zero, and all intervals with it, wherever chance makes the spread less than the
+    noise (Morris 1983, J. Am. Stat. Assoc. 78). A noise told from few records errs to either side: by
+    simulation the spread comes out right where noise is small, and up to 1.8 times too wide where it is twice
+    what articles differ by.
+    """
+    tried = np.linspace(0.0, 4.0, TRIED)[1:, None] * np.var(db, ddof=1)
+    if not np.any(tried):
+        return 0.0
+    weight = 1.0 / (tried + noise)
+    every = weight.sum(axis=1)
+    off = db - (weight @ db / every)[:, None]
+    likely = 0.5 * (np.log(weight).sum(axis=1) - np.log(every) - np.sum(weight * off**2, axis=1))
+    part = np.exp(likely - likely.max())
+    return float(part @ tried[:, 0] / part.sum())
 
 
 def _mean_square(
