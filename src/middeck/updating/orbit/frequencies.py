@@ -152,8 +152,8 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
 
 def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> np.ndarray:
     """Deviation of ln f by an umbilical of which all frequencies to ``umbilical_hz`` are as likely."""
-    structure = modes.equilibrium.model.structure
-    if not structure.attach_points or np.any(modes.equilibrium.environment.gravity):
+    structure, place = modes.equilibrium.model.structure, modes.equilibrium.environment
+    if not structure.attach_points or place.clamps or np.any(place.gravity):
         return np.zeros(len(index))
     point = umbilical_point(structure).name
     motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]

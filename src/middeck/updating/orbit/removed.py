@@ -33,7 +33,8 @@ def removed_terms(refined: Refined, predicted: Prediction) -> Removed | None:
     """Terms that modes without gravity and suspension do not have any more.
 
     None where there is nothing that a budget could part: gravity or devices in the promised environment, no
-    survey of the article in the same configuration and clamps, or rounding beside a stiff member.
+    survey of the article in the same configuration and clamps with as many modes, or rounding beside a stiff
+    member.
     """
     orbit = predicted.modes
     for survey in (c.survey for c in refined.compared):
@@ -45,6 +46,8 @@ def removed_terms(refined: Refined, predicted: Prediction) -> Removed | None:
         except (ConfigError, NumericalError):
             continue
         row = {int(i): k for k, i in enumerate(found.pairs[:, 0])}
+        if not set(predicted.index.tolist()) <= set(row):
+            continue
         at = [row[int(i)] for i in predicted.index]
         return Removed(survey=survey.name, share_hz=found.share_hz[at], unclear=np.isin(at, found.doubtful))
     return None
