@@ -21,7 +21,7 @@ from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.ticks.simulate_rig import BLOCK, cut_blocks, simulate_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
-from middeck.systems.poles.stability import is_stable
+from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import stream
 from middeck.systems.state_space.feedback import feedback
