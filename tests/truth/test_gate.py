@@ -147,7 +147,8 @@ def test_a_loop_that_is_not_decided_is_not_passed():
     ):
         with np.errstate(all="ignore"):
             step = examine_package(gain_package(-1.0), {"loud": one_port(overflows)}, ANY).steps[-1]
-        assert (step.passed, "must not contain infs" in step.said) == (False, True), step.said
+        assert not step.passed
+        assert step.said.startswith("not decided: ")
 
 
 def test_the_linear_law_is_the_package_within_its_limits():

@@ -17,14 +17,12 @@ EPILOG = """\
 Examples:
   middeck outcome data/virtual-survey/promise.json \\
     data/virtual-survey/outcome.toml -o comparison.json
-  middeck outcome data/virtual-survey/promise.json \\
-    data/virtual-survey/outcome.toml --json
   middeck outcome comparison.json
 """
 
 
 @click.command("outcome", cls=options.Verb, epilog=EPILOG)
-@click.argument("files", nargs=-1, required=True, metavar="{PROMISE.json OUTCOME | COMPARISON.json...}")
+@click.argument("files", nargs=-1, required=True, metavar="PROMISE OUTCOME | COMPARISON...")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed comparison.")
 @figures.figure
