@@ -40,24 +40,7 @@ mass_kg = 25.0
 size_m = 0.1
 cg_m = [0.0, 0.05, 0.0]
 inertia_kg_m2 = [0.9, 1.2, 0.9]
-[[node]]
-name = "foot"
-x_m = 0.4
-mass_kg = 0.4
-inertia_kg_m2 = [0.0004, 0.0004, 0.0004]
-[[node]]
-name = "left"
-x_m = -0.2
-z_m = 0.35
-mass_kg = 0.4
-inertia_kg_m2 = [0.0004, 0.0004, 0.0004]
-[[node]]
-name = "right"
-x_m = -0.2
-z_m = -0.35
-mass_kg = 0.4
-inertia_kg_m2 = [0.0004, 0.0004, 0.0004]
-[[node]]
+$feet[[node]]
 name = "top"
 x_m = 0.0
 y_m = 1.6
@@ -75,6 +58,11 @@ offsets_m = [[0.0, $above, 0.0], [0.0, $above, 0.0], [0.0, $above, 0.0]]
     f'[[strut]]\nsection = "leg"\nfrom = "{a}"\nto = "{b}"\n'
     for a in ("base", "top")
     for b in ("foot", "left", "right")
+)
+FEET = "".join(
+    f'[[node]]\nname = "{name}"\nx_m = {x}\nz_m = {z}\nmass_kg = 0.4\n'
+    "inertia_kg_m2 = [0.0004, 0.0004, 0.0004]\n"
+    for name, x, z in (("foot", 0.4, 0.0), ("left", -0.2, 0.35), ("right", -0.2, -0.35))
 )
 GRAVITY = """
 schema = 1
@@ -129,7 +117,7 @@ levels = 2
 
 def written(folder: Path, lab: str, above: float) -> Path:
     """The mast and a laboratory; it hangs from points ``above`` its feet [m]."""
-    (folder / "mast.toml").write_text(MAST.replace("$above", str(above)))
+    (folder / "mast.toml").write_text(MAST.replace("$above", str(above)).replace("$feet", FEET))
     (folder / "lab.toml").write_text(GRAVITY + LABS[lab])
     (folder / "orbit.toml").write_text('schema = 1\nname = "orbit"\n')
     (folder / "study.toml").write_text(CONTROL)

@@ -76,6 +76,29 @@ FOLDED = 0.004
 CLEAR, NOTHING = 8.0, 1e-9
 
 
+# What the first score of an output that passes its limit says of it.
+OF_DIRECTION = (
+    "what the fit leaves goes by the direction of motion ({:.0f} deviations of noise): play, backlash or dry "
+    "friction; no stated deviation holds; excite more, or take the play out"
+)
+OF_DELAY = (
+    "its delay is not the same throughout the record ({:.0f} standard deviations of noise): samples lost or "
+    "repeated, two runs joined, a clock that drifts, or an article that changes; no stated deviation holds"
+)
+OF_GAIN = (
+    "its gain is not the same throughout the record ({:.0f} deviations of noise): a range that was changed, "
+    "or an article that changes; no stated deviation holds"
+)
+OF_INPUTS = (
+    "what the fit leaves still follows the inputs ({:.0f} standard deviations of noise), so that it is no "
+    "noise: {}more states, a delay, feedback{} or a fault of the record; no stated deviation holds"
+)
+OF_LEAD = (
+    "it leads its input by {:.0f} deviations, as no article does: feedback, an input recorded late{}, or "
+    "modes the model lacks; no stated deviation holds"
+)
+
+
 def causes_of(
     record: Record,
     data: Data,
@@ -120,36 +143,16 @@ def causes_of(
     for o, port in enumerate(record.outputs):
         if port.name in named:
             continue
-        if play[o] > max(STEPS, moved[o], scaled[o]):
-            found.append(
-                f"output {port.name}: what the fit leaves goes by the direction of motion ({play[o]:.0f} "
-                "deviations of noise): play, backlash or dry friction; no stated deviation holds; excite "
-                "more, or take the play out"
-            )
-        elif moved[o] > STEPS:
-            found.append(
-                f"output {port.name}: its delay is not the same throughout the record ({moved[o]:.0f} "
-                "standard deviations of noise): samples lost or repeated, two runs joined, a clock that "
-                "drifts, or an article that changes; no stated deviation holds"
-            )
-        elif scaled[o] > STEPS:
-            found.append(
-                f"output {port.name}: its gain is not the same throughout the record ({scaled[o]:.0f} "
-                "deviations of noise): a range that was changed, or an article that changes; no stated "
-                "deviation holds"
-            )
-        elif told[o] > (TOLD if at_once[o] or left[o] > MUCH else CLEARLY_TOLD):
-            found.append(
-                f"output {port.name}: what the fit leaves still follows the inputs ({told[o]:.0f} standard "
-                f"deviations of noise), so that it is no noise: {at_once[o]}more states, a delay, "
-                f"feedback{unknown[o]} or a fault of the record; no stated deviation holds"
-            )
-        elif leads[o]:
-            found.append(
-                f"output {port.name}: it leads its input by {lead[o]:.0f} deviations, as no article does: "
-                f"feedback, an input recorded late{unknown[o]}, or modes the model lacks; no stated "
-                "deviation holds"
-            )
+        enough = TOLD if at_once[o] or left[o] > MUCH else CLEARLY_TOLD
+        scores = (
+            (play[o] > max(STEPS, moved[o], scaled[o]), OF_DIRECTION.format(play[o])),
+            (moved[o] > STEPS, OF_DELAY.format(moved[o])),
+            (scaled[o] > STEPS, OF_GAIN.format(scaled[o])),
+            (told[o] > enough, OF_INPUTS.format(told[o], at_once[o], unknown[o])),
+            (leads[o], OF_LEAD.format(lead[o], unknown[o])),
+        )
+        what = next((text for is_cause, text in scores if is_cause), "")
+        found += [f"output {port.name}: {what}"] if what else []
     return found
 
 

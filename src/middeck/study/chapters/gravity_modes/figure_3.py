@@ -74,6 +74,7 @@ def figure_3(comparison: ModeComparison) -> Figure:
         figure.suptitle("; ".join(titles.values()), fontsize=9.0)
     _name_parts(grid[0, 0], comparison.orbit.equilibrium.model, looks[0])
     _show_all(grid, looks[0].falls, LABELS * size)
+    _label_outside(grid)
     _one_scale(grid)
     return figure
 
@@ -100,7 +101,9 @@ def _panels(extent: np.ndarray, looks: tuple[Look, Look]) -> tuple[Figure, np.nd
     if height <= TALL * across:
         figure = new_figure(WIDE_IN)
         return figure, figure.subplots(2, 2)
-    figure = new_figure(min(TALLEST_IN, AROUND_IN + WIDTH_IN * height / max(2.0 * across, 0.1 * height)))
+    wide = 2.0 * across / WIDTH_IN  # metres an inch; a mast in one line has none
+    room = TALLEST_IN - AROUND_IN
+    figure = new_figure(AROUND_IN + (room if height > wide * room else height / wide))
     return figure, figure.subplots(1, 4).reshape(2, 2)
 
 
@@ -128,6 +131,10 @@ def _show_all(grid: np.ndarray, falls: bool, labels: float) -> None:
         for k, axes in enumerate(row):
             axes.set_ylim(*((high, low) if falls else (low, high)))
             axes.tick_params(axis="y", labelleft=k == 0)
+
+
+def _label_outside(grid: np.ndarray) -> None:
+    """Labels where panels that share an axis do not have them beside or below."""
     if _rows(grid) == 2:
         for axes in grid[0]:
             axes.set_xlabel("")

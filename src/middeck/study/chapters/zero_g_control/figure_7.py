@@ -42,7 +42,7 @@ FIGURE_7B = (
 def figure_7(control: ZeroGControl, curves: tuple[Curve, ...], title: str) -> Figure:
     """Some sub-models over authority, and below them where their 1-g loops are unstable."""
     figure = new_figure(4.4)
-    curves = tuple(curve for curve in curves if curve.which in dict(control.sweeps))
+    curves = _swept(control, curves)
     lab = [curve for curve in curves if curve.environment == "lab"]
     performance, strip = figure.subplots(2, 1, sharex=True, height_ratios=[9.0, 0.55 + 0.45 * len(lab)])
     draw_performance(performance, control, curves)
@@ -56,10 +56,15 @@ figure_7a = partial(figure_7, curves=FIGURE_7A, title="0-g controllers on the fu
 figure_7b = partial(figure_7, curves=FIGURE_7B, title="0-g controllers on the flexible modes alone")
 
 
+def _swept(control: ZeroGControl, curves: tuple[Curve, ...]) -> tuple[Curve, ...]:
+    """Those of sub-models that the article has."""
+    swept = dict(control.sweeps)
+    return tuple(curve for curve in curves if curve.which in swept)
+
+
 def draw_performance(axes: Axes, control: ZeroGControl, curves: tuple[Curve, ...] = FIGURE_7A) -> None:
     """Decibels of every stable loop, and a line with the mode's name where the 1-g loop is first unstable."""
-    sweeps = dict(control.sweeps)
-    curves = tuple(curve for curve in curves if curve.which in sweeps)
+    sweeps, curves = dict(control.sweeps), _swept(control, curves)
     for curve in curves:
         sweep = sweeps[curve.which].sweep
         row = sweep.plants.index(curve.environment)
