@@ -304,13 +304,12 @@ def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
         "without_friction_db": [few(level(friction.without_db, share)) for share in LEVELS],
         "stable_while_sticking": float(np.mean(friction.sticks)),
         "travel_over_slip_angle": {
-            name: float(f"{travel:.{TRAVEL_DIGITS}g}")
-            for name, travel in zip(names, friction.travel, strict=True)
+            name: few(travel, TRAVEL_DIGITS) for name, travel in zip(names, friction.travel, strict=True)
         },
         "simulation_error_db": few(friction.error_db),
     }
 
 
-def few(value: float) -> float | None:
+def few(value: float, digits: int = DIGITS) -> float | None:
     """``value`` to the digits that are promised; None for what is not finite."""
-    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None
