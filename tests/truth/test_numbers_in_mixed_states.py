@@ -20,6 +20,7 @@ from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, delay_plant
+from repeats import repeats
 
 IN_BAND = Performance(np.ones(1), np.eye(1), (0.01, 5.0))
 TOLD = 1e-3
@@ -92,3 +93,16 @@ def test_no_number_that_rounding_moves_is_silent(name: str, campaign) -> None:
             assert found == pytest.approx(own, abs=TOLD), (seed, condition)
             known += 1
     assert known > 0 < wrong
+
+
+@pytest.mark.parametrize("seed", repeats(range(1, 41, 2), 4))
+def test_the_rms_under_a_sampled_law_in_mixed_states_is_right(seed: int) -> None:
+    """Powers of a matrix in mixed states are differences of large numbers: the rms was wrong by 6e-4,
+    at 1e6 sometimes infinite."""
+    rng = np.random.default_rng([78, seed])
+    plant, law = _loop(rng, free=0)
+    mixed = dataclasses.replace(law, dynamics=_mixed(law.system, 1e5, rng))
+    own, found = (
+        measure_sampled_loop(plant, emulate(one, PERIOD_S), WEIGHTS, 1.0).rms for one in (law, mixed)
+    )
+    assert found == pytest.approx(own, rel=5e-5)
