@@ -25,7 +25,7 @@ from middeck.files.toml.form import (
 )
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
-from middeck.systems.plants.standard_sweep import Dispersion
+from middeck.systems.plants.dispersed_frequencies import Dispersion
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.plan import Ladder, Plan
 from middeck.updating.promise.slip import JointSlip

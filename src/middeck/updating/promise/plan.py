@@ -17,8 +17,8 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.sensors_and_actuators import RATE
+from middeck.systems.plants.dispersed_frequencies import Dispersion
 from middeck.systems.plants.plant import Plant, group_ports, select_ports
-from middeck.systems.plants.standard_sweep import Dispersion
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.slip import JointSlip
 from middeck.values import record
