@@ -1,4 +1,4 @@
-"""One evaluation of the fit from small Gram matrices: the numbers of a QR factorisation at a part of its cost.
+"""One evaluation of the fit from small Gram matrices: the numbers of a QR factorisation with less work.
 
 All columns and slopes of an output are real combinations of few functions (`factors`). Their inner products
 need the Gram matrices of these functions only, one for each weight, as sums over the lines (`cauchy`). Normal
