@@ -87,7 +87,7 @@ class Plan:
     def __post_init__(self) -> None:
         if not self.environments or not (self.laws or self.ladder):
             what = "environment" if not self.environments else "compensator"
-            raise ConfigError(f"no {what}", where="promise", hint="one at least")
+            raise ConfigError(f"no {what}", where="promise", hint="at least one")
         if self.band_hz is not None and not 0.0 <= self.band_hz[0] < self.band_hz[1] < np.inf:
             raise ConfigError(f"a band of {self.band_hz} Hz", where="promise", hint="0 <= low < high")
         for what, given, names in (
