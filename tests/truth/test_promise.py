@@ -13,6 +13,7 @@ from scipy.signal import tf2ss
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD, sheet
 
+from middeck.campaign.confidence_of_draws import probability_interval
 from middeck.campaign.encoding import decode_result, encode_result
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -31,7 +32,6 @@ from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise import blocks
-from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.promise.outlook import LoopNoise, Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst

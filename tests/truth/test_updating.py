@@ -512,7 +512,7 @@ def test_intervals_hold_where_surveys_know_less_than_they_state(first: int):
     ("unknowns", "what"),
     [
         ([], "no unknown"),
-        ([MODULUS, MODULUS], "two are called 'modulus'"),
+        ([MODULUS, MODULUS], "the name 'modulus' is given twice"),
         ([Unknown(name="a", parameters=("members.F",), spread=0.1)], "no parameter 'members.F'"),
         (
             [Unknown(name="a", parameters=("environment.bounce_hz",), spread=0.1)],

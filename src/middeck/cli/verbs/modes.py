@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from middeck.structure.plants.whirl_modes import GyroscopicModes
     from middeck.structure.summary.summary import Summary
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck modes articles/mace-simple.toml --figure modes.html -o shapes.unv
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
@@ -31,7 +29,7 @@ OF_MODES = (
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
 
 
-@click.command("modes", cls=options.Verb, epilog=EPILOG)
+@click.command("modes", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
 @figures.mode_shapes

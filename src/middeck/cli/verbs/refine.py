@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from middeck.updating.refinement.findable_unknowns import Choice
     from middeck.updating.refinement.refine import Refined
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck refine articles/mace-simple.toml \\
     data/virtual-survey/refine.toml
   middeck refine articles/mace-simple.toml \\
@@ -27,7 +25,7 @@ Examples:
 """
 
 
-@click.command("refine", cls=options.Verb, epilog=EPILOG)
+@click.command("refine", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.argument("refinement", metavar="REFINEMENT")
 @click.option(

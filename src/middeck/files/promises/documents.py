@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from middeck import __version__
+from middeck.campaign.confidence_of_draws import draws_needed, level
 from middeck.files.disk.digest import sha256_of
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import PROMISE
@@ -20,7 +21,6 @@ from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.orbit.removed import removed_terms
 from middeck.updating.orbit.shapes import promised_shapes
-from middeck.updating.promise.confidence import draws_needed, level
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.promise.performance_bound import RobustBound

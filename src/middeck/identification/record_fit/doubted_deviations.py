@@ -1,19 +1,15 @@
-"""Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
+"""Tests of the residual of a record's fit: whether its standard deviations hold, or a fault of the record.
 
-What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
-no part of the record asks for another delay, gain, frequency or damping than the rest, and the direction of
-motion does not matter. Otherwise faults of the record are sought.
+If the model is right, the residual is noise: uncorrelated with the inputs (Ljung 1999, sec. 16.6), and no
+part of the record asks for another delay, gain, frequency or damping than the rest.
 
-Noise of sensors, and forces that the inputs do not make, do not know how large the response is. Blows that
-scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large: with the
-residual whitened, the score of a variance that grows with the response (Breusch and Pagan 1979) tells, its
-denominator that of Koenker (1981), so that heavy tails of the noise do not count.
+Blows that scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large.
+The whitened residual is therefore tested for a variance that grows with the response (Breusch and Pagan
+1979), studentised (Koenker 1981) against heavy tails of the noise. Short noise of an input, such as that of a
+blow under its window, causes free motion that fades with the response; where it is known, both scores leave
+it out.
 
-Noise of an input that is short, as that of a blow under its window, is heard as free motion: it fades as the
-response does, and asks for a delay of its own. Where it is known, what it makes is left out of both scores.
-
-A continuous fit takes inputs as band-limited between samples. That a blow is not, its own spectrum tells: a
-filter leaves nothing of it at half the rate, where an unfiltered pulse of a few samples has some per cent.
+A continuous fit assumes band-limited inputs; the spectrum of a blow at half the rate shows if it was not.
 """
 
 from __future__ import annotations

@@ -23,8 +23,7 @@ from middeck.structure.plants.sensors_and_actuators import input_rows, output_ro
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative
-from middeck.structure.sensitivity.rest import move_rest
-from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes, perturbed_rest
+from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
 from middeck.structure.sensitivity.softened import soften_modes
 from middeck.values import record
 
@@ -64,16 +63,11 @@ def differentiate_plant(
     unknown port, and `NumericalError` where the rest state has no derivative.
     """
     count = min(count, len(modes.omega))
-    softer = soften_modes(modes, count, "derivatives of a plant")
-    moved = move_rest(softer.rest, softer.parameters(parameters))
-    perturbed = [perturbed_rest(softer.rest, moved, p) for p in range(len(parameters))]
-    changes = differentiate_shapes(softer.modes, parameters, perturbed, moved.ties, count)
-    found = (
-        _of_parameter(softer.modes, at, change, inputs, outputs, count)
-        for at, change in zip(perturbed, changes, strict=True)
-    )
+    softer, article = soften_modes(modes, count, "derivatives of a plant")
+    changes = differentiate_shapes(softer, article, parameters, count)
     return tuple(
-        _scaled(one, float(scale)) for one, scale in zip(found, softer.scales(parameters), strict=True)
+        _scaled(_of_parameter(softer, at, change, inputs, outputs, count), float(scale))
+        for (at, change), scale in zip(changes, article.scales(parameters), strict=True)
     )
 
 

@@ -456,11 +456,11 @@ def _check_names(
     surveys: Sequence[Survey], statics: Sequence[StaticTest], unknowns: Sequence[Unknown]
 ) -> None:
     if not surveys and not statics:
-        raise ConfigError("no survey and no static test", where="refinement", hint="one of either at least")
+        raise ConfigError("no survey and no static test", where="refinement", hint="at least one of them")
     if not unknowns:
-        raise ConfigError("no unknown", where="refinement", hint="one at least")
+        raise ConfigError("no unknown", where="refinement", hint="at least one")
     for what, given in (("survey", surveys), ("static test", statics), ("unknown", unknowns)):
         names = [g.name for g in given]
         twice = [n for n in names if names.count(n) > 1]
         if twice:
-            raise ConfigError(f"two are called {twice[0]!r}", where=what, hint="a name for each")
+            raise ConfigError(f"the name {twice[0]!r} is given twice", where=what, hint="a name for each")
