@@ -32,6 +32,10 @@ from middeck.values import record
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
+# Of a measured shape: parts of it that are known no better are not told by the channels.
+TOLD = 0.25
+# Shapes that differ by less than this part of themselves at all channels are one to rounding.
+SAME = 1e-10
 
 
 @record(kw_only=True)
@@ -205,8 +209,9 @@ def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:
 def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What each measured shape has of each paired mode, one of its own, and the deviations of that.
 
-    Of all modes where the test has more channels than modes, else of neighbours alone; nothing of others, and
-    no deviation, where it has too few channels for these too.
+    Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
+    deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
+    tell nothing, however many there are.
     """
     count, measured = len(pairs), survey.measured
     c, c_std = np.eye(count), np.zeros((count, count))
@@ -215,17 +220,29 @@ def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarr
     shape, std = _real_shapes(measured), _shape_std(modes, measured)
     near = _neighbours(modes, pairs) | np.eye(count, dtype=bool)
     for k, a in enumerate(pairs[:, 1]):
-        own = np.arange(count) if channels > count else np.flatnonzero(near[k])
-        if channels <= len(own):
-            continue
         weight = 1.0 / std[:, a]
-        Q, R = np.linalg.qr(weight[:, None] * basis[:, own])
-        inverse = np.linalg.inv(R)
-        found = inverse @ (Q.T @ (weight * shape[:, a]))
-        scale = found[own == k][0]
-        c[k, own] = found / scale
-        c_std[k, own] = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
+        for own in (np.arange(count), np.flatnonzero(near[k])):
+            part = _parts(weight[:, None] * basis[:, own], weight * shape[:, a], own == k)
+            if part is not None and part[1][near[k, own]].max() <= TOLD:
+                c[k, own], c_std[k, own] = part
+                break
     return c, c_std
+
+
+def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """What ``shape`` has of each column of ``basis``, of ``one`` of them 1, and the deviations of that.
+
+    None where the rows of both, of unit deviation, do not tell the columns apart.
+    """
+    if len(basis) <= basis.shape[1]:
+        return None
+    Q, R = np.linalg.qr(basis)
+    if not 1.0 / np.linalg.cond(R / np.linalg.norm(R, axis=0)) > SAME:
+        return None
+    inverse = np.linalg.inv(R)
+    found = inverse @ (Q.T @ shape)
+    scale = found[one][0]
+    return found / scale, np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
 
 
 def _real_shapes(measured: MeasuredModes) -> np.ndarray:
