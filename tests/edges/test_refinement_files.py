@@ -269,3 +269,73 @@ def test_a_promise_is_of_loops_or_of_loads(capfd: pytest.CaptureFixture[str]):
     ended = middeck(capfd, "promise", ARTICLE)
     assert ended.code == 2
     assert "neither a plan nor load cases" in ended.err
+
+
+DAMPED = """
+damping_error = 0.1
+
+[[survey]]
+name = "stand"
+modes = "mace-simple-lab.json"
+damping_std = 0.05
+
+[[unknown]]
+name = "modulus"
+parameters = ["members.E"]
+spread = 0.1
+
+[[unknown]]
+name = "strain"
+parameters = ["damping.flexible"]
+spread = 0.5
+
+[[unknown]]
+name = "suspension"
+parameters = ["damping.suspension"]
+spread = 0.5
+"""
+
+
+def damped(folder: Path, **changed: str) -> Path:
+    """A refinement of damping; the article's bending has 1 % and so has the survey's."""
+    text = DAMPED
+    for old, new in changed.items():
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "refine.toml").write_text('schema = "middeck.refinement/1"\n' + text)
+    (folder / "mace-simple-lab.json").write_bytes((SURVEY / "mace-simple-lab.json").read_bytes())
+    return folder / "refine.toml"
+
+
+def test_the_verb_refines_damping_and_says_how_well_it_knows_it(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """Eight ratios of 5 % each: a ratio known to 2 % or so, and to the model's error of each mode."""
+    file = damped(tmp_path)
+    document = json.loads(middeck(capfd, "refine", ARTICLE, file, "--json").out)
+    strain, suspension = document["unknowns"][1:]
+    assert abs(strain["x"]) < 3.0 * strain["std"] < 0.3
+    assert suspension["std"] == pytest.approx(suspension["spread"], rel=1e-6)
+    assert "the tests say nothing about suspension" in document["warnings"]
+    assert document["model_error"].keys() == {"suspension", "flexible", "damping"}
+    (told,) = document["damping"]
+    np.testing.assert_allclose(told["measured"], 0.01)
+    np.testing.assert_allclose(told["deviation"], 0.0005)
+    assert 0.0 < max(document["predicted"]["damping_deviation"]) < 0.003
+    shown = middeck(capfd, "refine", ARTICLE, file, "-o", tmp_path / "refined.toml").out
+    assert "damping in survey stand" in shown
+    assert "1.00 +- 0." in shown
+    refined = load_structure(tmp_path / "refined.toml").damping
+    assert refined.flexible == pytest.approx(0.01 * np.exp(strain["x"]))
+
+
+def test_damping_that_cannot_be_is_told_with_its_place(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    for changed, what in (
+        ({"damping_error = 0.1": "damping_error = 0.0"}, "must be > 0"),
+        ({"damping_std = 0.05": "damping_std = -0.05"}, "refine.toml:8"),
+        ({"damping_std = 0.05": ""}, "how well it knows its damping"),
+        ({"damping.flexible": "damping.flexibel"}, "damping.flexible"),
+    ):
+        ended = middeck(capfd, "refine", ARTICLE, damped(tmp_path, **changed))
+        assert ended.code in (ConfigError.exit_code, DataError.exit_code)
+        assert what in ended.err

@@ -21,7 +21,7 @@ from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.refinement.posterior import USUAL
-from middeck.updating.refinement.refine import USUAL_STATIC
+from middeck.updating.refinement.refine import USUAL_DAMPING, USUAL_STATIC
 from middeck.updating.residuals.fitted_survey import survey_from_fit
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import Survey
@@ -39,6 +39,7 @@ class SurveyForm(Form):
     modes: str
     environment: str = "lab"
     frequency_std: Positive | None = None
+    damping_std: Positive | None = None
     set: dict[str, Finite] = Field(default_factory=dict)
     response: ResponseForm | None = None
     anti_resonance: Annotated[tuple[AntiResonanceForm, ...], Field(strict=False)] = ()
@@ -50,6 +51,7 @@ class RefinementForm(Form):
     schema_: Literal["middeck.refinement/1"] = Field(alias="schema")
     model_error: Positive = USUAL
     static_error: Positive = USUAL_STATIC
+    damping_error: Positive = USUAL_DAMPING
     survey: Annotated[tuple[SurveyForm, ...], Field(strict=False)] = ()
     static: Annotated[tuple[StaticForm, ...], Field(strict=False)] = ()
     unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
@@ -64,14 +66,16 @@ class Refinement:
     model_error: float
     statics: tuple[StaticTest, ...]
     static_error: float
+    damping_error: float
     files: tuple[Path, ...]
 
     @property
     def of_refine(
         self,
-    ) -> tuple[tuple[Survey, ...], tuple[Unknown, ...], float, tuple[StaticTest, ...], float]:
+    ) -> tuple[tuple[Survey, ...], tuple[Unknown, ...], float, tuple[StaticTest, ...], float, float]:
         """Arguments of `refine` and `weigh_unknowns` after the article."""
-        return self.surveys, self.unknowns, self.model_error, self.statics, self.static_error
+        errors = self.static_error, self.damping_error
+        return self.surveys, self.unknowns, self.model_error, self.statics, *errors
 
 
 def load_refinement(path: str | Path, article: str | Path) -> Refinement:
@@ -91,6 +95,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
             environment=load_setup(article, place)[1],
             settings=tuple(s.set.items()),
             frequency_std=s.frequency_std,
+            damping_std=s.damping_std,
             response=build_response(s.response, s.anti_resonance, Path(path).parent),
         )
         for s, seen, place in zip(form.survey, modes, environments, strict=True)
@@ -108,6 +113,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         model_error=form.model_error,
         statics=statics,
         static_error=form.static_error,
+        damping_error=form.damping_error,
         files=tuple(files),
     )
 

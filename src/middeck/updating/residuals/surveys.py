@@ -42,6 +42,7 @@ class Survey:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
+        damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
     """
 
@@ -50,6 +51,7 @@ class Survey:
     environment: Environment
     settings: tuple[tuple[str, float], ...] = ()
     frequency_std: float | None = None
+    damping_std: float | None = None
     response: MeasuredResponse | None = None
 
     @property
