@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 import updating_case as case
-from test_damping import SOFT, TUBE, beam, decay_ratio, mass, orbit_modes, tangent, two_bars
+from test_damping import SOFT, TUBE, beam, mass, orbit_modes, tangent, two_bars
 
 import middeck as md
 from middeck.errors import NumericalError
@@ -47,19 +47,15 @@ def test_a_mode_that_does_not_oscillate_is_refused():
 
 
 def test_two_materials_are_those_of_complex_stiffness():
-    """K_1 (1 + j eta_1) + K_2 (1 + j eta_2), modes of any distance: errors fall with the square of eta."""
+    """K_1 (1 + j eta_1) + K_2 (1 + j eta_2), to rounding of the highest modes, whatever the loss."""
     modes = orbit_modes(beam(TUBE, SOFT))
     K = tangent(modes.equilibrium)
     twice = dataclasses.replace(TUBE, EA=2 * TUBE.EA, GJ=2 * TUBE.GJ, EI_y=2 * TUBE.EI_y, EI_z=2 * TUBE.EI_z)
     K1 = tangent(solve_equilibrium(beam(twice, SOFT), Environment.orbit())) - K
-    M, flexible, errors = mass(modes), slice(6, 14), []
-    for eta in (0.1, 0.05):
-        found = solve_damped(modes, Damping(loss_factor=(("a-b", eta), ("b-c", 0.1 * eta))))
-        lam = sla.eigvals(K + 1j * eta * (K1 + 0.1 * (K - K1)), M)
-        exact = decay_ratio(lam[np.argsort(lam.real)][flexible])
-        errors.append(np.abs(found.zeta[flexible] / exact - 1.0).max())
-    assert errors[1] < 2e-3
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+    found = solve_damped(modes, Damping(loss_factor=(("a-b", 0.2), ("b-c", 0.02))))
+    lam = sla.eigvals(K + 0.2j * (K1 + 0.1 * (K - K1)), mass(modes))
+    exact = 1j * np.sqrt(lam[np.argsort(lam.real)][6:14])
+    np.testing.assert_allclose(found.s[6:14], exact, rtol=1e-6)
 
 
 def lossy_sheet(rule: str) -> Damping:

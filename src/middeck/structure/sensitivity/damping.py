@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -49,42 +50,92 @@ def differentiate_ratios(
     return zeta, slope
 
 
+class PencilSlopes(NamedTuple):
+    """Derivatives of s^2 + s C + L + j H in the lowest modes by parameters, and of rows of the shapes.
+
+    See `DampedModes`; ``stiffness`` is L + j H.
+    """
+
+    losses: Float[np.ndarray, "parameter mode mode"]
+    stiffness: Complex[np.ndarray, "parameter mode mode"]
+    rows: Float[np.ndarray, "parameter coordinate mode"]
+
+    def log_roots(
+        self,
+        s: Complex[np.ndarray, " root"],
+        shapes: Complex[np.ndarray, "mode root"],
+        losses: Float[np.ndarray, "mode mode"],
+    ) -> Complex[np.ndarray, "parameter root"]:
+        """Derivatives of ln s; zero where s is.
+
+        Of a root with its shape v, v'(2 s + C) v ds = - v'(s dC + dL) v, all being symmetric (Lancaster 1966,
+        "Lambda-matrices and vibrating systems").
+        """
+        at = np.where(s != 0.0, s, 1.0)
+        pushed = [
+            np.einsum("im,im->m", shapes, at * (dC @ shapes) + dL @ shapes)
+            for dC, dL in zip(self.losses, self.stiffness, strict=True)
+        ]
+        found = np.array(pushed).reshape(len(pushed), len(s))
+        return np.where(s != 0.0, -found / (at * steepness(at, shapes, losses)), 0.0)
+
+
+def steepness(
+    s: Complex[np.ndarray, " root"],
+    shapes: Complex[np.ndarray, "mode root"],
+    losses: Float[np.ndarray, "mode mode"],
+) -> Complex[np.ndarray, " root"]:
+    """v'(2 s + C) v of roots with their shapes."""
+    return np.einsum("im,im->m", shapes, 2.0 * s * shapes + losses @ shapes)
+
+
 def differentiate_damped(
     modes: Modes, damped: DampedModes, parameters: Sequence[Parameter]
 ) -> Complex[np.ndarray, "parameter mode"]:
     """Derivatives of ln s of complex modes, zero of rigid ones: of frequencies, and of damping.
 
-    Of a root of s^2 + s C + L with its shape v, v'(2 s + C) v ds = - v'(s dC + dL) v, C and L being symmetric
-    (Lancaster 1966, "Lambda-matrices and vibrating systems"). Raises `NumericalError` where the rest state
-    has no derivative.
+    Raises `NumericalError` where the rest state has no derivative.
     """
-    count = len(damped.s)
+    slopes = differentiate_pencil(modes, parameters, len(damped.s))
+    return slopes.log_roots(damped.s, damped.shapes, damped.losses)
+
+
+def differentiate_pencil(
+    modes: Modes, parameters: Sequence[Parameter], count: int, coordinates: Sequence[int] = ()
+) -> PencilSlopes:
+    """Of the lowest ``count`` modes, and of these coordinates of their shapes.
+
+    Raises `NumericalError` where the rest state has no derivative.
+    """
     softer = soften_modes(modes, count, "derivatives of complex modes")
     moved = move_rest(softer.rest, softer.parameters(parameters))
     perturbed = [perturbed_rest(softer.rest, moved, p) for p in range(len(parameters))]
     changes = differentiate_shapes(softer.modes, parameters, perturbed, moved.ties, count)
-    now, swings = estimate_damping(softer.modes, count=count), damped.s != 0.0
-    s, V = np.where(swings, damped.s, 1.0), damped.shapes
-    steep = np.einsum("im,im->m", V, 2.0 * s * V + damped.losses @ V) * s
-    found = []
-    for at, change, scale in zip(perturbed, changes, softer.scales(parameters), strict=True):
-        d_losses = _losses(softer.modes, now, at, change)
-        pushed = np.einsum("im,im->m", V, s * (d_losses @ V) + change.d_lambda @ V)
-        found.append(np.where(swings, -scale * pushed / steep, 0.0))
-    return np.array(found).reshape(len(parameters), count)
+    now = estimate_damping(softer.modes, count=count)
+    losses = np.zeros((len(parameters), count, count))
+    stiffness = losses.astype(complex)
+    rows = np.zeros((len(parameters), len(coordinates), count))
+    scaled = enumerate(zip(perturbed, changes, softer.scales(parameters), strict=True))
+    for p, (at, change, scale) in scaled:
+        d_losses, d_hysteresis = _losses(softer.modes, now, at, change)
+        losses[p] = scale * d_losses
+        stiffness[p] = scale * (change.d_lambda + 1j * d_hysteresis)
+        rows[p] = scale * change.d_shapes[list(coordinates)]
+    return PencilSlopes(losses, stiffness, rows)
 
 
 def _losses(
     modes: Modes, now: ModalDamping, at: Equilibrium, change: ModeSensitivity
-) -> Float[np.ndarray, "mode mode"]:
-    """Derivative of C, see `DampedModes`; ``now`` are the ratios of ``modes``."""
+) -> tuple[Float[np.ndarray, "mode mode"], Float[np.ndarray, "mode mode"]]:
+    """Derivatives of C and H, see `DampedModes`; ``now`` are the ratios of ``modes``."""
     damping, (omega, shapes) = at.model.structure.damping, _moved(modes, change)
-    slope = derivative(shared_losses(modes, at, damping, omega, shapes).astype(complex))
+    C, H = shared_losses(modes, at, damping, omega, shapes)
+    slope = derivative(C.astype(complex))
     own = np.diag(slope) + 2.0 * derivative(omega * (now.base + STEP * 1j * _base(modes, at, change)))
     for index, d_zeta in _given(modes, damping, len(omega)):
         own[index] = 2.0 * derivative(omega * (now.zeta + STEP * 1j * d_zeta))[index]
     np.fill_diagonal(slope, own)
-    return slope
+    return slope, derivative(H.astype(complex))
 
 
 def _moved(modes: Modes, change: ModeSensitivity) -> tuple[np.ndarray, np.ndarray]:

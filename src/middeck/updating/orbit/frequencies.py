@@ -18,7 +18,7 @@ from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.own_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.damping import LogRoots
+from middeck.updating.residuals.complex_roots import LogRoots, roots_of_lowest
 from middeck.updating.residuals.surveys import Compared, set_up
 from middeck.updating.unknowns.unknowns import product_slopes
 from middeck.values import record
@@ -119,7 +119,7 @@ def solve_there(
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     finer = np.diag(left_out(modes, index)) / (2.0 * lam)
-    roots = LogRoots.of_lowest(modes, there.bound, int(index[-1]) + 1) if refined.damped else None
+    roots = roots_of_lowest(modes, there.bound, int(index[-1]) + 1) if refined.damped else None
     return There(modes, index, slope, finer, roots)
 
 
@@ -211,13 +211,13 @@ def _refined_damping(
     refined: Refined, roots: LogRoots, index: np.ndarray, share: np.ndarray
 ) -> dict[str, np.ndarray]:
     """By the refined article, and by what its ratios were off on the ground, mode by mode."""
-    found, slope = refined.estimate, roots.by_log_zeta(index)
+    found, slope = refined.estimate, roots.by_log_zeta[index]
     first = 1 + share.shape[1]
     own = slice(first, first + share.shape[1])
     rows = found.root[slope.shape[1] :][own]
     alone = np.sqrt(np.maximum(1.0 - np.sum(share**2, axis=1), 0.0))
     return {
-        "damping": roots.damped.zeta[index] * np.exp(share @ found.d[own]),
+        "damping": roots.zeta[index] * np.exp(share @ found.d[own]),
         "damping_seen": np.ones(len(index)),
         "damping_spread": alone * refined.unseen[-1],
         "damping_root": slope @ found.root[: slope.shape[1]] + share @ rows,

@@ -22,10 +22,11 @@ from middeck.updating.refinement.problem import MODAL, linear_problem, sort_name
 from middeck.updating.residuals.damping import (
     ComparedDamping,
     compare_with_damping,
-    moves_damping,
+    moves_losses,
     solve_damped_near,
     states_damping,
 )
+from middeck.updating.residuals.friction import moves_friction
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
@@ -46,11 +47,11 @@ from middeck.updating.residuals.surveys import (
     set_up,
 )
 from middeck.updating.unknowns.loop_unknowns import LOOP, loop_slopes
-from middeck.updating.unknowns.unknowns import ENVIRONMENT, Unknown
+from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, Unknown
 from middeck.values import record
 
 # What begins so is no parameter of the article.
-ELSEWHERE = (ENVIRONMENT, LOOP)
+ELSEWHERE = (ENVIRONMENT, LOOP, FRICTION)
 # Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
 USUAL_STATIC, OF_READING = 0.02, 0.25
 # Of ln zeta: what loss factors and dampers make of a mode is thought likely to be off by this much.
@@ -241,8 +242,9 @@ def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
 
 
 class _At(NamedTuple):
-    """The article as every test had it, at some unknowns; complex modes where damping is refined."""
+    """The article as every test had it, at the unknowns ``x``; complex modes where damping is refined."""
 
+    x: np.ndarray
     modes: list[Modes]
     loaded: list[Loaded]
     damped: list[DampedModes | None]
@@ -258,13 +260,14 @@ class _Places(NamedTuple):
     @property
     def moves_damping(self) -> bool:
         """Whether an unknown does. Raises `ConfigError` where no survey has anything to tell of it."""
-        if not any(moves_damping(place.bound) for place in self.surveyed):
+        both = zip(self.surveys, self.surveyed, strict=True)
+        if not any(moves_losses(survey, place.bound) for survey, place in both):
             return False
         if not any(states_damping(s) or s.response is not None for s in self.surveys):
             raise ConfigError(
-                "an unknown moves damping, and no survey states a damping ratio",
+                "an unknown moves damping or friction, and no survey states a damping ratio",
                 where="refinement",
-                hint="damping with the modes of a survey, or no unknown of the article's damping",
+                hint="damping with the modes of a survey, or no unknown of damping or friction",
             )
         return True
 
@@ -275,7 +278,7 @@ class _Places(NamedTuple):
             solve_damped_near(m, s) if lossy and states_damping(s) else None
             for m, s in zip(modes, self.surveys, strict=True)
         ]
-        return _At(modes, [place.solve(x) for place in self.loaded], damped)
+        return _At(x, modes, [place.solve(x) for place in self.loaded], damped)
 
     def compare(self, at: _At, statics: Sequence[StaticTest], settled: bool) -> Tests:
         """Damping, as far as ``at`` has any, where the modes have ``settled``."""
@@ -284,10 +287,10 @@ class _Places(NamedTuple):
         for place, survey, modes, damped in zip(
             self.surveyed, self.surveys, at.modes, at.damped, strict=True
         ):
-            if damped is None or not settled:
+            if damped is None or not (settled or survey.friction):
                 compared.append(compare(modes, survey, place.bound))
             else:
-                frequencies, ratios = compare_with_damping(modes, damped, survey, place.bound)
+                frequencies, ratios = compare_with_damping(modes, damped, survey, place.bound, at.x)
                 compared.append(frequencies)
                 lossy.append(ratios)
         return Tests(tuple(compared), (), tuple(lossy), compare_statics(at.loaded, statics, self.loaded))
@@ -316,12 +319,16 @@ def _places(
     ]
     for k, unknown in enumerate(unknowns):
         heard = [s.response.ports for s in surveys if s.response is not None]
-        in_loop = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard)
-        if not in_loop and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
+        rubbed = [f for s in surveys for f in s.friction]
+        elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard) or any(
+            moves_friction(name, rubbed) for name in unknown.parameters
+        )
+        if not elsewhere and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
             raise ConfigError(
                 f"no article, environment or loop under test has a parameter {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",
-                hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response",
+                hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response, "
+                "those of friction a survey that states a joint's friction and amplitudes",
             )
     return _Places(surveyed, loaded, tuple(surveys))
 

@@ -10,20 +10,18 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, DataError
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, solve_damped
-from middeck.structure.sensitivity.damping import differentiate_damped
-from middeck.structure.sensitivity.parameters import read_parameter
+from middeck.updating.residuals.complex_roots import SPARE, LogRoots, differentiate_roots, stiffened_roots
+from middeck.updating.residuals.friction import Added, add_friction
 from middeck.updating.residuals.pairing import WINDOW, pair
 from middeck.updating.residuals.surveys import Compared, Survey, compare
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record
 
-# Modes above the highest that is asked for, which losses may mix into it.
-SPARE = 6
 # Ratios that all are a hundred times the model's, to a factor of 4, and more than 3 prior deviations off.
 PERCENT, ABOUT, BEYOND = np.log(100.0), np.log(4.0), 3.0
 
@@ -53,43 +51,9 @@ class ComparedDamping:
     frequency_hz: Float[np.ndarray, " pair"]
 
 
-@record
-class LogRoots:
-    """ln s of complex modes, its derivatives by unknowns, and what damping parameters alone have of them."""
-
-    damped: DampedModes
-    slope: Complex[np.ndarray, "mode unknown"]
-    of_damping: Complex[np.ndarray, "mode unknown"]
-
-    @staticmethod
-    def of(modes: Modes, damped: DampedModes, bound: Sequence[Bound]) -> LogRoots:
-        """Of the complex modes ``damped`` of ``modes``."""
-        both = modes.equilibrium.model.structure, modes.equilibrium.environment
-        now = [[read_parameter(*both, p) for p in b.parameters] for b in bound]
-        found = iter(differentiate_damped(modes, damped, [p for own in now for p in own]))
-        slope, of_damping = np.zeros((2, len(bound), len(damped.s)), complex)
-        for k, own in enumerate(now):
-            for parameter in own:
-                step = next(found) * (1.0 if bound[k].unknown.added else parameter.value)
-                slope[k] += step
-                of_damping[k] += step * parameter.name.startswith(DAMPING)
-        return LogRoots(damped, slope.T, of_damping.T)
-
-    @staticmethod
-    def of_lowest(modes: Modes, bound: Sequence[Bound], count: int) -> LogRoots:
-        """Of the lowest ``count`` modes, and of `SPARE` above these, which losses may mix into them."""
-        return LogRoots.of(modes, solve_damped(modes, count=count + SPARE), bound)
-
-    def by_log_zeta(self, index: Int[np.ndarray, " mode"]) -> Float[np.ndarray, "mode unknown"]:
-        """Derivatives of ln zeta: zeta is minus the cosine of the root's angle."""
-        zeta = self.damped.zeta[index]
-        steep = np.divide(np.sqrt(1.0 - zeta**2), zeta, out=np.zeros(len(zeta)), where=zeta > 0.0)
-        return steep[:, None] * np.imag(self.slope[index])
-
-
-def moves_damping(bound: Sequence[Bound]) -> bool:
-    """Whether any of the unknowns changes damping."""
-    return any(p.name.startswith(DAMPING) for b in bound for p in b.parameters)
+def moves_losses(survey: Survey, bound: Sequence[Bound]) -> bool:
+    """Whether any of the unknowns changes damping, or the survey has friction."""
+    return bool(survey.friction) or any(p.name.startswith(DAMPING) for b in bound for p in b.parameters)
 
 
 def states_damping(survey: Survey) -> bool:
@@ -98,7 +62,7 @@ def states_damping(survey: Survey) -> bool:
 
 
 def solve_damped_near(modes: Modes, survey: Survey) -> DampedModes:
-    """Complex modes of all that a measured mode may be, and of `SPARE` above these.
+    """Complex modes of all that a measured mode may be, and of `SPARE` above these, without friction.
 
     Raises `DataError` for measured ratios that are negative, or one and more.
     """
@@ -108,22 +72,43 @@ def solve_damped_near(modes: Modes, survey: Survey) -> DampedModes:
 
 
 def compare_with_damping(
-    modes: Modes, damped: DampedModes, survey: Survey, bound: Sequence[Bound]
+    modes: Modes,
+    damped: DampedModes,
+    survey: Survey,
+    bound: Sequence[Bound],
+    x: Float[np.ndarray, " unknown"],
 ) -> tuple[Compared, ComparedDamping]:
-    """`compare` with the frequencies of complex modes, and the rows of damping.
+    """`compare` with the frequencies of complex modes, and the rows of damping; the unknowns are at ``x``.
 
     ``damped`` is of `solve_damped_near`. Raises as `compare`, `DataError` for ratios in per cent, and
     `ConfigError` for deviations that are not stated and a mode to which the model gives no damping.
     """
-    roots = LogRoots.of(modes, damped, bound)
-    ours, theirs = pair(modes, survey.measured).T
+    pairs = pair(modes, survey.measured)
+    ours, theirs = pairs.T
+    added = _at_pairs(add_friction(modes, len(damped.s), survey.friction, bound, x), theirs)
+    s, shapes = stiffened_roots(damped, ours, added, modes.omega[: len(damped.s)])
     higher = np.ones(len(survey.measured.frequency_hz))
-    higher[theirs] = np.abs(damped.s[ours]) / modes.omega[ours]
-    found = compare(modes, _slower(survey, higher), bound)
-    slope, own = found.slope.copy(), found.pairs[:, 0]
-    slope[: len(own)] += np.real(roots.of_damping[own])
-    compared = dataclasses.replace(found, survey=survey, slope=slope)
+    higher[theirs] = np.abs(s) / modes.omega[ours]
+    found = compare(modes, _slower(survey, higher), bound, pairs)
+    roots = differentiate_roots(modes, damped, s, shapes, bound, added)
+    slope, residual = found.slope.copy(), found.residual.copy()
+    slope[: len(pairs)] += np.real(roots.of_losses)
+    residual[len(pairs) :] -= _mixed(found, shapes)
+    compared = dataclasses.replace(found, survey=survey, slope=slope, residual=residual)
     return compared, _rows(compared, roots, bound)
+
+
+def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:
+    return tuple(a._replace(stiffness=a.stiffness[theirs], slope=a.slope[:, theirs]) for a in added)
+
+
+def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
+    """What complex modes have of neighbours, in the rows of these."""
+    of, mode = found.rows[len(found.pairs) :].T
+    ours, theirs = found.pairs[of].T
+    hz = found.survey.measured.frequency_hz[theirs]
+    apart = 0.5 * (1.0 - (found.modes.frequency_hz[mode] / hz) ** 2)
+    return apart * np.real(shapes[mode, of] / shapes[ours, of])
 
 
 def _slower(survey: Survey, by: np.ndarray) -> Survey:
@@ -144,7 +129,7 @@ def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> Compar
     std = log_std(survey)[theirs]
     kept = std <= 1.0
     index, at = ours[kept], theirs[kept]
-    zeta = roots.damped.zeta[index]
+    zeta = roots.zeta[kept]
     if np.any(zeta <= 0.0):
         name = compared.modes.name[int(index[np.argmin(zeta)])]
         raise ConfigError(
@@ -159,10 +144,10 @@ def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> Compar
         zeta=zeta,
         residual=np.log(survey.measured.damping[at] / zeta),
         std=std[kept],
-        slope=roots.by_log_zeta(index),
-        likeness=roots.damped.likeness[index],
+        slope=roots.by_log_zeta[kept],
+        likeness=np.abs(roots.shapes[index, np.flatnonzero(kept)]) ** 2,
         left_out=tuple(theirs[~kept].tolist()),
-        frequency_hz=np.abs(roots.damped.s[ours]) / (2.0 * np.pi),
+        frequency_hz=np.abs(roots.s) / (2.0 * np.pi),
     )
     _check_per_cent(found, np.array([b.unknown.spread for b in bound]))
     return found
