@@ -339,3 +339,66 @@ def test_damping_that_cannot_be_is_told_with_its_place(tmp_path: Path, capfd: py
         ended = middeck(capfd, "refine", ARTICLE, damped(tmp_path, **changed))
         assert ended.code in (ConfigError.exit_code, DataError.exit_code)
         assert what in ended.err
+
+
+TWICE = """[[friction]]
+joint = "pri_z"
+slip_torque_nm = 1e-6
+slip_angle_deg = 1.0
+
+"""
+RUBBED = """
+[[friction]]
+joint = "pri_z"
+slip_torque_nm = 1e-6
+slip_angle_deg = 0.02
+
+[[unknown]]
+name = "slip"
+parameters = ["friction.pri_z.*"]
+spread = 0.3
+
+[[survey.amplitude]]
+joint = "pri_z"
+angle_deg = [1.5]
+"""
+
+
+def test_friction_is_read_in_degrees_and_told_in_newton_metres(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """So weak that eight modes do not tell it: it keeps what was stated, and stands in no factors."""
+    file = damped(tmp_path, **{"damping_std = 0.05": "damping_std = 0.05\n" + RUBBED})
+    (survey,) = load_refinement(file, ARTICLE).surveys
+    (stated,) = survey.friction
+    np.testing.assert_allclose(stated.amplitude, np.full(8, np.radians(1.5)))
+    assert stated.slip_angle == pytest.approx(np.radians(0.02))
+    assert not stated.random
+    document = json.loads(middeck(capfd, "refine", ARTICLE, file, "--json").out)
+    (told,) = document["friction"]
+    assert told["slip_torque_nm"] == pytest.approx(1e-6, rel=0.05)
+    assert told["slip_torque_deviation_nm"] == pytest.approx(0.3e-6, rel=0.05)
+    assert told["slip_angle_deg"] == pytest.approx(0.02, rel=0.05)
+    assert document["not_in_the_article"] == ["slip"]
+    assert any("without the friction of joints: pri_z" in said for said in document["warnings"])
+    assert "friction of joints" in middeck(capfd, "refine", ARTICLE, file).out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ('amplitude]]\njoint = "pri_z"', 'amplitude]]\njoint = "pri_y"', "did you mean 'pri_z'"),
+        ("angle_deg = [1.5]", "angle_deg = [1.5, 1.0]", "one for each measured mode"),
+        ("angle_deg = [1.5]", "angle_deg = [0.0]", "must be > 0"),
+        ("[[unknown]]", TWICE + "[[unknown]]", "given twice"),
+        ("slip_torque_nm = 1e-6", "slip_torque_nm = -1e-6", "must be > 0"),
+    ],
+)
+def test_friction_that_cannot_be_is_told_with_its_place(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, what: str
+):
+    assert old in RUBBED
+    file = damped(tmp_path, **{"damping_std = 0.05": "damping_std = 0.05\n" + RUBBED.replace(old, new, 1)})
+    ended = middeck(capfd, "refine", ARTICLE, file)
+    assert ended.code == ConfigError.exit_code
+    assert what in ended.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from middeck.updating.orbit.frequencies import Prediction
     from middeck.updating.refinement.findable_unknowns import Choice
-    from middeck.updating.refinement.refine import Refined
+    from middeck.updating.refinement.refine import Refined, RefinedFriction
     from middeck.updating.residuals.damping import ComparedDamping
 
 EPILOG = """\
@@ -123,6 +124,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             for r in refined.responses
         ],
         "damping": [_damping(d) for d in refined.damped],
+        "friction": [_friction(f) for f in refined.friction()],
         "statics": [_static(refined, k) for k in range(len(refined.statics))],
         "model_error": dict(zip(refined.sorts, found.tau, strict=True)),
         "environment": predicted.modes.equilibrium.environment.title,
@@ -191,6 +193,19 @@ def _damping(damped: ComparedDamping) -> dict[str, Any]:
     }
 
 
+def _friction(refined: RefinedFriction) -> dict[str, Any]:
+    torque, angle = refined.value.tolist()
+    torque_std, angle_std = (refined.value * refined.log_std).tolist()
+    degree = math.pi / 180.0
+    return {
+        "joint": refined.joint,
+        "slip_torque_nm": torque,
+        "slip_torque_deviation_nm": torque_std,
+        "slip_angle_deg": angle / degree,
+        "slip_angle_deviation_deg": angle_std / degree,
+    }
+
+
 def _deviation(predicted: Prediction) -> Float[ndarray, " mode"]:
     """Of the predicted damping ratios; nothing of a refined one is unseen."""
     return predicted.damping * predicted.damping_std(0.0)
@@ -256,6 +271,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         *(block for table in surveys for block in (table, "")),
         *([_response_table(document["responses"]), ""] if document["responses"] else []),
         *(block for d in document["damping"] for block in (_damping_table(d), "")),
+        *([_friction_table(document["friction"]), ""] if document["friction"] else []),
         *([_static_table(document["statics"]), ""] if document["statics"] else []),
         Table(
             f"predicted in {document['environment']}",
@@ -282,6 +298,12 @@ def _damping_table(damping: dict[str, Any]) -> Table:
     ]
     headers = ["mode", "measured [%]", "+- [%]", "refined [%]"]
     return Table(f"damping in survey {damping['survey']}", headers, rows)
+
+
+def _friction_table(joints: Sequence[dict[str, Any]]) -> Table:
+    keys = ("slip_torque_nm", "slip_torque_deviation_nm", "slip_angle_deg", "slip_angle_deviation_deg")
+    rows = [cells(j, "joint", *(f"{key}:.3g" for key in keys)) for j in joints]
+    return Table("friction of joints", ["joint", "slips at [N m]", "+-", "after [deg]", "+-"], rows)
 
 
 def _response_table(responses: Sequence[dict[str, Any]]) -> Table:

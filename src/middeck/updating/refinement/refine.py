@@ -26,7 +26,6 @@ from middeck.updating.residuals.damping import (
     solve_damped_near,
     states_damping,
 )
-from middeck.updating.residuals.friction import moves_friction
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
@@ -147,12 +146,40 @@ class Refined:
                 factors[name] = factors.get(name, 1.0) * float(np.exp(x))
         return factors
 
+    def friction(self) -> tuple[RefinedFriction, ...]:
+        """Of each joint whose friction the surveys state, in the order of their first."""
+        rows = self.estimate.root[: len(self.unknowns)]
+        stated = {f.joint: f for c in self.compared for f in c.survey.friction}
+        return tuple(
+            RefinedFriction(
+                joint=f.joint,
+                value=np.array([f.slip_torque, f.slip_angle]) * np.exp(moved @ self.x),
+                root=moved @ rows,
+            )
+            for f in stated.values()
+            for moved in [f.moved_by([u.parameters for u in self.unknowns])]
+        )
+
     @property
     def left_out(self) -> tuple[Unknown, ...]:
         """Unknowns that ``factors`` of an article cannot hold."""
         return tuple(
             u for u in self.unknowns if u.added or any(n.startswith(ELSEWHERE) for n in u.parameters)
         )
+
+
+@record(kw_only=True)
+class RefinedFriction:
+    """Slip torque [N m] and slip angle [rad] of a joint, and a root of the covariance of their logarithms."""
+
+    joint: str
+    value: Float[np.ndarray, "2"]
+    root: Float[np.ndarray, "2 both"]
+
+    @property
+    def log_std(self) -> Float[np.ndarray, "2"]:
+        """Standard deviations of the logarithms."""
+        return np.linalg.norm(self.root, axis=1)
 
 
 def refine(
@@ -321,7 +348,7 @@ def _places(
         heard = [s.response.ports for s in surveys if s.response is not None]
         rubbed = [f for s in surveys for f in s.friction]
         elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard) or any(
-            moves_friction(name, rubbed) for name in unknown.parameters
+            np.any(friction.moved_by([unknown.parameters])) for friction in rubbed
         )
         if not elsewhere and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
             raise ConfigError(

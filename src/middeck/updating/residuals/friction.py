@@ -62,6 +62,11 @@ class SurveyedFriction:
         """Names of slip torque and slip angle."""
         return f"friction.{self.joint}.{TORQUE}", f"friction.{self.joint}.{ANGLE}"
 
+    def moved_by(self, unknowns: Sequence[Sequence[str]]) -> Float[np.ndarray, "2 unknown"]:
+        """One where an unknown, by the names of its parameters, moves slip torque or angle; else zero."""
+        rows = [[any(fnmatchcase(own, p) for p in names) for names in unknowns] for own in self.parameters]
+        return np.array(rows, dtype=float).reshape(2, len(unknowns))
+
 
 class Added(NamedTuple):
     """What the friction of one joint adds in each measured mode.
@@ -77,11 +82,6 @@ class Added(NamedTuple):
     row: Float[np.ndarray, " mode"]
     stiffness: Complex[np.ndarray, " measured"]
     slope: Complex[np.ndarray, "unknown measured"]
-
-
-def moves_friction(name: str, frictions: Sequence[SurveyedFriction]) -> bool:
-    """Whether a parameter of this name, with ``*`` and ``?``, is one of these joints'."""
-    return any(fnmatchcase(own, name) for f in frictions for own in f.parameters)
 
 
 def joint_coordinate(modes: Modes, name: str) -> int:
@@ -113,10 +113,7 @@ def add_friction(
 def _added(
     modes: Modes, count: int, friction: SurveyedFriction, bound: Sequence[Bound], x: np.ndarray
 ) -> Added:
-    moved = np.array(
-        [[any(fnmatchcase(n, p) for p in b.unknown.parameters) for b in bound] for n in friction.parameters],
-        dtype=float,
-    ).reshape(2, len(bound))
+    moved = friction.moved_by([b.unknown.parameters for b in bound])
     torque, angle = np.array([friction.slip_torque, friction.slip_angle]) * np.exp(moved @ x)
     value, slopes = equivalent(friction, torque, angle)
     coordinate = joint_coordinate(modes, friction.joint)
