@@ -8,11 +8,15 @@ import lossy_case as case
 import numpy as np
 import pytest
 from scipy.integrate import quad, trapezoid
+from test_promise_friction import asked
 
 from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
+from middeck.structure.model.article import Actuator
 from middeck.structure.model.environment import Environment
 from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.promise.refined_slips import spread_refined, with_refined
+from middeck.updating.promise.slip import JointSlip, draw_slips
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.friction import SurveyedFriction, equivalent
@@ -150,3 +154,31 @@ def test_friction_that_cannot_be():
         refine(case.article(), [dataclasses.replace(survey, friction=())], [*case.UNKNOWNS, *SLIPS])
     with pytest.raises(ConfigError, match="could make it negative"):
         dataclasses.replace(SLIPS[0], added=True)
+
+
+def test_a_promise_draws_the_friction_that_was_refined():
+    """Slip torque with its deviation, drawn with the article; the plan's slip angle stays."""
+    rng = np.random.default_rng(4)
+    survey = rubbed(np.zeros(len(case.SPREAD)), np.array([0.3, 0.0]), rng, 1e-3)
+    motor = Actuator(name="motor", frame="p", axis=None)
+    article = dataclasses.replace(case.article(), actuators=(motor,))
+    found = refine(article, [survey], [*case.UNKNOWNS, SLIPS[0]])
+    stated = JointSlip(
+        name="motor", slip_torque=1.0, slip_angle=3e-4, slip_torque_tolerance=0.5, slip_angle_tolerance=0.1
+    )
+    other = dataclasses.replace(stated, name="elsewhere")
+    plan = dataclasses.replace(asked(), joints=(stated, other))
+    joints = with_refined(plan, found).joints
+    assert joints[1] == other
+    (friction,) = found.friction()
+    assert joints[0].slip_torque == friction.value[0] == pytest.approx(TORQUE * np.exp(0.3), rel=0.05)
+    assert (joints[0].slip_torque_tolerance, joints[0].slip_angle_tolerance) == (0.0, 0.1)
+    n = rng.standard_normal((4000, found.estimate.root.shape[1]))
+    slips = spread_refined(draw_slips(joints, len(n), rng), joints, found, n)
+    log = np.log(slips.slip_torque[:, 0] / joints[0].slip_torque)
+    # A deviation of 4000 is known to 1.1 %.
+    assert np.std(log) == pytest.approx(friction.log_std[0], rel=0.05)
+    np.testing.assert_allclose(slips.drawn[:, 0] * friction.log_std[0], log, atol=1e-12)
+    np.testing.assert_array_equal(np.ptp(slips.slip_angle, axis=0) > 0.0, [True, True])
+    k = len(case.UNKNOWNS)
+    np.testing.assert_allclose(log, n @ found.estimate.root[k], atol=1e-12)
