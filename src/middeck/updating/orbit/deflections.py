@@ -11,7 +11,8 @@ from middeck.errors import ConfigError
 from middeck.structure.model.article import LoadCase
 from middeck.structure.model.environment import Environment
 from middeck.updating.refinement.posterior import NORMAL_95
-from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, zero_of
+from middeck.updating.refinement.problem import MODAL, zero_of
+from middeck.updating.refinement.refine import OF_READING, USUAL_STATIC, Refined
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.static_tests import (
     ErrorFields,

@@ -147,7 +147,8 @@ class Drawing:
             error.where = f"draw {number} of {len(self.n)}, {error.where}"
             raise
         shift = mean.log_shift + mean.log_root @ n + mean.log_rest * self.alone[number]
-        zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * self.lossy[number])
+        lossy = mean.damping_root @ n + mean.damping_alone(loop.damping_std) * self.lossy[number]
+        zeta = mean.damping * np.exp(lossy)
         plant = self.build(modes)
         gains = 1.0 + loop.gain_tolerance * self.gains[number]
         gain = dict(zip(dict.fromkeys(self.sensors), gains, strict=True))

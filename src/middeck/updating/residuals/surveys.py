@@ -17,6 +17,7 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.updating.residuals.friction import SurveyedFriction
 from middeck.updating.residuals.pairing import at_channels, pair
 from middeck.updating.residuals.responses import (
     ComparedResponse,
@@ -46,7 +47,9 @@ class Survey:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
+        damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
+        friction: Of joints that were not free of it, and how far they moved.
     """
 
     name: str
@@ -54,7 +57,19 @@ class Survey:
     environment: Environment
     settings: tuple[tuple[str, float], ...] = ()
     frequency_std: float | None = None
+    damping_std: float | None = None
     response: MeasuredResponse | None = None
+    friction: tuple[SurveyedFriction, ...] = ()
+
+    def __post_init__(self) -> None:
+        modes = len(self.measured.frequency_hz)
+        for friction in self.friction:
+            if len(friction.amplitude) != modes:
+                raise ConfigError(
+                    f"{len(friction.amplitude)} amplitudes of joint {friction.joint!r} for {modes} modes",
+                    where=self.name,
+                    hint="one for each measured mode",
+                )
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
@@ -144,9 +159,17 @@ def set_up(
     return SetUp(*both, bind(unknowns, *both))
 
 
-def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
-    """Pairs, residuals and slopes. Raises `ConfigError` where nothing measured resembles any of the modes."""
-    pairs = pair(modes, survey.measured)
+def compare(
+    modes: Modes,
+    survey: Survey,
+    bound: Sequence[Bound],
+    pairs: Int[np.ndarray, "pair 2"] | None = None,
+) -> Compared:
+    """Pairs (those of `pair` where none are given), residuals and slopes.
+
+    Raises `ConfigError` where nothing measured resembles any of the modes.
+    """
+    pairs = pair(modes, survey.measured) if pairs is None else pairs
     if not len(pairs):
         raise ConfigError(
             "no measured mode resembles any of the model's",
