@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import structure_builders as build
+from middeck.errors import ConfigError
 from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
@@ -45,8 +46,13 @@ def mast(stiff: float = 1.0, heavy: float = 1.0) -> Structure:
     )
 
 
-def refined(channels: list[tuple[str, str]], count: int, repeated: float = 1.0) -> Refined:
-    """On the ``count`` lowest modes of a stiffer, heavier mast; shapes ``repeated`` times as uncertain."""
+def refined(
+    channels: list[tuple[str, str]], count: int, repeated: float = 1.0, still: float = 1.0
+) -> Refined:
+    """On the ``count`` lowest modes of a stiffer, heavier mast; shapes ``repeated`` times as uncertain.
+
+    What stands still has ``still`` times the deviation of the others.
+    """
     modes = solve_modes(solve_equilibrium(mast(1.06, 1.04), PLACE))
     noise = MeasurementNoise(1e-4, 0.01)
     read = measure_modes(modes, TOP, chosen=range(count), noise=noise, rng=np.random.default_rng(2))
@@ -58,7 +64,7 @@ def refined(channels: list[tuple[str, str]], count: int, repeated: float = 1.0) 
         node=tuple(n for n, _ in channels),
         direction=tuple(d for _, d in channels),
         shape=np.where(there, read.shape[row], 0.0),
-        shape_std=repeated * np.broadcast_to(spread, (len(channels), count)),
+        shape_std=repeated * np.where(there, 1.0, still) * spread,
         position_m=None,
     )
     return refine(mast(), [Survey(name="stand", measured=measured, environment=PLACE)], UNKNOWNS)
@@ -74,3 +80,20 @@ def test_channels_that_say_nothing_new_change_nothing(
     np.testing.assert_allclose(with_more.x, alone.x, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(with_more.estimate.x_std, alone.estimate.x_std, rtol=1e-6)
     np.testing.assert_allclose(alone.x, np.log([1.06, 1.04]), atol=4.0 * alone.estimate.x_std.max())
+
+
+def test_a_channel_without_a_deviation_leaves_the_others_theirs():
+    """A deviation in parts of the reading is zero where it is zero: 0.01 and not the usual 0.05 elsewhere."""
+    stated, without = (refined([*TOP, *FOOT], 4, still=still) for still in (1.0, 0.0))
+    np.testing.assert_allclose(without.compared[0].std, stated.compared[0].std, rtol=1e-6)
+    np.testing.assert_allclose(without.estimate.x_std, stated.estimate.x_std, rtol=1e-6)
+
+
+def test_a_frequency_without_a_deviation_is_named():
+    survey = refined(TOP, 2).compared[0].survey
+    hz = survey.measured.frequency_hz
+    measured = dataclasses.replace(survey.measured, frequency_std_hz=np.array([1e-3, 0.0]))
+    with pytest.raises(ConfigError, match=f"{hz[1]:.6g} Hz"):
+        _ = dataclasses.replace(survey, measured=measured).std
+    stated = dataclasses.replace(survey, measured=measured, frequency_std=0.002)
+    assert stated.std == pytest.approx([1e-3 / hz[0], 0.002])

@@ -73,17 +73,18 @@ class Survey:
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
-        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states it."""
+        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states one."""
         hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
-        if stated is not None and np.all(stated > 0.0):
-            return stated / hz
-        if self.frequency_std is None or not self.frequency_std > 0.0:
+        own = np.zeros(len(hz)) if stated is None else stated / hz
+        std = np.where(own > 0.0, own, self.frequency_std or 0.0)
+        if not np.all(std > 0.0):
+            first = hz[np.flatnonzero(~(std > 0.0))[0]]
             raise ConfigError(
-                "the survey does not state how well it knows its frequencies",
+                f"the survey does not state how well it knows the frequency {first:.6g} Hz",
                 where=self.name,
                 hint="frequency_std_hz with the modes, or frequency_std = 0.001 with the survey",
             )
-        return np.full(len(hz), self.frequency_std)
+        return std
 
 
 @record(kw_only=True)
@@ -275,12 +276,10 @@ def _real_shapes(measured: MeasuredModes) -> np.ndarray:
 
 
 def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """As the test states it, else `SHAPE_STD` of each mode's channels of its sort."""
-    stated = measured.shape_std
-    if stated is not None and np.all(stated > 0.0):
-        return stated
+    """As the test states it; where it states none or zero, `SHAPE_STD` of the mode's channels of its sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
-    return SHAPE_STD * np.where(rms > 0.0, rms, 1.0)
+    usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
+    return usual if stated is None else np.where(stated > 0.0, stated, usual)
 
 
 def _equation_slopes(
