@@ -63,7 +63,8 @@ def folded_power(
     """Power that sampling folds back onto lines at a ``share`` of half the rate; of white noise its variance.
 
     A slope that goes on beyond half the rate as x^-m is folded at x = 1 into x^-m + (2 - x)^-m, near it
-    2 cosh(m (1 - x)). A filter's slope steepens, so that this is an upper bound.
+    2 cosh(m (1 - x)). No bound: it is too much where a filter's slope steepens beyond half the rate, as most
+    do, and too little where it levels off, as behind a filter with a floor in its stop band.
     """
     power = 2.0 * _tapered_power(_faded(u)) / (TAPERS * len(u) * u.shape[1])
     x = np.linspace(0.0, 1.0, len(power))
