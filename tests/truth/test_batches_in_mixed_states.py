@@ -9,6 +9,7 @@ import pytest
 import scipy.linalg as sla
 from test_verdicts_in_mixed_states import _loop, _mixed
 
+from middeck.control.h2.closed_cost import Law
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.many_loops import close_many, decide_many, measure_many
 from middeck.errors import ConfigError
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.kernels
 def _together(plant: StateSpace, law: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     A, B, C, copies = plant.A, plant.B, plant.C, 4
     stacks = [np.repeat(M[None], copies, 0) for M in (A, B, C)]
-    return close_many(stacks[0], (stacks[1], stacks[1]), (stacks[2], stacks[2]), law)
+    return close_many(stacks[0], (stacks[1], stacks[1]), (stacks[2], stacks[2]), Law(law.A, law.B, law.C))
 
 
 def test_no_verdict_on_many_loops_is_silently_wrong(campaign) -> None:
@@ -32,13 +33,13 @@ def test_no_verdict_on_many_loops_is_silently_wrong(campaign) -> None:
     for seed in campaign(40, share=5):
         rng = np.random.default_rng([79, seed])
         plant, law = _loop(rng, free=0)
-        own = measure_many(*_together(plant.continuous, law.system))
+        own = measure_many(*_together(plant.system, law.system))
         for condition in (1e2, 1e4, 1e7, 1e8, 1e10, 1e12):
             for mixed_law in (False, True):
                 halves = (
-                    (plant.continuous, _mixed(law.system, condition, rng))
+                    (plant.system, _mixed(law.system, condition, rng))
                     if mixed_law
-                    else (_mixed(plant.continuous, condition, rng), law.system)
+                    else (_mixed(plant.system, condition, rng), law.system)
                 )
                 stacks = _together(*halves)
                 with warnings.catch_warnings(record=True) as heard:

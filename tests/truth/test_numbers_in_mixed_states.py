@@ -81,7 +81,7 @@ def test_no_number_that_rounding_moves_is_silent(name: str, campaign) -> None:
         for condition in (1e2, 1e3, 1e5, 1e6, 1e7):
             one, other = plant, law
             if seed % 4 != 1:
-                mixed = _mixed(plant.continuous, condition, rng)
+                mixed = _mixed(plant.system, condition, rng)
                 one = dataclasses.replace(plant, dynamics=mixed, state_names=())
             if seed % 4 != 2:
                 other = dataclasses.replace(law, dynamics=_mixed(law.system, condition, rng))
