@@ -66,7 +66,7 @@ def _judged(seed: int) -> tuple[Judged, ...]:
     drawn = draw_plants(
         refined, Environment.orbit(), partial(plant_of, asked), draws=DRAWS,
         rng=np.random.default_rng(asked.seed), loop=asked.loop, finish=partial(close_inner, asked),
-    )  # fmt: skip
+    ).plants(range(DRAWS))  # fmt: skip
     said, came = np.array([_gain(plant) for plant in drawn.plants]), _gain(case.true_plant(seed))
     half = NORMAL_95 * told.log_std
     whole = (

@@ -213,7 +213,7 @@ def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     drawn = draw_plants(
         refined, Environment.orbit(), lambda modes: plant_of(asked, modes), draws=draws,
         rng=np.random.default_rng(1), loop=LoopSpread(gain_tolerance=0.01),
-    )  # fmt: skip
+    ).plants(range(draws))  # fmt: skip
     predicted = predict_modes(refined, Environment.orbit(), count=10)
     logs = np.log([np.sort(require_modal(p).omega)[8:18] for p in drawn.plants])
     expected = np.sort(2.0 * np.pi * predicted.frequency_hz)
@@ -389,7 +389,7 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
         drawn = draw_plants(
             refined, Environment.orbit(), partial(plant_of, asked), draws=draws, rng=np.random.default_rng(2),
             loop=loop, finish=partial(close_inner, asked),
-        )  # fmt: skip
+        ).plants(range(draws))  # fmt: skip
         plants = [group_loop(asked, p, case.PD.names, case.ALL_ANGLES) for p in drawn.plants]
         stable, rms, _ = noise_on(plants, law, weights)
         np.testing.assert_array_equal(which_decay(plants, law, weights), stable & np.isfinite(rms))

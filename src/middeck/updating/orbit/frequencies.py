@@ -109,11 +109,9 @@ class There(NamedTuple):
     roots: LogRoots | None
 
 
-def solve_there(
-    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
-) -> There:
+def solve_there(refined: Refined, environment: Environment, count: int = 10) -> There:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    there = set_up(refined.structure, environment, (), refined.unknowns)
     modes = there.solve(refined.x)
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
     lam = modes.omega[index] ** 2
@@ -126,7 +124,6 @@ def solve_there(
 def predict_modes(
     refined: Refined,
     environment: Environment,
-    settings: Sequence[tuple[str, float]] = (),
     count: int = 10,
     umbilical_hz: float = CABLE_HZ,
 ) -> Prediction:
@@ -135,7 +132,7 @@ def predict_modes(
     Without gravity a weak cable may hold the article, with any frequency up to ``umbilical_hz``
     (`tie_umbilical`): intervals have what it changes.
     """
-    return predict_at(refined, solve_there(refined, environment, settings, count), umbilical_hz)
+    return predict_at(refined, solve_there(refined, environment, count), umbilical_hz)
 
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
