@@ -1,12 +1,9 @@
 """Remove the modes and sines that a fit of a record does not need.
 
-An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
-more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does
-not decay within the record and that no input moves is given up for a sine.
-
-Hum and unbalance are sines in the outputs that no input makes. A pole without damping fits one as free
-motion, its residue noise, its decay the least that the search allows. The sine itself is a linear term of
-each output and experiment, whose amplitude and phase may wander slowly (a parabola in time).
+Orders are compared after a few steps of refinement, so that a mode of the final model may be noise. It is
+removed if that shortens the description (Rissanen 1978). A pole that does not decay within the record and
+that no input drives (hum, unbalance) is replaced by a sine: a linear term of each output and experiment,
+whose amplitude and phase vary as a parabola in time.
 """
 
 from __future__ import annotations
