@@ -139,6 +139,18 @@ def test_friction_that_a_survey_does_not_see_is_named():
     assert any("say nothing about" in line and "slip angle" in line for line in findings(found))
 
 
+def test_frequencies_alone_tell_friction():
+    """Without a damping ratio the joint is as stiff as it swings little."""
+    rng = np.random.default_rng(4)
+    survey = rubbed(np.zeros(len(case.SPREAD)), np.array([0.3, -0.2]), rng, 6e-4)
+    none = np.full(case.MODES, np.nan)
+    silent = dataclasses.replace(survey.measured, damping=none, damping_std=None)
+    found = refine(case.article(), [dataclasses.replace(survey, measured=silent)], [case.UNKNOWNS[0], *SLIPS])
+    assert found.converged
+    assert np.all(np.abs(found.x[1:] - [0.3, -0.2]) < 3.0 * found.estimate.x_std[1:])
+    assert np.all(found.estimate.x_std[1:] < 0.1)
+
+
 def test_friction_that_cannot_be():
     rng = np.random.default_rng(4)
     survey = rubbed(np.zeros(len(case.SPREAD)), np.zeros(2), rng, 1e-3)

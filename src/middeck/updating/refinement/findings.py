@@ -196,7 +196,9 @@ def _of_damping(refined: Refined) -> Iterator[str]:
         )
     if joints := ", ".join(f.joint for f in refined.friction()):
         yield f"predicted modes are of the article without the friction of joints: {joints}"
-    size, known = refined.estimate.tau[-1], np.median(np.concatenate([d.std for d in refined.damped]))
+    if not several:
+        return
+    size, known = refined.estimate.tau[-1], np.median(np.concatenate([d.std for d in several]))
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     if size > ABOVE * known and errors_shown(problem, refined.estimate.tau)[-1]:
         yield (

@@ -290,11 +290,11 @@ class _Places(NamedTuple):
         both = zip(self.surveys, self.surveyed, strict=True)
         if not any(moves_losses(survey, place.bound) for survey, place in both):
             return False
-        if not any(states_damping(s) or s.response is not None for s in self.surveys):
+        if not any(states_damping(s) or s.friction or s.response is not None for s in self.surveys):
             raise ConfigError(
-                "an unknown moves damping or friction, and no survey states a damping ratio",
+                "an unknown moves damping, and no survey states a damping ratio",
                 where="refinement",
-                hint="damping with the modes of a survey, or no unknown of damping or friction",
+                hint="damping with the modes of a survey, or no unknown of damping",
             )
         return True
 
@@ -302,7 +302,7 @@ class _Places(NamedTuple):
         """Every set-up at the unknowns ``x``, its complex modes too where ``lossy``."""
         modes = [place.solve(x) for place in self.surveyed]
         damped = [
-            solve_damped_near(m, s) if lossy and states_damping(s) else None
+            solve_damped_near(m, s) if lossy and (states_damping(s) or s.friction) else None
             for m, s in zip(modes, self.surveys, strict=True)
         ]
         return _At(x, modes, [place.solve(x) for place in self.loaded], damped)
@@ -377,7 +377,8 @@ def _moved(places: _Places, x: np.ndarray, step: np.ndarray, lossy: bool) -> tup
         except (ConfigError, NumericalError):
             step = 0.5 * step
     raise NumericalError(
-        "the article has no equilibrium at the values towards which the refinement moves the unknowns",
+        "the article has no equilibrium, or a mode a damping ratio of one and more, at the values towards "
+        "which the refinement moves the unknowns",
         where="refinement",
         hint="narrower spreads, or fewer unknowns",
     )

@@ -57,7 +57,7 @@ def moves_losses(survey: Survey, bound: Sequence[Bound]) -> bool:
 
 
 def states_damping(survey: Survey) -> bool:
-    """Whether any of its modes has a damping ratio."""
+    """Whether any of its modes has a damping ratio; frequencies tell friction without."""
     return bool(np.any(np.nan_to_num(survey.measured.damping) != 0.0))
 
 
@@ -156,7 +156,7 @@ def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> Compar
 def log_std(survey: Survey) -> Float[np.ndarray, " measured"]:
     """Of ln zeta; infinite where a ratio is zero, not stated, or has no deviation beside others that have."""
     zeta, stated = np.nan_to_num(survey.measured.damping), survey.measured.damping_std
-    if stated is None and survey.damping_std is None:
+    if stated is None and survey.damping_std is None and np.any(zeta != 0.0):
         raise ConfigError(
             "the survey does not state how well it knows its damping, which an unknown moves",
             where=survey.name,

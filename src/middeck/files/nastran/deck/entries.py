@@ -42,7 +42,21 @@ SPACES = {
     **dict.fromkeys(("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4"), "mass element"),
     **dict.fromkeys(("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH"), "property"),
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
-    **{name: name for name in ["MAT1", "PMASS", "PARAM", "GRDSET", "BAROR", "BEAMOR", "EIGRL", "EIGR", "SUPORT1", "LOAD"]},
+    **{
+        name: name
+        for name in [
+            "MAT1",
+            "PMASS",
+            "PARAM",
+            "GRDSET",
+            "BAROR",
+            "BEAMOR",
+            "EIGRL",
+            "EIGR",
+            "SUPORT1",
+            "LOAD",
+        ]
+    },
 }
 WANTED = {
     "n": "must be an integer > 0",
