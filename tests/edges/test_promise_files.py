@@ -126,6 +126,22 @@ def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     assert (tmp_path / "again.json").read_bytes() == first
 
 
+def test_no_draw_of_a_loop_with_friction_is_stable(
+    promised: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    folder = with_joint(promised, tmp_path, JOINT)
+    plan = folder / "promise.toml"
+    text = plan.read_text(encoding="utf-8").replace("authority = [0.0]", "authority = [6.0]")
+    text = text.replace("delay_s = 0.010", "delay_s = 0.2").replace("tolerance_s = 0.001", "tolerance_s = 0.19")
+    plan.write_text(text, encoding="utf-8")
+    promise(folder, "promise.json")
+    (orbit,) = read_promise(folder / "promise.json")["environments"]
+    (loop,) = orbit["compensators"]
+    assert loop["probability_stable"] == 0.0
+    assert loop["travel_over_slip_angle"] == {"pri_rel_z": None}
+    assert "pri_rel_z -" in capfd.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("joint", "what"),
     [
