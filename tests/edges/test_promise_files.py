@@ -132,7 +132,9 @@ def test_no_draw_of_a_loop_with_friction_is_stable(
     folder = with_joint(promised, tmp_path, JOINT)
     plan = folder / "promise.toml"
     text = plan.read_text(encoding="utf-8").replace("authority = [0.0]", "authority = [6.0]")
-    text = text.replace("delay_s = 0.010", "delay_s = 0.2").replace("tolerance_s = 0.001", "tolerance_s = 0.19")
+    text = text.replace("delay_s = 0.010", "delay_s = 0.2").replace(
+        "tolerance_s = 0.001", "tolerance_s = 0.19"
+    )
     plan.write_text(text, encoding="utf-8")
     promise(folder, "promise.json")
     (orbit,) = read_promise(folder / "promise.json")["environments"]
