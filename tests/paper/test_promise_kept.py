@@ -76,7 +76,7 @@ def test_without_a_design_on_the_record_the_study_goes_on(kept: PromiseKept) -> 
         for one in kept.flown
     ]
     numbers = promise(dataclasses.replace(kept, flown=tuple(lost)))
-    assert routes(numbers)["measured"] == [None] * 3
+    assert set(routes(numbers)["measured"]) == {None}
     assert "unstable" in [cell for row in route_tables({"promise": numbers})[0].rows for cell in row]
 
 

@@ -96,9 +96,10 @@ def test_drawn_plants_have_the_damping_and_its_deviation(sound: Refined):
         return md.build_plant(modes, inputs=[], outputs=[], count=6 + 1 + TOLD)
 
     told = predict_modes(sound, Environment.orbit(), count=TOLD)
-    plants = draw_plants(
+    drawing = draw_plants(
         sound, Environment.orbit(), build, draws=60, rng=np.random.default_rng(3), loop=LoopSpread()
-    ).plants
+    )
+    plants = drawing.plants(range(60)).plants
     zeta = np.log([p.modal.zeta[told.index] for p in plants if p.modal is not None])
     # A deviation of 60 is known to 9 %.
     assert np.std(zeta, axis=0) / told.damping_std(0.3) == pytest.approx(1.0, abs=0.3)

@@ -11,7 +11,6 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import solve_triangular
 from middeck.control.robust.verification.batch import row_rms
 from middeck.systems.poles.stability import all_decay, growth_rates, none_grows
-from middeck.systems.poles.verdict import is_open
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import StateSpace
 
@@ -19,25 +18,17 @@ EPS = float(np.finfo(float).eps)
 TOLERATED = 1e-4
 """Relative error up to which an rms is used: a thousandth of a decibel."""
 
-UNKNOWN = 0.1
-"""Relative error of an rms from which on it proves no loop stable."""
-
 
 def measure_one(
     A: Float[np.ndarray, "state state"], B: Float[np.ndarray, "state w"], C: Float[np.ndarray, "z state"]
 ) -> tuple[bool, np.ndarray, np.ndarray, float]:
     """Stability, rms of the outputs, their errors, and the residual, as of `ManyLoops`.
 
-    Where rounding leaves stability open (`is_open`), and no error of an rms proves the loop stable, it counts
-    as unstable, with a residual of ``inf``. An output lost in the rounding of others is computed again, in
-    units of the states' rms.
+    Where an output is lost in the rounding of others it is computed anew, in units of the states' rms.
     """
-    system = StateSpace(A, B, C, np.zeros((len(C), B.shape[1])))
-    rates, lost = growth_rates(system), np.full(len(C), np.inf)
-    if (not all_decay(rates) or not B.shape[1]) and is_open(system):
-        return False, lost, lost, np.inf
+    rates = growth_rates(StateSpace(A, B, C, np.zeros((len(C), B.shape[1]))))
     if not all_decay(rates):
-        return none_grows(rates), lost, lost, np.nan
+        return none_grows(rates), np.full(len(C), np.inf), np.full(len(C), np.inf), np.nan
     if not B.shape[1]:
         return True, np.zeros(len(C)), np.zeros(len(C)), 0.0
     scale = balance(A)[1]
@@ -47,8 +38,6 @@ def measure_one(
         other = _in_units(A, B, C, unit)
         better = other[1] < error
         rms, error = np.where(better, other[0], rms), np.where(better, other[1], error)
-    if (error >= UNKNOWN).any() and is_open(system):
-        return False, lost, lost, np.inf
     return True, rms, error, residual
 
 
