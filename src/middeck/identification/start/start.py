@@ -396,14 +396,15 @@ def _at_peaks(
     tau: Float[np.ndarray, " delay"],
     explained: Float[np.ndarray, " delay"],
 ) -> float:
-    """The delay that explains most, of the highest peaks on an even grid, each climbed by Newton's method.
+    """The grid point at the peak that explains most, of the highest ones, each climbed by Newton's method.
 
     Modes of light damping are a few lines each, so that many delays suit the phases of two or three of them:
     what the grid misses of the right delay is more than what such another one leaves.
     """
     peaks = np.flatnonzero((explained >= np.roll(explained, 1)) & (explained >= np.roll(explained, -1)))
     most = max(FEWEST_PEAKS, PEAKS_TIMES_LINES // len(omega))
-    at, step = tau[peaks[np.argsort(-explained[peaks])[:most]]], tau[1] - tau[0]
+    highest, step = tau[peaks[np.argsort(-explained[peaks])[:most]]], tau[1] - tau[0]
+    at = highest
     derivatives = [products * (1j * omega[:, None]) ** order for order in range(3)]
     for _ in range(CLIMBS):
         turned = np.exp(1j * np.outer(at, omega))
@@ -411,7 +412,8 @@ def _at_peaks(
         slope, curvature = np.sum(size * rate, axis=1), np.sum(rate**2 + size * bend, axis=1)
         top = -curvature * step > np.abs(slope)  # else no peak is within a step
         at = at - np.divide(slope, curvature, out=np.zeros_like(at), where=top)
-    return _sharpened(omega, products, at)[0]
+    reached = np.sum(np.real(np.exp(1j * np.outer(at, omega)) @ products) ** 2, axis=1)
+    return float(highest[np.argmax(reached)])
 
 
 def _sharpened(
