@@ -106,6 +106,8 @@ def _farthest(
                 return np.inf
         if there.shape != here.shape:
             return np.inf
-        apart = np.subtract(there, here, out=np.zeros_like(here), where=there != here)
+        if not np.array_equal(np.isnan(there), np.isnan(here)):
+            return np.inf
+        apart = np.nan_to_num(np.subtract(there, here, out=np.zeros_like(here), where=there != here), nan=0.0)
         most = max(most, float(np.abs(apart).max()))
     return most
