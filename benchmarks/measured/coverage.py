@@ -16,11 +16,11 @@ import numpy as np
 from measured import prediction
 from measured.promise import case
 from measured.rows import miss_row
+from middeck.campaign.confidence_of_draws import level
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.plants.response import evaluate_plant
 from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.promise.confidence import level
 from middeck.updating.promise.draws import draw_plants
 from middeck.updating.promise.plan import close_inner, plant_of
 from middeck.updating.refinement.posterior import NORMAL_95
@@ -66,7 +66,7 @@ def _judged(seed: int) -> tuple[Judged, ...]:
     drawn = draw_plants(
         refined, Environment.orbit(), partial(plant_of, asked), draws=DRAWS,
         rng=np.random.default_rng(asked.seed), loop=asked.loop, finish=partial(close_inner, asked),
-    )  # fmt: skip
+    ).plants(range(DRAWS))  # fmt: skip
     said, came = np.array([_gain(plant) for plant in drawn.plants]), _gain(case.true_plant(seed))
     half = NORMAL_95 * told.log_std
     whole = (

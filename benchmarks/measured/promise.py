@@ -116,7 +116,7 @@ def _frontiers(seed: int, asked: Plan) -> list[float]:
     drawn = draw_plants(
         refined, place, partial(plant_of, asked), draws=asked.draws,
         rng=np.random.default_rng(asked.seed), loop=asked.loop, finish=partial(close_inner, asked),
-    )  # fmt: skip
+    ).plants(range(asked.draws))  # fmt: skip
     truth = case.true_plant(seed)
     sheet = md.solve_modes(md.solve_equilibrium(case.sheet()[0], place))
     models = case.modes_in_orbit(refined), sheet

@@ -23,7 +23,7 @@ from middeck.files.promises import outcomes
 from middeck.files.promises import plans as promise_plans
 from middeck.files.refinements import candidates as candidate_files
 from middeck.files.refinements import documents as refinements
-from middeck.files.refinements import gauge_form, promised_loads, response_form, unknown_form
+from middeck.files.refinements import friction_form, gauge_form, promised_loads, response_form, unknown_form
 from middeck.files.studies import form as study_form
 from middeck.files.studies import promise as study_promise
 from middeck.files.toml.form import Form, unit_of
@@ -84,6 +84,8 @@ FORMS: list[type[Form]] = [
     study_form.MirrorForm,
     refinements.RefinementForm,
     refinements.SurveyForm,
+    friction_form.FrictionForm,
+    friction_form.AmplitudeForm,
     response_form.ResponseForm,
     response_form.AntiResonanceForm,
     gauge_form.StaticForm,
@@ -140,6 +142,7 @@ def test_every_form_has_its_table():
     modules = (
         *forms,
         *studies,
+        friction_form,
         gauge_form,
         refinements,
         response_form,

@@ -86,10 +86,10 @@ def test_the_verb_ranks_and_names_the_widest(capfd: pytest.CaptureFixture[str]):
         ("[1.6, 40.0]", "[40.0, 1.6]", "a band that rises"),
         ("[1.6, 40.0]", "[4.0e4, 5.0e4]", "no mode from 40000 to 50000 Hz"),
         ("node.n3.mass", "node.n9.mass", "no parameter 'node.n9.mass'"),
-        ('name = "again"', 'name = "longer records"', "two are called 'longer records'"),
+        ('name = "again"', 'name = "longer records"', "the name 'longer records' is given twice"),
         ('name = "again"', 'name = "virtual survey"', "a test of this name has been made"),
         ('name = "again"', 'name = "again"\nenvironment = "cellar"', "no environment 'cellar'"),
-        ('environments = ["orbit"]', 'environments = ["orbit", "orbit"]', "two are called 'orbit'"),
+        ('environments = ["orbit"]', 'environments = ["orbit", "orbit"]', "the name 'orbit' is given twice"),
         ('at = "n5"', 'at = "n9"', "candidate 'two kilograms', gauge 'slope': no node 'n9'"),
         ("std_deg = 0.001", "std_m = 0.001", "of a tilt"),
         ("std_deg = 0.001", "std_deg = 0.001\nvalue_deg = 1.0", "value_deg"),
@@ -123,7 +123,7 @@ def test_candidates_that_cannot_be():
     for tests, environments, what in (
         ([], ORBIT, "no candidate"),
         ([candidate()], {}, "nothing is promised"),
-        ([candidate(), dataclasses.replace(static, name="new")], ORBIT, "two are called 'new'"),
+        ([candidate(), dataclasses.replace(static, name="new")], ORBIT, "the name 'new' is given twice"),
         ([candidate(channels=(("n9", "x"),))], ORBIT, "no node 'n9'"),
         ([candidate(channels=(("pri_x", "travel"),))], ORBIT, "no joint with a travel"),
     ):

@@ -4,6 +4,7 @@ import pytest
 
 from cli_runner import middeck
 from middeck.errors import ConfigError, MiddeckError
+from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
@@ -335,11 +336,37 @@ def test_links_and_averages_that_nothing_stands_on_are_left_out(tmp_path):
     assert {row[0] for row in made.left_out} == {"RBE3", "RBE2", "GRID"}
 
 
-@pytest.mark.parametrize("cut", ["BEGIN BULK", "GRID,4", "ENDDATA"])
-def test_a_deck_that_is_cut_off(tmp_path, cut):
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        ("BEGIN BULK", "ends here without BEGIN BULK"),
+        ("\nENDDATA", "ends within this line, without ENDDATA"),
+        ("ATA", "ends within this line, without ENDDATA"),
+    ],
+)
+def test_a_deck_that_is_cut_off(tmp_path, cut, said):
     path = write(tmp_path)
     path.write_text(path.read_text().split(cut)[0])
-    with pytest.raises(ConfigError, match="the deck ends here without"):
+    with pytest.raises(ConfigError, match=rf"a.dat:\d+: .*{said}"):
+        convert(path)
+
+
+def test_a_whole_deck_without_its_end_is_read_with_a_note(tmp_path):
+    path = write(tmp_path)
+    told = convert(path)
+    path.write_text(path.read_text().replace("ENDDATA\n", "\n$ the end"))
+    made = convert(path)
+    assert document_text(made.document, "") == document_text(told.document, "")
+    cards, last = read_deck(path).cards, len(path.read_text().split("\n")) - 2
+    said = f"no ENDDATA: {cards} cards to the last line, {path}:{last}; are these all?"
+    assert made.notes == (said, *told.notes)
+
+
+@pytest.mark.parametrize("last", ["CONM2,40,4,,1.,,,,,+", "CONM2*                40               4*"])
+def test_a_deck_that_ends_where_its_card_goes_on(tmp_path, last):
+    path = write(tmp_path, last)
+    path.write_text(path.read_text().replace("ENDDATA\n", ""))
+    with pytest.raises(ConfigError, match=r"a.dat:15: the deck ends here without the continuation"):
         read_deck(path)
 
 

@@ -133,9 +133,9 @@ def test_shapes_that_few_channels_do_not_tell_apart_are_open(tmp_path: Path):
     ("text", "what"),
     [
         (mode(1.7, name="first"), "no mode 'first' was promised"),
-        (mode(1.7, number=99), "nothing was promised of mode 99"),
+        (mode(1.7, number=99), "the promise has no mode 99"),
         (mode(1.7, number=1, name="first torsion"), "mode 1 of the promise is 'first bending x-y'"),
-        (mode(1.7, number=1).replace("orbit", "moon"), "nothing was promised in 'moon'"),
+        (mode(1.7, number=1).replace("orbit", "moon"), "the promise has no environment 'moon'"),
         (mode(1.7, number=1) + mode(1.7, name="first bending x-y"), "two outcomes of mode 'orbit: mode 1'"),
     ],
 )

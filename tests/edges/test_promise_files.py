@@ -126,10 +126,28 @@ def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     assert (tmp_path / "again.json").read_bytes() == first
 
 
+def test_no_draw_of_a_loop_with_friction_is_stable(
+    promised: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    folder = with_joint(promised, tmp_path, JOINT)
+    plan = folder / "promise.toml"
+    text = plan.read_text(encoding="utf-8").replace("authority = [0.0]", "authority = [6.0]")
+    text = text.replace("delay_s = 0.010", "delay_s = 0.2").replace(
+        "tolerance_s = 0.001", "tolerance_s = 0.19"
+    )
+    plan.write_text(text, encoding="utf-8")
+    promise(folder, "promise.json")
+    (orbit,) = read_promise(folder / "promise.json")["environments"]
+    (loop,) = orbit["compensators"]
+    assert loop["probability_stable"] == 0.0
+    assert loop["travel_over_slip_angle"] == {"pri_rel_z": None}
+    assert "pri_rel_z -" in capfd.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("joint", "what"),
     [
-        (JOINT + JOINT, "two are called 'pri_rel_z'"),
+        (JOINT + JOINT, "the name 'pri_rel_z' is given twice"),
         (JOINT.replace("slip_angle_deg = 0.05", "slip_angle_deg = 0.0"), "slip_angle_deg"),
         (JOINT.replace("tolerance = 0.1", "tolerance = 1.5"), "tolerances from 0 to below 1"),
         (JOINT.replace("slip_torque_nm", "slip_nm"), "slip_nm"),
@@ -265,7 +283,7 @@ def test_scores_are_those_of_a_hand_count():
 
 def test_an_outcome_of_which_nothing_was_said_is_refused(promised: Path):
     statements = statements_of(read_promise(promised / "promise.json"))
-    with pytest.raises(DataError, match="nothing was promised of mode 'orbit: mode 99'"):
+    with pytest.raises(DataError, match="the promise has no mode 'orbit: mode 99'"):
         judge(statements, [Scored(kind="mode", name="orbit: mode 99", value=1.0)])
     one = Scored(kind="mode", name="orbit: mode 1", value=1.0)
     with pytest.raises(DataError, match="two outcomes"):

@@ -269,3 +269,136 @@ def test_a_promise_is_of_loops_or_of_loads(capfd: pytest.CaptureFixture[str]):
     ended = middeck(capfd, "promise", ARTICLE)
     assert ended.code == 2
     assert "neither a plan nor load cases" in ended.err
+
+
+DAMPED = """
+damping_error = 0.1
+
+[[survey]]
+name = "stand"
+modes = "mace-simple-lab.json"
+damping_std = 0.05
+
+[[unknown]]
+name = "modulus"
+parameters = ["members.E"]
+spread = 0.1
+
+[[unknown]]
+name = "strain"
+parameters = ["damping.flexible"]
+spread = 0.5
+
+[[unknown]]
+name = "suspension"
+parameters = ["damping.suspension"]
+spread = 0.5
+"""
+
+
+def damped(folder: Path, **changed: str) -> Path:
+    """A refinement of damping; the article's bending has 1 % and so has the survey's."""
+    text = DAMPED
+    for old, new in changed.items():
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "refine.toml").write_text('schema = "middeck.refinement/1"\n' + text)
+    (folder / "mace-simple-lab.json").write_bytes((SURVEY / "mace-simple-lab.json").read_bytes())
+    return folder / "refine.toml"
+
+
+def test_the_verb_refines_damping_and_says_how_well_it_knows_it(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """Eight ratios of 5 % each: a ratio known to 2 % or so, and to the model's error of each mode."""
+    file = damped(tmp_path)
+    document = json.loads(middeck(capfd, "refine", ARTICLE, file, "--json").out)
+    strain, suspension = document["unknowns"][1:]
+    assert abs(strain["x"]) < 3.0 * strain["std"] < 0.3
+    assert suspension["std"] == pytest.approx(suspension["spread"], rel=1e-6)
+    assert "the tests say nothing about suspension" in document["warnings"]
+    assert document["model_error"].keys() == {"suspension", "flexible", "damping"}
+    (told,) = document["damping"]
+    np.testing.assert_allclose(told["measured"], 0.01)
+    np.testing.assert_allclose(told["deviation"], 0.0005)
+    assert 0.0 < max(document["predicted"]["damping_deviation"]) < 0.003
+    shown = middeck(capfd, "refine", ARTICLE, file, "-o", tmp_path / "refined.toml").out
+    assert "damping in survey stand" in shown
+    assert "1.00 +- 0." in shown
+    refined = load_structure(tmp_path / "refined.toml").damping
+    assert refined.flexible == pytest.approx(0.01 * np.exp(strain["x"]))
+
+
+def test_damping_that_cannot_be_is_told_with_its_place(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    for changed, what in (
+        ({"damping_error = 0.1": "damping_error = 0.0"}, "must be > 0"),
+        ({"damping_std = 0.05": "damping_std = -0.05"}, "refine.toml:8"),
+        ({"damping_std = 0.05": ""}, "how well it knows its damping"),
+        ({"damping.flexible": "damping.flexibel"}, "damping.flexible"),
+    ):
+        ended = middeck(capfd, "refine", ARTICLE, damped(tmp_path, **changed))
+        assert ended.code in (ConfigError.exit_code, DataError.exit_code)
+        assert what in ended.err
+
+
+TWICE = """[[friction]]
+joint = "pri_z"
+slip_torque_nm = 1e-6
+slip_angle_deg = 1.0
+
+"""
+RUBBED = """
+[[friction]]
+joint = "pri_z"
+slip_torque_nm = 1e-6
+slip_angle_deg = 0.02
+
+[[unknown]]
+name = "slip"
+parameters = ["friction.pri_z.*"]
+spread = 0.3
+
+[[survey.amplitude]]
+joint = "pri_z"
+angle_deg = [1.5]
+"""
+
+
+def test_friction_is_read_in_degrees_and_told_in_newton_metres(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """So weak that eight modes do not tell it: it keeps what was stated, and stands in no factors."""
+    file = damped(tmp_path, **{"damping_std = 0.05": "damping_std = 0.05\n" + RUBBED})
+    (survey,) = load_refinement(file, ARTICLE).surveys
+    (stated,) = survey.friction
+    np.testing.assert_allclose(stated.amplitude, np.full(8, np.radians(1.5)))
+    assert stated.slip_angle == pytest.approx(np.radians(0.02))
+    assert not stated.random
+    document = json.loads(middeck(capfd, "refine", ARTICLE, file, "--json").out)
+    (told,) = document["friction"]
+    assert told["slip_torque_nm"] == pytest.approx(1e-6, rel=0.05)
+    assert told["slip_torque_deviation_nm"] == pytest.approx(0.3e-6, rel=0.05)
+    assert told["slip_angle_deg"] == pytest.approx(0.02, rel=0.05)
+    assert document["not_in_the_article"] == ["slip"]
+    assert any("without the friction of joints: pri_z" in said for said in document["warnings"])
+    assert "friction of joints" in middeck(capfd, "refine", ARTICLE, file).out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ('amplitude]]\njoint = "pri_z"', 'amplitude]]\njoint = "pri_y"', "did you mean 'pri_z'"),
+        ("angle_deg = [1.5]", "angle_deg = [1.5, 1.0]", "one for each measured mode"),
+        ("angle_deg = [1.5]", "angle_deg = [0.0]", "must be > 0"),
+        ("[[unknown]]", TWICE + "[[unknown]]", "given twice"),
+        ("slip_torque_nm = 1e-6", "slip_torque_nm = -1e-6", "must be > 0"),
+    ],
+)
+def test_friction_that_cannot_be_is_told_with_its_place(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, what: str
+):
+    assert old in RUBBED
+    file = damped(tmp_path, **{"damping_std = 0.05": "damping_std = 0.05\n" + RUBBED.replace(old, new, 1)})
+    ended = middeck(capfd, "refine", ARTICLE, file)
+    assert ended.code == ConfigError.exit_code
+    assert what in ended.err

@@ -60,8 +60,8 @@ def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("edits", "said"),
     [
-        ([(MAIN, "\nENDDATA", "")], r"inboard\.pch:130: the deck ends here without ENDDATA"),
-        ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA", "")], r"outboard\.pch:\d+: the deck ends here without"),
+        ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "")], r"there is no BEGIN SUPER"),
+        ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "GRID")], r"dat:\d+: the deck ends within this line"),
         ([(MAIN, OUTER, "INCLUDE 'gone.pch'")], r"assemble\.dat:\d+: INCLUDE = gone\.pch: there is no such"),
         ([("outboard.asm", PAIRS, f"{PAIRS}\nINCLUDE 'gone.blk'")], r"\.asm:\d+: INCLUDE = gone\.blk: there"),
         ([(MAIN, OUTER, f"{OUTER}\nBEGIN SUPER=ALL")], r"BEGIN SUPER=ALL"),

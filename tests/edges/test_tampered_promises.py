@@ -59,5 +59,5 @@ def test_a_compensator_may_be_called_as_a_mode_is():
     ]
     found = judge([loop, mode], came)
     assert [(v.kind, v.inside, v.brier) for v in found] == [("compensator", True, 0.0), ("mode", True, None)]
-    with pytest.raises(DataError, match="nothing was promised of reading"):
+    with pytest.raises(DataError, match="the promise has no reading"):
         judge([loop, mode], [Scored(kind="reading", name="orbit: mode 1", value=1.5)])

@@ -1,5 +1,6 @@
 """The study's chain from a ground test to orbit: what was promised on records from 1-g comes in 0-g."""
 
+import dataclasses
 import json
 from importlib.resources import files
 from typing import Any
@@ -10,7 +11,8 @@ import pytest
 
 from middeck.files.json.output import json_text
 from middeck.study.chapters.promise.computation import PromiseKept
-from middeck.study.chapters.promise.numbers import promise, promise_claims
+from middeck.study.chapters.promise.numbers import promise, promise_claims, routes
+from middeck.study.chapters.promise.text import promise_tables, route_tables
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +55,29 @@ def test_friction_is_what_parts_the_rig_from_a_linear_article(kept: PromiseKept)
             assert one.rig_db is not None
             with_it = next(o.level_db(0.5) for o in kept.promise.outlooks if o.name == one.name)
             assert abs(with_it - one.rig_db) < abs(np.median(friction.without_db) - one.rig_db)
+
+
+def test_a_loop_that_grows_within_the_limits_of_the_rig_is_not_stable(kept: PromiseKept) -> None:
+    bounded, *rest = kept.flown
+    grown = dataclasses.replace(bounded, db=None)
+    assert bounded.stable
+    assert grown.rig_db is not None
+    assert not grown.stable
+    numbers = promise(dataclasses.replace(kept, flown=(grown, *rest)))
+    assert numbers["came"][0]["rig_db"] == grown.rig_db
+    assert routes(numbers)["sheet"][0] is None
+    table = promise_tables({"promise": numbers})[1]
+    assert table.rows[0][-2].startswith("unstable; ")
+
+
+def test_without_a_design_on_the_record_the_study_goes_on(kept: PromiseKept) -> None:
+    lost = [
+        dataclasses.replace(one, db=None, rig_db=None, cause="no design") if "measured" in one.name else one
+        for one in kept.flown
+    ]
+    numbers = promise(dataclasses.replace(kept, flown=tuple(lost)))
+    assert set(routes(numbers)["measured"]) == {None}
+    assert "unstable" in [cell for row in route_tables({"promise": numbers})[0].rows for cell in row]
 
 
 def test_gravity_cannot_be_taken_out_of_a_measurement(kept: PromiseKept) -> None:

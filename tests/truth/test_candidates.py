@@ -20,7 +20,8 @@ from middeck.updating.candidates.foreseen import foresee
 from middeck.updating.orbit.deflections import Deflection, predict_deflections
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.posterior import Linear, estimate_at
-from middeck.updating.refinement.refine import Refined, linear_problem, refine
+from middeck.updating.refinement.problem import linear_problem
+from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import Survey, set_up

@@ -306,7 +306,7 @@ def test_settings_that_cannot_be_are_refused(plant):
     rub = JointElements("pri_rel_z", "pri_rel_z", (Friction(0.1, 1.0),))
     with pytest.raises(ConfigError, match="two entries"):
         rig_of(plant, joints=[rub, rub])
-    with pytest.raises(ConfigError, match="all that the motor gives"):
+    with pytest.raises(ConfigError, match="the motor gives no more than"):
         Motor(torque_limit=1.0, holding=-1.5)
     with pytest.raises(ConfigError, match="rotor"):
         Rotor(0.0, 300.0)

@@ -181,6 +181,27 @@ def test_parts_are_name_stems_or_straight_lines():
     assert all(numbered.members[i].name.startswith("longeron") for line in longest for i in line)
 
 
+def test_parts_of_a_grid_do_not_hang_on_what_its_nodes_are_called() -> None:
+    """Three lines of two members each way; numbers of the nodes are none of the members."""
+
+    def parts(names: str, reverse: bool) -> set[frozenset[int]]:
+        called = dict(zip(((i, j) for i in range(3) for j in range(3)), names.split(), strict=True))
+        places = list(called)
+        ends = [(a, b) for a in places for b in places if b in ((a[0] + 1, a[1]), (a[0], a[1] + 1))]
+        ends = [end[::-1] if reverse and end[0] == (1, 1) else end for end in ends]
+        grid = structure(
+            [node(called[at], (0.5 * at[0], 0.0, 0.4 * at[1])) for at in places],
+            [member(called[a], called[b], TUBE, 1) for a, b in ends],
+        )
+        found = member_parts(grid)
+        return {frozenset(np.flatnonzero(np.array(found) == part).tolist()) for part in found}
+
+    numbered = parts("g00 g01 g02 g10 g11 g12 g20 g21 g22", reverse=False)
+    assert len(numbered) == 6
+    assert numbered == parts("g00 g01 g02 g10 g11 g12 g20 g21 g22", reverse=True)
+    assert numbered == parts("a b c d e f g h i", reverse=False)
+
+
 def test_a_soft_appendage_is_local():
     """A boom across the end of a stiff truss moves alone, and is named with its deformation."""
     article = truss(8, 0.5, 0.5, 0.5, np.random.default_rng(6))

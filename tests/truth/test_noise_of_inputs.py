@@ -126,9 +126,9 @@ def test_the_floor_of_a_spectrum_is_its_noise(share):
     u = np.fft.irfft(U, size)[:8000]
     u = u + share * u.std() * rng.standard_normal(len(u))
     # The least of a hundred averages over 32 lines and nine tapers lies a fifth below the mean; leakage
-    # of a cut record is 1e-4 of the rms.
+    # of a cut record is below 1e-6 of the rms: 1e-4 doubted clean records of light damping.
     found = np.sqrt(floor_variance(u[None, :, None])[0]) / u.std()
-    assert 0.8 * share <= found <= 1.05 * share + 3e-4
+    assert 0.8 * share <= found <= 1.05 * share + 1e-6
 
 
 def test_an_input_that_fades_or_drives_all_has_no_floor():
@@ -139,7 +139,7 @@ def test_an_input_that_fades_or_drives_all_has_no_floor():
 
 
 @pytest.mark.parametrize("order", [2, 4, 8])
-def test_what_a_filter_folds_back_is_bounded_by_its_slope(order):
+def test_what_a_filter_folds_back_is_told_by_its_slope(order):
     """Behind a Butterworth filter at 0.4 of the rate: no less than white noise folds back, nor ten times."""
 
     def passed(x):  # power at so many times half the rate

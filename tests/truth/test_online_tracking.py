@@ -23,9 +23,8 @@ from middeck.identification.tracking.loss_and_restart import (
     no_blocks,
     opening,
     patience,
-    poles_at,
-    step_modes,
 )
+from middeck.identification.tracking.one_period import poles_at, step_modes
 from middeck.identification.tracking.tracked_state import FIRST_GAIN, Drift, start_tracking
 from middeck.identification.uncertainty.parameter_deviations import Uncertainty
 from middeck.laboratory.rig.linear_view import linearise_rig

@@ -13,6 +13,7 @@ from scipy.signal import tf2ss
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD, sheet
 
+from middeck.campaign.confidence_of_draws import probability_interval
 from middeck.campaign.encoding import decode_result, encode_result
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -31,7 +32,6 @@ from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise import blocks
-from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.promise.outlook import LoopNoise, Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
@@ -213,7 +213,7 @@ def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     drawn = draw_plants(
         refined, Environment.orbit(), lambda modes: plant_of(asked, modes), draws=draws,
         rng=np.random.default_rng(1), loop=LoopSpread(gain_tolerance=0.01),
-    )  # fmt: skip
+    ).plants(range(draws))  # fmt: skip
     predicted = predict_modes(refined, Environment.orbit(), count=10)
     logs = np.log([np.sort(require_modal(p).omega)[8:18] for p in drawn.plants])
     expected = np.sort(2.0 * np.pi * predicted.frequency_hz)
@@ -389,7 +389,7 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
         drawn = draw_plants(
             refined, Environment.orbit(), partial(plant_of, asked), draws=draws, rng=np.random.default_rng(2),
             loop=loop, finish=partial(close_inner, asked),
-        )  # fmt: skip
+        ).plants(range(draws))  # fmt: skip
         plants = [group_loop(asked, p, case.PD.names, case.ALL_ANGLES) for p in drawn.plants]
         stable, rms, _ = noise_on(plants, law, weights)
         np.testing.assert_array_equal(which_decay(plants, law, weights), stable & np.isfinite(rms))

@@ -149,6 +149,19 @@ def test_tustin_is_the_bilinear_map():
     assert is_stable(mapped)
 
 
+def test_tustin_is_the_same_in_any_units_of_the_states():
+    rng = np.random.default_rng(5)
+    A = np.diag([-1.0, -20.0, -300.0, -4.0]) + 0.3 * rng.standard_normal((4, 4))
+    B, C = rng.standard_normal((4, 1)), rng.standard_normal((1, 4))
+    unit = np.array([1e-8, 1.0, 1e9, 1e3])
+    turned = StateSpace(A * unit[:, None] / unit, B * unit[:, None], C / unit, [[0.0]])
+    plain, mapped = tustin(StateSpace(A, B, C, [[0.0]]), 0.01), tustin(turned, 0.01)
+    assert np.linalg.cond(np.eye(4) - 0.005 * turned.A) > 1e12
+    assert np.allclose(mapped.A, plain.A * unit[:, None] / unit, rtol=1e-9, atol=0.0)
+    assert np.allclose(mapped.B, plain.B * unit[:, None], rtol=1e-9, atol=0.0)
+    assert np.allclose(mapped.C, plain.C / unit, rtol=1e-9, atol=0.0)
+
+
 def test_tustin_refuses_a_pole_it_cannot_map():
     with pytest.raises(ConfigError, match="sample faster"):
         tustin(StateSpace([[20.0]], [[1.0]], [[1.0]], [[0.0]]), 0.1)

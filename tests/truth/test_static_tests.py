@@ -329,7 +329,7 @@ def test_static_tests_that_cannot_be():
     (one, *_) = sagged(wing(), (0.5, 1.0), (TIP,))
     with pytest.raises(ConfigError, match="no survey and no static test"):
         refine(wing(), [], [BENDING])
-    with pytest.raises(ConfigError, match=r"two are called '0\.5 kg'"):
+    with pytest.raises(ConfigError, match=r"the name '0\.5 kg' is given twice"):
         refine(wing(), [], [BENDING], statics=[one, one])
     with pytest.raises(ConfigError, match="2 values for 1 gauges"):
         dataclasses.replace(one, value=np.zeros(2))

@@ -19,7 +19,7 @@ from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.signals.ports import Channel, Port
 from middeck.structure.modes.results.dispersed_modes import dispersed_modes
-from middeck.systems.plants.standard_sweep import DispersedModes, Dispersion, dispersed_factors
+from middeck.systems.plants.dispersed_frequencies import DispersedModes, Dispersion, dispersed_factors
 
 HZ = np.array([1.7, 7.0, 9.0])
 GAIN = np.array([1.0, -0.42, 0.96])

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,6 @@ def run_campaign(
     *,
     inputs: Any = None,
     workers: int = 1,
-    pool: Callable[[int], Executor] | None = None,
     progress: Callable[[Progress], None] | None = None,
     clock: Callable[[], float] = time.monotonic,
     again: bool = False,
@@ -70,9 +69,7 @@ def run_campaign(
             first run: `DataError` if not, or while another process is at it.
         inputs: Common to all cases; numbers, text, arrays, and lists and mappings of them (tuples arrive as
             lists, arrays locked).
-        workers: 1: in this process.
-        pool: Makes an executor of so many workers; None: processes, started afresh (spawn). On a pool that is
-            given, a process that dies ends the run.
+        workers: 1: in this process; more: in processes, started afresh (spawn).
         progress: Called after each case.
         clock: Seconds.
     """
@@ -88,10 +85,10 @@ def run_campaign(
             book.forget_faults()
         known = book.done()
         left = [c for c in cases if c.index not in known]
-        if workers == 1 and pool is None:
+        if workers == 1:
             found = ((c.index, *_work(path, c, given)) for c in left)
         else:
-            found = stack.enter_context(contextlib.closing(_on_pool(pool, workers, path, left, given)))
+            found = stack.enter_context(contextlib.closing(_on_pool(workers, path, left, given)))
         start, faults = clock(), sum(known.values())
         for k, (index, fault, body) in enumerate(found, 1):
             book.add(index, body, fault=fault)
@@ -134,14 +131,13 @@ def _work(path: str, case: Case, given: str) -> tuple[bool, str]:
 
 
 def _on_pool(
-    pool: Callable[[int], Executor] | None, workers: int, path: str, cases: Sequence[Case], given: str
+    workers: int, path: str, cases: Sequence[Case], given: str
 ) -> Generator[tuple[int, bool, str], None, None]:
     """Outcomes as they come; after a death, what ran then runs again one by one, each in its own process."""
-    make = pool or _spawned
     rest = list(cases)
     while rest:
         running: dict[Future[tuple[bool, str]], Case] = {}
-        with make(min(workers, len(rest))) as executor:
+        with contextlib.suppress(BrokenProcessPool), _spawned(min(workers, len(rest))) as executor:
             try:
                 while rest or running:
                     # Few wait in the queue, so that few are suspected of a death.
@@ -151,9 +147,6 @@ def _on_pool(
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
                         outcome = future.result()
                         yield running.pop(future).index, *outcome
-            except BrokenProcessPool:
-                if pool:
-                    raise
             except BaseException:
                 executor.shutdown(wait=False, cancel_futures=True)
                 raise

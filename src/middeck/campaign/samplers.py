@@ -125,10 +125,10 @@ def _check(parameters: Sequence[Parameter], count: int) -> None:
     names = [p.name for p in parameters]
     if not names or len(set(names)) < len(names):
         raise ConfigError(
-            f"parameters {', '.join(names) or 'missing'}", hint="one at least, of different names"
+            f"parameters {', '.join(names) or 'missing'}", hint="at least one, with different names"
         )
     if count < 1:
-        raise ConfigError(f"{count} cases", hint="one at least")
+        raise ConfigError(f"{count} cases", hint="at least one")
 
 
 def _stream(seed: int) -> dict[str, Any]:

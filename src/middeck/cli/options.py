@@ -32,7 +32,10 @@ SURVEYS = (".unv", ".uff", ".json")
 
 
 class Verb(click.Command):
-    """A command whose options are given once, unless they take several values."""
+    """A command with ``examples``, whose options are given once, unless they take several values."""
+
+    def __init__(self, *args: Any, examples: str, **settings: Any) -> None:
+        super().__init__(*args, epilog=f"\b\nExamples:\n{examples}", **settings)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does, but refuse a repeated option, of which click takes the last."""

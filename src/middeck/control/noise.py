@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
+from middeck.control.law.moved_numbers import measure_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
-from middeck.control.sampled.sampled_loop import measure_sampled_loop
+from middeck.control.sampled.sampled_loop import measure_held
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.stability import growth_limit
 
@@ -27,12 +29,21 @@ def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeight
     between the samples too.
 
     Raises `ConfigError` for ports that do not exist, weights that do not fit, and process noise that reaches
-    z directly; `NumericalError` where stability cannot be decided.
+    z directly; `NumericalError` where stability cannot be decided. Warns (`UserWarning`) where rounding of
+    the matrices makes the rms uncertain (`measure_known`).
     """
+    return measure_known("rms", lambda *both: _measure(*both, weights), _numbers, plant, compensator)
+
+
+def _numbers(outcome: NoiseOutcome) -> Float[np.ndarray, " number"]:
+    return np.log([outcome.rms, outcome.control_rms])
+
+
+def _measure(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
     law = arrange_ports(compensator, measured_ports(plant), driven_ports(plant))
     if law.period_s is None:
         return _measure_late_modes(plant, law, weights) or integrate_noise(plant, law, weights)
-    found = measure_sampled_loop(plant, law, weights, 1.0)
+    found = measure_held(plant, law, weights, 1.0)
     decays = np.abs(found.poles).max(initial=0.0) < np.exp(-growth_limit(law.period_s) * law.period_s)
     if not decays:  # whether noise drives it or not
         return NoiseOutcome(found.stable, np.inf, np.inf)

@@ -25,6 +25,7 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
+from middeck.systems.plants.dispersed_frequencies import DispersedModes
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import (
     Plant,
@@ -34,7 +35,6 @@ from middeck.systems.plants.plant import (
     remove_delays,
     select_ports,
 )
-from middeck.systems.plants.standard_sweep import DispersedModes
 from middeck.values import record
 
 Law = Compensator

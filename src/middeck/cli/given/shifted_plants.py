@@ -7,9 +7,9 @@ from middeck.cli.options import Tried
 from middeck.cli.shown.blame import reading
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
+from middeck.systems.plants.dispersed_frequencies import DispersedModes, dispersed_factors
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, name_states
-from middeck.systems.plants.standard_sweep import DispersedModes, dispersed_factors
 
 
 def all_plants(gathered: Gathered, law: Law, tried: Tried) -> dict[str, Plant]:

@@ -15,15 +15,13 @@ from middeck.errors import ConfigError
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck budget articles/mace-simple.toml
   middeck budget articles/mace-dm.toml --figure budget.svg --json
 """
 
 
-@click.command("budget", cls=options.Verb, epilog=EPILOG)
+@click.command("budget", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
 @figures.figure

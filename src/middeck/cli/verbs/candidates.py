@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from middeck.updating.candidates.candidates import Ranking
     from middeck.updating.refinement.refine import Refined
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck candidates articles/mace-simple.toml \\
     data/virtual-survey/candidates.toml
   middeck candidates articles/mace-simple.toml \\
@@ -25,7 +23,7 @@ Examples:
 """
 
 
-@click.command("candidates", cls=options.Verb, epilog=EPILOG)
+@click.command("candidates", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.argument("candidates", metavar="CANDIDATES")
 @options.printing

@@ -12,9 +12,7 @@ from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import show
 from middeck.errors import NumericalError
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck check articles/mace-simple.toml
   middeck check articles/mace-simple.toml lab --require
 """
@@ -23,7 +21,7 @@ COUNT = 40
 SHOWN = 26  # whose mesh is judged: those that `modes` prints
 
 
-@click.command("check", cls=options.Verb, epilog=EPILOG)
+@click.command("check", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.argument("environment", required=False, metavar="[ENVIRONMENT]")
 @click.option("--require", is_flag=True, help="End with exit code 1 if anything was found.")

@@ -13,15 +13,13 @@ from middeck.cli.shown.screen import Table, show
 if TYPE_CHECKING:
     from middeck.structure.gravity.compare_modes import ModeComparison
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck compare articles/mace-simple.toml --figure shapes.html
   middeck compare articles/mace-dm.toml --set constants.gravity=3.71 --json
 """
 
 
-@click.command("compare", cls=options.Verb, epilog=EPILOG)
+@click.command("compare", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
 @figures.shapes

@@ -21,16 +21,14 @@ if TYPE_CHECKING:
     from middeck.files.nastran.deck.deck import Deck
     from middeck.files.nastran.deck.units import Units
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck convert data/nastran-truss/full.dat --units mm-kg-s-mN -o full.toml
   middeck convert data/nastran-truss/full.dat --units mm-kg-s \\
     --mass-formulation coupled --json
 """
 
 
-@click.command("convert", cls=options.Verb, epilog=EPILOG)
+@click.command("convert", cls=options.Verb, examples=EXAMPLES)
 @click.argument("deck")
 @click.option(
     "--units",

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from middeck.structure.correlation.frequencies import FrequencyComparison
     from middeck.structure.correlation.review_criteria import Profile
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck correlate articles/mace-simple.toml \\
     data/virtual-survey/mace-simple-lab.json
   middeck correlate articles/mace-simple.toml \\
@@ -44,7 +42,7 @@ inertia about the centre of mass (rx, ry, rz). The suspension modes have most of
 it where the article hangs, the rigid-body modes all of it where it is free."""
 
 
-@click.command("correlate", cls=options.Verb, epilog=EPILOG)
+@click.command("correlate", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @click.argument("test", metavar="MODES")
 @click.option(
@@ -160,50 +158,34 @@ def _draw(found: Correlation, file: str, test: str) -> None:
 
 def describe(found: Correlation) -> dict[str, Any]:
     """The JSON document; matrices have a row for each mode of the model, a column for each measured one."""
-    modes, measured, judged = found.modes, found.measured, found.evaluation
-    ours, theirs = found.pairs.T
+    judged, theirs = found.evaluation, found.pairs[:, 1]
     return {
         "schema": "middeck.correlate/1",
-        "article": modes.equilibrium.model.structure.title,
-        "environment": modes.equilibrium.environment.title,
-        "profile": found.profile.name,
+        **_common(found),
         "profile_title": found.profile.title,
-        "passed": found.passed,
         "probability_of_a_correct_model": _probability(found.probability),
         "criteria": [_criterion(f) for f in found.findings],
-        "pairs": found.pairs,
-        "name": [modes.name[i] for i in ours],
-        "frequency_hz": modes.frequency_hz[ours],
-        "measured_hz": measured.frequency_hz[theirs],
         "frequency_error": judged.frequency_error,
         "pair_mac": judged.mac[judged.pairs[:, 0], theirs],
         "cross_orthogonality": judged.cross_orthogonality,
         "self_orthogonality": judged.self_orthogonality,
         "mac": judged.mac,
         "mac_modes": found.candidates,
-        "comac": dict(zip(measured.channels, judged.comac, strict=True)),
+        "comac": dict(zip(found.measured.channels, judged.comac, strict=True)),
         "phase_collinearity": found.phase_collinearity,
-        "effective_mass_fraction": found.effective_mass.fraction[ours],
+        "effective_mass_fraction": found.effective_mass.fraction[found.pairs[:, 0]],
         "effective_mass_sum": found.effective_mass.completeness,
         "rigid_mass": found.effective_mass.rigid,
         "reduction": found.reduced.reduction,
         "sensor_condition": condition if math.isfinite(condition := found.reduced.condition) else None,
-        "unpaired": found.unpaired,
-        "unmeasured": found.unmeasured,
-        "warnings": (*modes.warnings, *found.warnings),
     }
 
 
 def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
     """The JSON document of a survey of frequencies alone."""
-    modes, measured = found.modes, found.measured
-    ours, theirs = found.pairs.T
     return {
         "schema": "middeck.correlate-frequencies/1",
-        "article": modes.equilibrium.model.structure.title,
-        "environment": modes.equilibrium.environment.title,
-        "profile": found.profile.name,
-        "passed": found.passed,
+        **_common(found),
         "criteria": [
             {
                 "quantity": f.criterion.quantity,
@@ -215,12 +197,23 @@ def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
             for f in found.findings
         ],
         "unjudged": [str(c) for c in found.unjudged],
+        "frequency_error": found.frequency_error,
+        "undecided": found.undecided,
+    }
+
+
+def _common(found: Correlation | FrequencyComparison) -> dict[str, Any]:
+    """What both documents hold: the case, the verdict, the pairs and what has none."""
+    modes, (ours, theirs) = found.modes, found.pairs.T
+    return {
+        "article": modes.equilibrium.model.structure.title,
+        "environment": modes.equilibrium.environment.title,
+        "profile": found.profile.name,
+        "passed": found.passed,
         "pairs": found.pairs,
         "name": [modes.name[i] for i in ours],
         "frequency_hz": modes.frequency_hz[ours],
-        "measured_hz": measured.frequency_hz[theirs],
-        "frequency_error": found.frequency_error,
-        "undecided": found.undecided,
+        "measured_hz": found.measured.frequency_hz[theirs],
         "unpaired": found.unpaired,
         "unmeasured": found.unmeasured,
         "warnings": (*modes.warnings, *found.warnings),

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     from middeck.cli.given.option_settings import LoopSettings
     from middeck.cli.work.design_loop import DesignedLoop
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck design articles/mace-dm.toml --environment lab --count 12 \\
     --control pri_rel_z --measure pri_in_z --log10-authority 2 -o gimbal.json
   middeck design model.json --control piezo_1 --measure position_1 \\
@@ -31,7 +29,7 @@ Examples:
 UNREACHED = "left out of the design, as no port reaches or sees it"
 
 
-@click.command("design", cls=options.Verb, epilog=EPILOG)
+@click.command("design", cls=options.Verb, examples=EXAMPLES)
 @click.argument("sources", nargs=-1, required=True, metavar="ARTICLE|MODEL.json|RECORD...")
 @options.environment
 @options.load_case

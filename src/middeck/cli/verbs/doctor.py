@@ -13,15 +13,13 @@ from middeck.errors import ConfigError
 if TYPE_CHECKING:
     from middeck.realtime.engine.trials.timing import TimingReport
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck doctor --realtime
   middeck doctor --realtime --rate 1000 --seconds 60 --states 120
 """
 
 
-@click.command("doctor", cls=options.Verb, epilog=EPILOG)
+@click.command("doctor", cls=options.Verb, examples=EXAMPLES)
 @click.option("--realtime", is_flag=True, help="Run the engine by the clock and report its lateness.")
 @click.option(
     "--rate", type=options.Real(1.0, 1e5), default=500.0, show_default=True, help="Samples a second."

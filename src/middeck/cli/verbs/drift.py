@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from middeck.identification.uncertainty.fit_drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck drift data/cubespec-fsm/mirror-300mV-train.npz \\
     data/cubespec-fsm/mirror-300mV-test.npz \\
     --states 6 --band 300,1000 --continuous
@@ -34,7 +32,7 @@ EXACT = (
 )
 
 
-@click.command("drift", cls=options.Verb, epilog=EPILOG)
+@click.command("drift", cls=options.Verb, examples=EXAMPLES)
 @click.argument("before", metavar="BEFORE")
 @click.argument("after", metavar="AFTER")
 @options.periods

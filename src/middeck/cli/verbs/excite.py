@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from middeck.identification.uncertainty.accuracy import ExpectedAccuracy
     from middeck.signals.excitation.signal import Excitation
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck excite multisine --band 0.1,60 --period 64 --rate 256 \\
     --rms 0.1 --periods 3 -o torque.csv
   middeck excite multisine --band 0.5,30 --period 32 --rate 256 \\
@@ -26,7 +24,7 @@ Examples:
 """
 
 
-@click.command("excite", cls=options.Verb, epilog=EPILOG)
+@click.command("excite", cls=options.Verb, examples=EXAMPLES)
 @click.argument("kind", type=click.Choice(["multisine", "sweep", "noise", "burst", "mls", "binary"]))
 @click.option("--band", "band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band [Hz].")
 @click.option("--period", "period_s", type=float, help="Length of a period [s].")

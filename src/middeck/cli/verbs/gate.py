@@ -16,15 +16,13 @@ if TYPE_CHECKING:
     from middeck.realtime.gate.gate import GateVerdict
     from middeck.realtime.gate.steps_on_rig import GateRig
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck gate law.mdk model.json --noise 1e-6 -o verdict.json
   middeck gate law.mdk model.json --shift 300:1000 0.5 --gain-db 3 --paper
 """
 
 
-@click.command("gate", cls=options.Verb, epilog=EPILOG)
+@click.command("gate", cls=options.Verb, examples=EXAMPLES)
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
 @options.tried
 @click.option(

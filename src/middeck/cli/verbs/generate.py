@@ -13,9 +13,7 @@ from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck generate law.json --rate 500 --limit 0.25 --range 0.1 \\
     -o law.mdk -o law.c
   middeck generate law.mdk --without-applied --single -o small.mdk
@@ -34,7 +32,7 @@ def _each(flag: str, name: str, help: str) -> Any:
     return click.option(flag, name, type=options.Numbers(), metavar="X[,X...]", help=help)
 
 
-@click.command("generate", cls=options.Verb, epilog=EPILOG)
+@click.command("generate", cls=options.Verb, examples=EXAMPLES)
 @click.argument("law_file", metavar="LAW.json|mat|mdk")
 @click.option(
     "-o",

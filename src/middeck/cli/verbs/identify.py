@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from middeck.files.records import Columns
     from middeck.identification.friction.find import JointFriction
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck identify data/cubespec-fsm/mirror-300mV-train.npz \\
     --sampled --band 100,1000 --validate \\
     data/cubespec-fsm/mirror-300mV-test.npz
@@ -30,7 +28,7 @@ Examples:
 METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2", "hv")
 
 
-@click.command("identify", cls=options.Verb, epilog=EPILOG)
+@click.command("identify", cls=options.Verb, examples=EXAMPLES)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
 @options.columns
 @options.periods

@@ -15,16 +15,14 @@ from middeck.cli.shown.screen import Table, cells, deviation_words, show
 if TYPE_CHECKING:
     from middeck.identification.impact.averaged_blows import ImpactTest
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck impact blows.csv
   middeck impact blows.csv --of response --window 0.4 \\
     --response frf.uff -o model.json
 """
 
 
-@click.command("impact", cls=options.Verb, epilog=EPILOG)
+@click.command("impact", cls=options.Verb, examples=EXAMPLES)
 @click.argument("records", nargs=-1, required=True, metavar="RECORD...")
 @options.columns
 @options.states

@@ -15,9 +15,7 @@ from middeck.errors import ConfigError
 if TYPE_CHECKING:
     from middeck.structure.suspension.levelling import Levelling
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck level articles/mace-simple.toml --free n1.z --about x \\
     --set suspension.offsets.0.2=0
   middeck level articles/mace-simple.toml --free n1.z,n3.z,n5.z \\
@@ -25,7 +23,7 @@ Examples:
 """
 
 
-@click.command("level", cls=options.Verb, epilog=EPILOG)
+@click.command("level", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @click.option(
     "--free",

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from middeck.structure.plants.whirl_modes import GyroscopicModes
     from middeck.structure.summary.summary import Summary
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck modes articles/mace-simple.toml --figure modes.html -o shapes.unv
   middeck modes articles/mace-dm.toml --set suspension.bounce_hz=0.2 --json
 """
@@ -29,9 +27,10 @@ OF_MODES = (
 )
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
+SETTLED = "nothing"  # a hinge, which is a sprung joint without stiffness
 
 
-@click.command("modes", cls=options.Verb, epilog=EPILOG)
+@click.command("modes", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
 @figures.mode_shapes
@@ -131,7 +130,10 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
             j.name: force for j, force in zip(joints, rest.holding_torque, strict=False) if j.slides
         },
         "slide_travel_m": {j.name: at for j, at in zip(joints, rest.config.angle, strict=False) if j.slides},
-        "held_by": {j.name: HELD_BY[j.state.value] for j in joints},
+        "held_by": {
+            j.name: SETTLED if j.state.value == "sprung" and not j.stiffness else HELD_BY[j.state.value]
+            for j in joints
+        },
         "stiffness_n_per_m": dict(zip(suspension.name, suspension.stiffness, strict=True)),
         "tension_n": dict(zip(rest.devices, rest.tension, strict=True)),
         "support_reactions": [
@@ -208,15 +210,15 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         blocks += _if_any(
             "reactions of clamps and bushings, world axes", headers, rows, "no support is loaded"
         )
-    by = document["held_by"]
-    torques = [[j, f"{t:z.5f}", f"its {by[j]}"] for j, t in document["holding_torque_nm"].items()]
+    by = {j: held if held == SETTLED else f"its {held}" for j, held in document["held_by"].items()}
+    torques = [[j, f"{t:z.5f}", by[j]] for j, t in document["holding_torque_nm"].items()]
     moved = document["node_shift_m"]
     turned = [
         [n, *(f"{1e3 * a:z.5f}" for a in moved[n]), *(f"{a:z.5f}" for a in v)]
         for n, v in document["node_rotation_deg"].items()
     ]
     forces = [
-        [j, f"{f:z.5f}", f"{1e3 * document['slide_travel_m'][j]:z.4f}", f"its {by[j]}"]
+        [j, f"{f:z.5f}", f"{1e3 * document['slide_travel_m'][j]:z.4f}", by[j]]
         for j, f in document["holding_force_n"].items()
     ]
     return [

@@ -14,9 +14,7 @@ from middeck.cli import options
 from middeck.cli.shown.screen import show
 from middeck.errors import ConfigError
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck new boom
   middeck new work/antenna --json
 """
@@ -26,7 +24,7 @@ TORQUE_NM = 0.02  # rms, of the paddle's motor
 NOISE = (2.0e-5, 2.0e-4)  # rms, of the angles of the tip and of the paddle [rad]
 
 
-@click.command("new", cls=options.Verb, epilog=EPILOG)
+@click.command("new", cls=options.Verb, examples=EXAMPLES)
 @click.argument("folder", metavar="NAME", type=click.Path(path_type=Path))
 @options.printing
 def verb(folder: Path, as_json: bool) -> None:

@@ -12,16 +12,14 @@ from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck outcome data/virtual-survey/promise.json \\
     data/virtual-survey/outcome.toml -o comparison.json
   middeck outcome comparison.json
 """
 
 
-@click.command("outcome", cls=options.Verb, epilog=EPILOG)
+@click.command("outcome", cls=options.Verb, examples=EXAMPLES)
 @click.argument("files", nargs=-1, required=True, metavar="PROMISE OUTCOME | COMPARISON...")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
 @options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed comparison.")

@@ -16,16 +16,14 @@ if TYPE_CHECKING:
     from middeck.structure.gravity.gravity_levels import GravityLevel
     from middeck.structure.gravity.path import GravityPath
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck path articles/mace-simple.toml --figure path.svg
   middeck path articles/mace-dm.toml --through earth,moon --json
 """
 RULES = ("kept", "retuned")  # as in structure/gravity/gravity_levels.py, which --help must not import
 
 
-@click.command("path", cls=options.Verb, epilog=EPILOG)
+@click.command("path", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
 @click.option(

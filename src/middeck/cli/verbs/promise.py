@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 NAMED = 4
 """Lost cases of a sweep that the screen names; the document has all."""
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck promise articles/mace-simple.toml \\
     data/virtual-survey/promise.toml -o promise.json
   middeck promise articles/mace-simple.toml \\
@@ -31,7 +29,7 @@ Examples:
 """
 
 
-@click.command("promise", cls=options.Verb, epilog=EPILOG)
+@click.command("promise", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.argument("plan", metavar="[PLAN]", required=False)
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from middeck.cli.given.plants_to_try import Law
     from middeck.control.qualification import Qualified
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck qualify gimbal.json articles/mace-dm.toml --count 12 \\
     --environment lab --environment orbit --rate 100,250
   middeck qualify law.json model.json --shift 300:1000 0.5 \\
@@ -29,7 +27,7 @@ AT_LEAST = ("gain_db", "phase_deg", "delay_ms", "disk", "damping")
 AT_MOST = ("db", "control_rms")
 
 
-@click.command("qualify", cls=options.Verb, epilog=EPILOG)
+@click.command("qualify", cls=options.Verb, examples=EXAMPLES)
 @click.argument("law_file", metavar="LAW.json|mat")
 @options.tried
 @click.option(

@@ -20,16 +20,14 @@ if TYPE_CHECKING:
     from middeck.signals.excitation.recognition import Recognised
     from middeck.signals.fault import Fault
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck record data/cubespec-fsm/mirror-300mV-test.npz -o mirror.h5
   middeck record mirror.h5 --inputs "piezo_1 [V]" \\
     --outputs "position_1 [m]" -o mirror.uff
 """
 
 
-@click.command("record", cls=options.Verb, epilog=EPILOG)
+@click.command("record", cls=options.Verb, examples=EXAMPLES)
 @click.argument("files", nargs=-1, required=True, metavar="RECORD...")
 @options.columns
 @options.periods

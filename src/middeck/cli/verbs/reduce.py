@@ -16,16 +16,14 @@ from middeck.errors import ConfigError
 if TYPE_CHECKING:
     from middeck.structure.modes.craig_bampton import Reduced
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck reduce articles/mace-simple.toml --boundary n1,n5 --modes 12
   middeck reduce articles/mace-simple.toml --boundary n1 --upto-hz 150 \\
     --residual n3 -o bus.npz --json
 """
 
 
-@click.command("reduce", cls=options.Verb, epilog=EPILOG)
+@click.command("reduce", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.option("--boundary", multiple=True, metavar="NODES", help="Nodes that remain; may be repeated.")
 @click.option("--modes", "count", type=click.IntRange(min=0), help="How many fixed-interface modes.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,15 @@ from middeck.cli.shown.blame import reading
 from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+    from numpy import ndarray
+
     from middeck.updating.orbit.frequencies import Prediction
     from middeck.updating.refinement.findable_unknowns import Choice
-    from middeck.updating.refinement.refine import Refined
+    from middeck.updating.refinement.refine import Refined, RefinedFriction
+    from middeck.updating.residuals.damping import ComparedDamping
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck refine articles/mace-simple.toml \\
     data/virtual-survey/refine.toml
   middeck refine articles/mace-simple.toml \\
@@ -27,7 +30,7 @@ Examples:
 """
 
 
-@click.command("refine", cls=options.Verb, epilog=EPILOG)
+@click.command("refine", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.argument("refinement", metavar="REFINEMENT")
 @click.option(
@@ -118,6 +121,8 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             }
             for r in refined.responses
         ],
+        "damping": [_damping(d) for d in refined.damped],
+        "friction": [_friction(f) for f in refined.friction()],
         "statics": [_static(refined, k) for k in range(len(refined.statics))],
         "model_error": dict(zip(refined.sorts, found.tau, strict=True)),
         "environment": predicted.modes.equilibrium.environment.title,
@@ -127,6 +132,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             "interval_95_hz": predicted.interval_hz,
             "of_the_refined_model_hz": predicted.modes.frequency_hz[predicted.index],
             "damping": predicted.damping,
+            **({"damping_deviation": _deviation(predicted)} if refined.damped else {}),
             "seen": predicted.seen,
         },
         "not_in_the_article": [u.name for u in refined.left_out],
@@ -161,14 +167,46 @@ def _survey(refined: Refined, k: int) -> dict[str, Any]:
     compared = refined.compared[k]
     ours, theirs = compared.pairs.T
     hz = compared.survey.measured.frequency_hz
+    # What is measured is a complex mode, which damping shifts.
+    damped = {d.survey.name: d.frequency_hz for d in refined.damped}
     return {
         "name": compared.survey.name,
         "mode": [compared.modes.name[i] for i in ours],
         "measured_hz": hz[theirs],
         "before_hz": refined.before_hz[k],
-        "frequency_hz": compared.modes.frequency_hz[ours],
+        "frequency_hz": damped.get(compared.survey.name, compared.modes.frequency_hz[ours]),
         "unpaired_hz": hz[list(compared.unpaired)],
     }
+
+
+def _damping(damped: ComparedDamping) -> dict[str, Any]:
+    ours, theirs = damped.pairs.T
+    measured = damped.survey.measured.damping[theirs]
+    return {
+        "survey": damped.survey.name,
+        "mode": [damped.modes.name[i] for i in ours],
+        "measured": measured,
+        "deviation": measured * damped.std,
+        "damping": damped.zeta,
+    }
+
+
+def _friction(refined: RefinedFriction) -> dict[str, Any]:
+    torque, angle = refined.value.tolist()
+    torque_std, angle_std = (refined.value * refined.log_std).tolist()
+    degree = math.pi / 180.0
+    return {
+        "joint": refined.joint,
+        "slip_torque_nm": torque,
+        "slip_torque_deviation_nm": torque_std,
+        "slip_angle_deg": angle / degree,
+        "slip_angle_deviation_deg": angle_std / degree,
+    }
+
+
+def _deviation(predicted: Prediction) -> Float[ndarray, " mode"]:
+    """Of the predicted damping ratios; nothing of a refined one is unseen."""
+    return predicted.damping * predicted.damping_std(0.0)
 
 
 def _static(refined: Refined, k: int) -> dict[str, Any]:
@@ -218,11 +256,11 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
             name,
             f"{hz:.4f}",
             f"{low:.4f} to {high:.4f}",
-            f"{100.0 * zeta:.2f}",
+            zeta,
             f"{100.0 * min(seen, 1.0):.0f}",
         ]
         for name, hz, (low, high), zeta, seen in zip(
-            p["name"], p["frequency_hz"], p["interval_95_hz"], p["damping"], p["seen"], strict=True
+            p["name"], p["frequency_hz"], p["interval_95_hz"], _ratios(p), p["seen"], strict=True
         )
     ]
     return [
@@ -230,6 +268,8 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         "",
         *(block for table in surveys for block in (table, "")),
         *([_response_table(document["responses"]), ""] if document["responses"] else []),
+        *(block for d in document["damping"] for block in (_damping_table(d), "")),
+        *([_friction_table(document["friction"]), ""] if document["friction"] else []),
         *([_static_table(document["statics"]), ""] if document["statics"] else []),
         Table(
             f"predicted in {document['environment']}",
@@ -238,6 +278,30 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         ),
         *(["", f"wrote {target}{_without(document)}"] if target else []),
     ]
+
+
+def _ratios(predicted: dict[str, Any]) -> list[str]:
+    """Damping in per cent, with its deviation where it was refined."""
+    found = [f"{100.0 * zeta:.2f}" for zeta in predicted["damping"]]
+    known = predicted.get("damping_deviation")
+    return found if known is None else [f"{z} +- {100.0 * s:.2f}" for z, s in zip(found, known, strict=True)]
+
+
+def _damping_table(damping: dict[str, Any]) -> Table:
+    rows = [
+        [name, *(f"{100.0 * ratio:.3f}" for ratio in ratios)]
+        for name, *ratios in zip(
+            *(damping[key] for key in ("mode", "measured", "deviation", "damping")), strict=True
+        )
+    ]
+    headers = ["mode", "measured [%]", "+- [%]", "refined [%]"]
+    return Table(f"damping in survey {damping['survey']}", headers, rows)
+
+
+def _friction_table(joints: Sequence[dict[str, Any]]) -> Table:
+    keys = ("slip_torque_nm", "slip_torque_deviation_nm", "slip_angle_deg", "slip_angle_deviation_deg")
+    rows = [cells(j, "joint", *(f"{key}:.3g" for key in keys)) for j in joints]
+    return Table("friction of joints", ["joint", "slips at [N m]", "+-", "after [deg]", "+-"], rows)
 
 
 def _response_table(responses: Sequence[dict[str, Any]]) -> Table:

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
     from middeck.structure.plants.residual_flexibility import StaticGainComparison
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck response articles/mace-dm.toml --environment lab \\
     --input pri_rel_z --output pri_in_z_rate,bus_z_rate --at 0.5,1,8
   middeck response articles/mace-dm.toml --environment orbit --json \\
@@ -27,7 +25,7 @@ Examples:
 """
 
 
-@click.command("response", cls=options.Verb, epilog=EPILOG)
+@click.command("response", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @click.option(
     "--input", "inputs", multiple=True, required=True, metavar="PORT", help="Actuator; may be repeated."

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from middeck.structure.sensitivity.frequencies import FrequencySensitivities
     from middeck.structure.sensitivity.rest import RestSensitivities
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck sensitivity articles/mace-dm.toml \\
     --parameter "node.*.mass,members.E" --parameter environment.bounce_hz
   middeck sensitivity articles/mace-dm.toml --parameter "*" \\
@@ -30,7 +28,7 @@ NOTHING = 1e-12  # of dlnf/dlnp (of df/dp of what is zero): rounding
 SMALL = 5e-5  # of dlnf/dlnp: four decimals would say zero
 
 
-@click.command("sensitivity", cls=options.Verb, epilog=EPILOG)
+@click.command("sensitivity", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @click.option(
     "--parameter",

@@ -15,15 +15,13 @@ from middeck.cli.shown.screen import Table, show
 if TYPE_CHECKING:
     from middeck.files.studies.documents import Study
 
-EPILOG = """\
-\b
-Examples:
+EXAMPLES = """\
   middeck study studies/mace-1993.toml -o out/mace-1993
   middeck study mace-1993 -o out/soft --set suspension.bounce_hz=0.2
 """
 
 
-@click.command("study", cls=options.Verb, epilog=EPILOG)
+@click.command("study", cls=options.Verb, examples=EXAMPLES)
 @click.argument("study_file", metavar="STUDY")
 @click.option(
     "-o",

@@ -42,7 +42,10 @@ def find_participation(loop: ClosedLoop) -> Participation:
     lead = int(np.argmax(np.real(values)))
     pole, left, right = complex(values[lead]), left[:, lead], right[:, lead]
     if abs(np.vdot(left, right)) < 1e-12:
-        raise NumericalError(f"the eigenvalue {pole:.3g} is defective: participation does not exist")
+        raise NumericalError(
+            f"the eigenvalue {pole:.3g} is defective: participation does not exist",
+            hint="move a pole apart: change the authority or the PD gains a little",
+        )
     product = np.abs(left.conj() * right)
     product /= product.sum()
     names = tuple(dict.fromkeys(loop.state_names))

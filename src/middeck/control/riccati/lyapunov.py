@@ -60,12 +60,14 @@ def solve_discrete_lyapunov(
 ) -> Float[np.ndarray, "state state"] | None:
     """X with A'XA - X + Q = 0 for A inside the unit circle; None where the series does not end.
 
-    Squared Smith iteration (Smith 1968, SIAM J. Appl. Math. 16): X = sum A'^k Q A^k, doubled at each step.
+    Squared Smith iteration (Smith 1968, SIAM J. Appl. Math. 16): X = sum A'^k Q A^k, doubled at each step. In
+    Schur form, where powers of A decay: in mixed states they are differences of large numbers.
 
     >>> solve_discrete_lyapunov(np.array([[0.5]]), np.array([[3.0]]))
     array([[4.]])
     """
-    total, power = Q, A
+    power, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
+    total = U.T @ Q @ U
     # After overflow the sum is not finite, which is checked below.
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(SQUARINGS):
@@ -74,6 +76,7 @@ def solve_discrete_lyapunov(
             if not np.all(np.isfinite(total)):
                 return None
             if np.abs(more).max(initial=0.0) <= 1e-17 * np.abs(total).max(initial=0.0):
-                return (total + total.T) / 2.0
+                X = U @ total @ U.T
+                return (X + X.T) / 2.0
             power = power @ power
     return None

@@ -12,7 +12,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles, series
 
 Roots = tuple[complex, ...]
 """One real root, two real ones, or a complex one with its conjugate."""
@@ -68,7 +68,7 @@ def _in_series(below: list[Roots], above: list[Roots], period_s: float) -> Sampl
         fits = [k for k, other in enumerate(left) if len(other) <= len(group)]
         near = min(fits, key=lambda k: (-len(left[k]), abs(left[k][0] - group[0])), default=None)
         zeros = () if near is None else left.pop(near)
-        system = _after(system, _section(group, (*zeros, *(-1.0 + 0.0j,) * (len(group) - len(zeros)))))
+        system = series(system, _section(group, (*zeros, *(-1.0 + 0.0j,) * (len(group) - len(zeros)))))
     return system
 
 
@@ -85,14 +85,3 @@ def _section(p: Roots, r: Roots) -> SampledStateSpace:
         read = [((p[0] - r[0]) * (p[0] - r[1])).real, (p[0] + p[1] - r[0] - r[1]).real]
     drive = np.eye(len(p))[:, -1:]
     return SampledStateSpace(np.array(step), drive, np.array([read]), np.ones((1, 1)), period_s=1.0)
-
-
-def _after(first: SampledStateSpace, second: SampledStateSpace) -> SampledStateSpace:
-    A = np.block([[first.A, np.zeros((len(first.A), len(second.A)))], [second.B @ first.C, second.A]])
-    return SampledStateSpace(
-        A,
-        np.vstack([first.B, second.B @ first.D]),
-        np.hstack([second.D @ first.C, second.C]),
-        second.D @ first.D,
-        period_s=first.period_s,
-    )

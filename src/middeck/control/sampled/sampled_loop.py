@@ -7,6 +7,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, arrange_ports
+from middeck.control.law.moved_numbers import measure_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
@@ -51,8 +52,22 @@ def measure_sampled_loop(
     under held inputs and averaged.
 
     Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
-    that reads its own input within the sample.
+    that reads its own input within the sample. Warns (`UserWarning`) where rounding of the matrices makes the
+    rms uncertain (`measure_known`).
     """
+    return measure_known(
+        "rms", lambda *both: measure_held(*both, weights, authority), _numbers, plant, compensator
+    )
+
+
+def _numbers(outcome: SampledOutcome) -> Float[np.ndarray, " number"]:
+    return np.log(np.concatenate([outcome.rms, outcome.control_rms]))
+
+
+def measure_held(
+    plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
+) -> SampledOutcome:
+    """As `measure_sampled_loop`, rounding apart."""
     held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
     stable = decide_stability(plant, compensator).stable

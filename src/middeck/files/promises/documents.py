@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from middeck import __version__
+from middeck.campaign.confidence_of_draws import draws_needed, level
 from middeck.files.disk.digest import sha256_of
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import PROMISE
@@ -20,16 +21,16 @@ from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.orbit.removed import removed_terms
 from middeck.updating.orbit.shapes import promised_shapes
-from middeck.updating.promise.confidence import draws_needed, level
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
+from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept
 from middeck.updating.promise.slip_time import SlipTime
 from middeck.updating.refinement.findings import findings
-from middeck.updating.refinement.refine import Refined
+from middeck.updating.refinement.refine import Refined, RefinedFriction
 
 # A mode of which the surveys saw less than half was not seen.
 SEEN = 0.5
@@ -52,6 +53,7 @@ def promise_document(
 
     ``plants`` are name and seal of the file of its plants (`plants_document`).
     """
+    plan = with_refined(plan, refined)
     said = {
         "seed": plan.seed,
         "draws": plan.draws,
@@ -168,7 +170,18 @@ def _refined(refined: Refined) -> dict[str, Any]:
     return {
         "unknowns": [{"name": u.name, "x": few(x), "std": few(std)} for u, x, std in rows],
         "model_error": {s: few(tau) for s, tau in zip(refined.sorts, refined.estimate.tau, strict=True)},
+        **({"friction": [_slips(f) for f in refined.friction()]} if refined.friction() else {}),
         "warnings": findings(refined),
+    }
+
+
+def _slips(refined: RefinedFriction) -> dict[str, Any]:
+    torque, angle = (refined.value * [1.0, 1.0 / _DEGREE]).tolist()
+    return {
+        "joint": refined.joint,
+        "slip_torque_nm": few(torque),
+        "slip_angle_deg": few(angle),
+        "log_deviation": [few(std) for std in refined.log_std.tolist()],
     }
 
 
@@ -304,13 +317,12 @@ def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
         "without_friction_db": [few(level(friction.without_db, share)) for share in LEVELS],
         "stable_while_sticking": float(np.mean(friction.sticks)),
         "travel_over_slip_angle": {
-            name: float(f"{travel:.{TRAVEL_DIGITS}g}")
-            for name, travel in zip(names, friction.travel, strict=True)
+            name: few(travel, TRAVEL_DIGITS) for name, travel in zip(names, friction.travel, strict=True)
         },
         "simulation_error_db": few(friction.error_db),
     }
 
 
-def few(value: float) -> float | None:
+def few(value: float, digits: int = DIGITS) -> float | None:
     """``value`` to the digits that are promised; None for what is not finite."""
-    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None

@@ -266,7 +266,9 @@ def _pair(promised: Mapping[str, PromisedModes], came: Came) -> tuple[list[Paire
 def _place(promised: Mapping[str, PromisedModes], environment: str) -> PromisedModes:
     if environment not in promised:
         raise DataError(
-            f"nothing was promised in {environment!r}", where="outcome", hint=f"one of {', '.join(promised)}"
+            f"the promise has no environment {environment!r}",
+            where="outcome",
+            hint=f"one of {', '.join(promised)}",
         )
     return promised[environment]
 

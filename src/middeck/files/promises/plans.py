@@ -25,7 +25,7 @@ from middeck.files.toml.form import (
 )
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import Structure
-from middeck.systems.plants.standard_sweep import Dispersion
+from middeck.systems.plants.dispersed_frequencies import Dispersion
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.plan import Ladder, Plan
 from middeck.updating.promise.slip import JointSlip
@@ -157,7 +157,9 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
     ):
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, {what}", hint="a name for each")
+            raise ConfigError(
+                f"the name {twice[0]!r} is given twice", where=f"{path}, {what}", hint="a name for each"
+            )
     beside = Path(path).parent
     found = {name: find_document(name, "environment", beside=path) for name in form.environments}
     laws = {law.name: beside / law.file for law in form.law}

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from middeck.campaign.confidence_of_draws import probability_interval
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import SEAL, read_sealed, seal
 from middeck.files.promises.documents import few, versions
 from middeck.files.promises.outcomes import COMPARISON
-from middeck.updating.promise.confidence import probability_interval
 from middeck.updating.promise.score import Kind, Verdict, score
 
 SCORE = "middeck.score/1"

@@ -86,7 +86,9 @@ def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     form = read_form(path, CANDIDATES, CandidatesForm, planned_findings)
     twice = [name for name in form.environments if form.environments.count(name) > 1]
     if twice:
-        raise ConfigError(f"two are called {twice[0]!r}", where=f"{path}, environment", hint="each once")
+        raise ConfigError(
+            f"the name {twice[0]!r} is given twice", where=f"{path}, environment", hint="each once"
+        )
 
     refined_on = Path(path).parent / form.refinement
     loads = None if form.promised_loads is None else Path(path).parent / form.promised_loads

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -13,15 +13,22 @@ from middeck.errors import DataError
 from middeck.files.disk.looks import ARTICLE, REFINEMENT, SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted, load_standing
 from middeck.files.measured.modes import load_measured_modes
+from middeck.files.refinements.friction_form import (
+    AmplitudeForm,
+    FrictionForm,
+    build_frictions,
+    friction_findings,
+)
 from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
 from middeck.files.setups import find_document, load_setup, load_structure
+from middeck.files.toml.faults import Finding
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.refinement.posterior import USUAL
-from middeck.updating.refinement.refine import USUAL_STATIC
+from middeck.updating.refinement.refine import USUAL_DAMPING, USUAL_STATIC
 from middeck.updating.residuals.fitted_survey import survey_from_fit
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.updating.residuals.surveys import Survey
@@ -39,7 +46,9 @@ class SurveyForm(Form):
     modes: str
     environment: str = "lab"
     frequency_std: Positive | None = None
+    damping_std: Positive | None = None
     set: dict[str, Finite] = Field(default_factory=dict)
+    amplitude: Annotated[tuple[AmplitudeForm, ...], Field(strict=False)] = ()
     response: ResponseForm | None = None
     anti_resonance: Annotated[tuple[AntiResonanceForm, ...], Field(strict=False)] = ()
 
@@ -50,8 +59,10 @@ class RefinementForm(Form):
     schema_: Literal["middeck.refinement/1"] = Field(alias="schema")
     model_error: Positive = USUAL
     static_error: Positive = USUAL_STATIC
+    damping_error: Positive = USUAL_DAMPING
     survey: Annotated[tuple[SurveyForm, ...], Field(strict=False)] = ()
     static: Annotated[tuple[StaticForm, ...], Field(strict=False)] = ()
+    friction: Annotated[tuple[FrictionForm, ...], Field(strict=False)] = ()
     unknown: Annotated[tuple[UnknownForm, ...], Field(strict=False, min_length=1)]
 
 
@@ -64,14 +75,16 @@ class Refinement:
     model_error: float
     statics: tuple[StaticTest, ...]
     static_error: float
+    damping_error: float
     files: tuple[Path, ...]
 
     @property
     def of_refine(
         self,
-    ) -> tuple[tuple[Survey, ...], tuple[Unknown, ...], float, tuple[StaticTest, ...], float]:
+    ) -> tuple[tuple[Survey, ...], tuple[Unknown, ...], float, tuple[StaticTest, ...], float, float]:
         """Arguments of `refine` and `weigh_unknowns` after the article."""
-        return self.surveys, self.unknowns, self.model_error, self.statics, self.static_error
+        errors = self.static_error, self.damping_error
+        return self.surveys, self.unknowns, self.model_error, self.statics, *errors
 
 
 def load_refinement(path: str | Path, article: str | Path) -> Refinement:
@@ -80,20 +93,23 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     Files of modes are sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and `DataError` for modes that cannot be read.
     """
-    form = read_form(path, REFINEMENT, RefinementForm, static_findings)
+    form = read_form(path, REFINEMENT, RefinementForm, _findings)
     modes = [Path(path).parent / s.modes for s in form.survey]
+    measured = [load_survey_modes(seen, article) for seen in modes]
     environments = [find_document(s.environment, "environment", beside=path) for s in form.survey]
     rests = [find_document(t.environment, "environment", beside=path) for t in form.static]
     surveys = tuple(
         Survey(
             name=s.name,
-            measured=load_survey_modes(seen, article),
+            measured=seen,
             environment=load_setup(article, place)[1],
             settings=tuple(s.set.items()),
             frequency_std=s.frequency_std,
+            damping_std=s.damping_std,
             response=build_response(s.response, s.anti_resonance, Path(path).parent),
+            friction=build_frictions(s.amplitude, form.friction, len(seen.frequency_hz)),
         )
-        for s, seen, place in zip(form.survey, modes, environments, strict=True)
+        for s, seen, place in zip(form.survey, measured, environments, strict=True)
     )
     statics = tuple(
         build_static(t, load_setup(article, place)[1], [value_of(r) for r in t.reading])
@@ -108,8 +124,13 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         model_error=form.model_error,
         statics=statics,
         static_error=form.static_error,
+        damping_error=form.damping_error,
         files=tuple(files),
     )
+
+
+def _findings(data: Any) -> list[Finding]:
+    return [*static_findings(data), *friction_findings(data)]
 
 
 def build_unknown(form: UnknownForm) -> Unknown:

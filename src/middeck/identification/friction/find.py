@@ -187,7 +187,11 @@ def _problem(
     hz = np.fft.rfftfreq(samples, 1.0 / record.sample_hz)
     line = np.flatnonzero((hz >= band_hz[0] * (1.0 - 1e-9)) & (hz <= band_hz[1] * (1.0 + 1e-9)) & (hz > 0.0))
     if not len(line):
-        raise ConfigError(f"no line between {band_hz[0]:g} and {band_hz[1]:g} Hz", where="friction")
+        raise ConfigError(
+            f"no line between {band_hz[0]:g} and {band_hz[1]:g} Hz",
+            where="friction",
+            hint="a band within that of the record",
+        )
     Y = np.fft.rfft(record.y, axis=2)[:, :, line]
     U = np.fft.rfft(record.u.mean(axis=1), axis=1)[:, line]
     noise = Y.var(axis=1, ddof=1).mean(axis=1) / periods

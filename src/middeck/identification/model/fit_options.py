@@ -197,7 +197,8 @@ def _check_sampled(measured: FrequencyResponse, asked: FitOptions) -> None:
     if measured.frequency_hz[-1] >= 0.5 * asked.sample_hz:
         raise ConfigError(
             f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of "
-            f"{asked.sample_hz:.6g} Hz"
+            f"{asked.sample_hz:.6g} Hz",
+            hint="a band below half the rate, or a continuous model",
         )
 
 

@@ -75,7 +75,7 @@ def simulate_periodic(
     Raises `DataError` if the record is not periodic or has other inputs than the model.
     """
     if not record.periodic:
-        raise DataError("a steady state needs a periodic record")
+        raise DataError("a steady state needs a periodic record", hint="simulate_record simulates any record")
     if [p.name for p in record.inputs] != [p.name for p in model.inputs]:
         raise DataError(
             f"the record has the inputs {', '.join(p.name for p in record.inputs)}",

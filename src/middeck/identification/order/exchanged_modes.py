@@ -1,14 +1,10 @@
 """Leave a local minimum: exchange the least needed mode for the one that would improve the fit most.
 
-A search from a subspace start can hold a mode that does little while two modes elsewhere are fitted by one.
-
-The mode that would improve a fit most, with its input vector: a pursuit over a grid of poles.
-
-The residual of a fit is projected on the terms of each candidate pole, less what linear unknowns of the fit
-can take up, and the rank-one part of the residue is taken. That finds what a peak of the residual does not
-show: heavily damped modes, of which many lines say a little, and modes outside the band. Candidates that are
-nothing new (beside a constant term, a pole far above the band) explain nothing and are not taken.
-Matching pursuit (Mallat and Zhang 1993), orthogonal to the fit.
+A search from a subspace start can hold a mode that does little while one mode is fitted where there are two.
+The mode that improves a fit most, with its input vector, is found over a grid of poles: the residual is
+projected on the terms of each pole, less what linear unknowns of the fit can take up, and the rank-one part
+of the residue is kept (matching pursuit, Mallat and Zhang 1993, orthogonal to the fit). This also finds
+heavily damped modes and modes outside the band, which leave no peak in the residual.
 """
 
 from __future__ import annotations

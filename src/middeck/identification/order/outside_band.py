@@ -1,11 +1,10 @@
-"""The order of a response, with terms for what is outside its band where poles would else stand for it.
+"""Order of a response, with terms for the modes outside its band where poles would stand for them.
 
-Modes outside the band leave a slope and a constant in it. A model without terms for those spends pairs of
-poles on them, wherever these do so best: far above the band, or critically damped below it. Such a pair is no
-mode. In a narrow band they also stand for a delay, and leave a lead. Where the recommended order has poles
-outside the band, or leads, the terms of Ewins (2000, sec. 4.2) are tried instead: D for modes above, and
-L / s^2 for modes below. What has the shortest description is taken; if that leads, what does not lead and
-meets the lines kept out as well.
+Modes outside the band leave a slope and a constant in it. A model without terms for these spends pairs of
+poles on them, far above the band or critically damped below it; in a narrow band such pairs also stand for a
+delay and leave a lead. Where the recommended order has poles outside the band, or leads, two terms are tried
+instead: D for modes above and L / s^2 for modes below (Ewins 2000, sec. 4.2). The least description length is
+taken; if that model leads, one that does not and fits the held-out lines as well.
 """
 
 from __future__ import annotations

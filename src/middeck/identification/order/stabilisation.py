@@ -88,12 +88,15 @@ def stabilisation(
     `FitError` if the lines are too few for the lowest order.
     """
     if not orders or orders[0] < 1 or any(b <= a for a, b in pairwise(orders)):
-        raise ConfigError(f"orders {tuple(orders)[:5]} do not rise from one or more")
+        raise ConfigError(
+            f"orders {tuple(orders)[:5]} do not rise from one or more", hint="orders such as range(2, 41, 2)"
+        )
     if min(frequency_tolerance, damping_tolerance, mac_tolerance) <= 0.0:
         raise ConfigError("a tolerance is a positive share", hint="0.01, 0.2 and 0.05")
     if sample_hz is not None and measured.frequency_hz[-1] >= 0.5 * sample_hz:
         raise ConfigError(
-            f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of {sample_hz:.6g} Hz"
+            f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of {sample_hz:.6g} Hz",
+            hint="a band below half the rate, or sample_hz=None",
         )
     data = _some_lines(measured, orders[-1])
     models = list(_models(data, sample_hz, orders))

@@ -74,7 +74,7 @@ def modal_parameters(
     model = fitted.model if isinstance(fitted, FitResult) else fitted
     pairs = np.flatnonzero(model.is_pair)
     if not len(pairs):
-        raise ConfigError("a model without a pair of poles has no mode")
+        raise ConfigError("a model without a pair of poles has no mode", hint="fit more states")
     pairs = pairs[np.argsort(natural_hz(model)[pairs])]
     constants = _constants(model, pairs)
     # A residue of rank one has one shape, seen from any input.

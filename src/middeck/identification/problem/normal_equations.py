@@ -1,14 +1,12 @@
-"""One evaluation of the fit from small Gram matrices: the same numbers as by QR for a small part of the work.
+"""One evaluation of the fit from small Gram matrices: the numbers of a QR factorisation with less work.
 
-All columns and slopes of an output are real combinations of few functions (`factors`), so that their inner
-products need the Gram matrices of these functions only, one for each weight, and those follow from sums over
-the lines (`cauchy`). Normal equations square the condition; but the residual is formed explicitly, corrects
-the solution until it is orthogonal to the columns (corrected seminormal equations, Bjorck 1987) and gives the
-gradient, less what the last correction, left out, would change in it. So only the Gram matrix of theta
-itself, which no more than steers the search, has the squared condition's rounding. Where that is too large
+All columns and slopes of an output are real combinations of few functions (`factors`). Their inner products
+need the Gram matrices of these functions only, one for each weight, as sums over the lines (`cauchy`). Normal
+equations square the condition; but the residual is formed explicitly, corrects the solution until it is
+orthogonal to the columns (corrected seminormal equations, Bjorck 1987) and gives the gradient. Only the Gram
+matrix of theta, which merely steers the search, has the squared condition's rounding. Where that is too large
 (`WORST`, `SKEW`), or the residual itself is rounding (`Solved.rounding`), the caller takes another way.
-
-The constraint of relative degree two: the residues of each path add up to zero.
+Residues of relative degree two add up to zero on each path: a linear constraint.
 """
 
 from __future__ import annotations

@@ -1,22 +1,20 @@
-r"""The transient of a record: free motion of the model's poles, in the record's discrete Fourier transform.
+"""The transient of a record: free motion of the model's poles, in the record's discrete Fourier transform.
 
-A record of N samples of free motion, x(n T) = exp(p n T), has on its lines the transform
+N samples of free motion, x(n T) = exp(p n T), have the transform (a geometric series, exact)
 
-    (1 - exp(p N T)) / (1 - exp(p T) exp(-s T)),
+    (1 - exp(p N T)) / (1 - exp(p T) exp(-s T)).
 
-a geometric series: exact, aliasing and all, also for a continuous model. So whatever the state at either end
-of a record, its spectra are Y = G U + sum_m t_m / (1 - exp(p_m T) exp(-s T)) with free t_m for each output
-and experiment (Pintelon and Schoukens 2012, sec. 6.3.2).
+So, for any state at either end of a record, its spectra are Y = G U + sum_m t_m / (1 - exp(p_m T) exp(-s T))
+with free t_m for each output and experiment (Pintelon and Schoukens 2012, sec. 6.3.2).
 
-A sensor drifts, and a pole at zero does not decay: polynomials in time are on the lines as free motion is. Of
-a constant there is nothing; a ramp leaves 1/(1 - exp(-s T)), which is always among the terms, also for an
-integrator; a parabola, that of a double pole at zero, the square of that. The ramp of an input's sensor comes
-through a stable plant as a ramp, a constant and free motion, and is thereby taken care of too.
+Drift of a sensor and poles at zero are polynomials in time. A constant leaves nothing on the lines; a ramp
+leaves 1/(1 - exp(-s T)), always among the terms; a parabola, of a double pole at zero, its square. These
+cover the ramp of an input's sensor too, which leaves a stable plant as a ramp, a constant and free motion.
 
-What is no free motion is short: with a delay, the first samples answer to the input before the record; and a
-band-limited input is not its samples' trigonometric polynomial near the ends. Such samples, the first n and
-the last m, add n + m terms exp(-s T j): they are thereby left out of the fit. Steady sines that no input
-makes, such as hum, are given as their spectra.
+The rest is short: with a delay the first samples respond to inputs before the record, and a band-limited
+input differs from its samples' trigonometric polynomial near the ends. The first n and last m samples
+therefore add n + m terms exp(-s T j), which takes them out of the fit. Sines without an input (hum) are given
+as spectra.
 """
 
 from __future__ import annotations

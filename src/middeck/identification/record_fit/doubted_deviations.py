@@ -1,26 +1,22 @@
-"""Why the deviations of a fit of a record do not hold: structure in its residual, or a fault.
+"""Tests of the residual of a record's fit: whether its standard deviations hold, or a fault of the record.
 
-What is left of a model that holds is noise: no input, earlier or later, tells it (Ljung 1999, sec. 16.6), and
-no part of the record asks for another delay, gain, frequency or damping than the rest, and the direction of
-motion does not matter. Otherwise faults of the record are sought.
+If the model is right, the residual is noise: uncorrelated with the inputs (Ljung 1999, sec. 16.6), and no
+part of the record asks for another delay, gain, frequency or damping than the rest.
 
-Noise of sensors, and forces that the inputs do not make, do not know how large the response is. Blows that
-scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large: with the
-residual whitened, the score of a variance that grows with the response (Breusch and Pagan 1979) tells, its
-denominator that of Koenker (1981), so that heavy tails of the noise do not count.
+Blows that scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large.
+The whitened residual is therefore tested for a variance that grows with the response (Breusch and Pagan
+1979), studentised (Koenker 1981) against heavy tails of the noise. Short noise of an input, such as that of a
+blow under its window, causes free motion that fades with the response; where it is known, both scores leave
+it out.
 
-Noise of an input that is short, as that of a blow under its window, is heard as free motion: it fades as the
-response does, and asks for a delay of its own. Where it is known, what it makes is left out of both scores.
-
-A continuous fit takes inputs as band-limited between samples. That a blow is not, its own spectrum tells: a
-filter leaves nothing of it at half the rate, where an unfiltered pulse of a few samples has some per cent.
+A continuous fit assumes band-limited inputs; the spectrum of a blow at half the rate shows if it was not.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -40,6 +36,7 @@ from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
 Heard = Complex[np.ndarray, "output line part"]
+Law = Callable[[np.ndarray, Data], tuple[np.ndarray, np.ndarray, np.ndarray]]
 # Above this share of an output's rms, what is left is looked into; above the second, and told by the inputs,
 # it makes the modes doubtful.
 LEFT, MUCH = 0.05, 0.1
@@ -81,6 +78,11 @@ OF_DIRECTION = (
     "what the fit leaves goes by the direction of motion ({:.0f} deviations of noise): play, backlash or dry "
     "friction; no stated deviation holds; excite more, or take the play out"
 )
+OF_CUBE = (
+    "what the fit leaves goes by the cube of a force or of the motion ({:.0f} deviations of noise): an "
+    "amplifier or a sensor that saturates, or an article that is not linear; the model is of this level, and "
+    "no stated deviation holds; excite less"
+)
 OF_DELAY = (
     "its delay is not the same throughout the record ({:.0f} standard deviations of noise): samples lost or "
     "repeated, two runs joined, a clock that drifts, or an article that changes; no stated deviation holds"
@@ -121,7 +123,10 @@ def causes_of(
     steps = bool(np.any(np.maximum(moved, scaled) > STEPS))
     changed = {} if steps else _changed_modes(record, data, run, size, noise)
     told = np.array([_told_by_inputs(w, data) for w in white])
-    play = _play_scores(record, data, run, size, noise)
+    play = _scores_of_law(_by_direction, record, data, run, size, noise)
+    # Distortion of a signal that repeats stands on the same lines in each period, and the fit counts it.
+    repeats = record.periodic and record.u.shape[1] > 1
+    cube = np.zeros(len(play)) if repeats else _scores_of_law(_by_cube, record, data, run, size, noise)
     leads = lead > LEADS
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
@@ -145,7 +150,8 @@ def causes_of(
             continue
         enough = TOLD if at_once[o] or left[o] > MUCH else CLEARLY_TOLD
         scores = (
-            (play[o] > max(STEPS, moved[o], scaled[o]), OF_DIRECTION.format(play[o])),
+            (play[o] > max(STEPS, moved[o], scaled[o], cube[o]), OF_DIRECTION.format(play[o])),
+            (cube[o] > max(STEPS, moved[o], scaled[o], told[o]), OF_CUBE.format(cube[o])),
             (moved[o] > STEPS, OF_DELAY.format(moved[o])),
             (scaled[o] > STEPS, OF_GAIN.format(scaled[o])),
             (told[o] > enough, OF_INPUTS.format(told[o], at_once[o], unknown[o])),
@@ -249,19 +255,25 @@ def _changed_modes(
     return found
 
 
-def _play_scores(
-    record: Record, data: Data, run: RecordRun, size: Float[np.ndarray, "output line column"], heard: Heard
+def _scores_of_law(
+    law: Law, record: Record, data: Data, run: RecordRun, size: np.ndarray, heard: Heard
 ) -> Float[np.ndarray, " output"]:
-    """Deviations by which what is left goes by the direction in which an output, or an input, moves.
+    """Deviations by which what is left goes by a ``law`` of an input, or of an output, as no linear one.
 
-    Play lags by half its width, either way. What a linear model makes of that, and noise, does not know it.
+    Play in a sensor and a cubic one are laws of the output; play and saturation before the article are of an
+    input, dry friction and a cubic spring of the motion, and their force moves the article as an input does.
+    What a linear model makes of that, and noise, does not know it.
     """
     H = model_response(model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi))
-    left, of_inputs = run.residual(data), [_by_direction(u, data) for u in np.moveaxis(data.U, 1, 0)]
+    left, of_inputs = run.residual(data), [law(u, data) for u in np.moveaxis(data.U, 1, 0)]
     found = np.zeros(len(left))
     for o, r in enumerate(left):
-        of_output = np.ones(len(H)), _by_direction(data.H[o] - r, data)
-        for gain, terms in [of_output, *zip(H[:, o].T, of_inputs, strict=True)]:
+        of_output = law(data.H[o] - r, data)
+        for gain, terms in [
+            (np.ones(len(H)), of_output),
+            *zip(H[:, o].T, of_inputs, strict=True),
+            *((gain, of_output) for gain in H[:, o].T),
+        ]:
             by, *linear = ((gain[:, None] * term / size[o]).ravel().view(float) for term in terms)
             basis = np.column_stack(linear)
             by = by - basis @ np.linalg.lstsq(basis, by, rcond=None)[0]
@@ -279,6 +291,12 @@ def _by_direction(x: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray, np
     return np.fft.rfft(signs, axis=1)[:, data.lines].T, x, rate
 
 
+def _by_cube(x: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Spectra of the cube of a signal, on a grid so fine that none of it folds back, of it and its rate."""
+    cube = signals(data, x, finer=2) ** 3
+    return np.fft.rfft(cube, axis=1)[:, data.lines].T, x, data.s[:, None] * x
+
+
 def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> float:
     """The largest correlation with an input, earlier or later, in deviations of noise."""
     U = np.moveaxis(data.U, 1, 0)
@@ -294,10 +312,12 @@ def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> fl
     return best
 
 
-def signals(data: Data, spectra: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "column sample"]:
-    """In time, on a grid just fine enough for the lines."""
+def signals(
+    data: Data, spectra: Complex[np.ndarray, "line column"], *, finer: int = 1
+) -> Float[np.ndarray, "column sample"]:
+    """In time, on a grid just fine enough for the lines, or so many times ``finer``."""
     lines = data.lines
-    full = np.zeros((spectra.shape[1], lines[-1] + 1), dtype=complex)
+    full = np.zeros((spectra.shape[1], finer * (lines[-1] + 1)), dtype=complex)
     full[:, lines] = spectra.T
     return np.fft.irfft(full, 2 * full.shape[1], axis=1)
 

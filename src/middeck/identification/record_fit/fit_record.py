@@ -45,7 +45,7 @@ from middeck.identification.record_fit.record_spectra import (
     without_drift,
     without_trend,
 )
-from middeck.identification.record_fit.refine_record import WEIGHTINGS, RecordRun, Weighting
+from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
@@ -67,9 +67,9 @@ HELD_ABOVE = 1.0 / 8.0
 NYQUIST = 0.95
 # Deviations by which noise of an input may move an unknown before that is said.
 MOVED = 1.0
-# A decay rate times the record's length that is no more than the search allows at least, and lines between a
-# mode and a sine that may be its own motion.
-HARDLY, BESIDE = 0.15, 2.0
+# A decay rate over the least of the search that may be that, and lines between a mode and a sine that
+# may be its own.
+HARDLY, BESIDE = 1.5, 2.0
 
 
 def fit_record(
@@ -363,7 +363,8 @@ def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) ->
         f"mode at {f[m]:.4g} Hz: it does not decay within the record, or a sine goes on beside it: it is "
         "undamped, or unstable, which is not fitted; no stated deviation holds"
         for m in np.flatnonzero(within)
-        if -np.real(model.poles[m]) < HARDLY * apart or np.any(np.abs(sines - f[m]) < BESIDE * apart)
+        if -np.real(model.poles[m]) < HARDLY * LIGHTEST * apart
+        or np.any(np.abs(sines - f[m]) < BESIDE * apart)
     ]
 
 

@@ -1,18 +1,15 @@
-"""Order and weights of a sampled model: the shortest description, and samples held out.
+"""Order and weights of a sampled model: minimum description length, and held-out samples.
 
-The order is that of the shortest description of the record by either kind of noise, transients counted among
-its unknowns. The weights at that order are those whose model simulates samples held out best: what a model of
-a real article leaves is more than noise, and the likeliest weights need not be those that simulate best. Both
-rules were chosen among others by their error on simulated records, with and without model error
-(docs/explanation/one-long-record.md).
+The order has the least description length by either kind of noise, transients counted. The weights at that
+order are those whose model simulates held-out samples best: the residual of a real article is more than
+noise, so the likeliest weights need not simulate best. How both rules were chosen:
+docs/explanation/one-long-record.md.
 
-A large record is scouted first (`reduced_record`): the order is searched on some of its lines and its
-principal outputs, and that model is refined, and grown as long as its description gets shorter, on all of
-them.
+A large record is scouted first (`reduced_record`): the order is searched on some of its lines and principal
+outputs; that model is refined on all data, and grown as long as its description length falls.
 
-Held out: a model is refined on the first two thirds and simulates the last, and the other way round, as it
-will be used. Only the initial state is fitted there, to half of the part, so that poles too slow to be seen
-do not pass.
+For the held-out error a model is fitted to two thirds and simulates the last third, and the other way round.
+Its initial state is fitted to half of the third, so that poles too slow to be observed do not pass.
 """
 
 from __future__ import annotations

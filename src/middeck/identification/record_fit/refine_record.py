@@ -28,9 +28,9 @@ from middeck.values import record
 # simulation itself.
 Weighting = Literal["flat"] | Noise
 WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
-# A decay rate times the record's length below which free motion is no different from a steady one, and times
-# the sampling period above which it is over within a sample.
-SLOWEST, FASTEST = 0.1, 15.0
+# A decay rate times the record's length below which free motion is no different from a ramp, of a pair from a
+# steady sine whatever the noise; and times the sampling period above which it is over within a sample.
+SLOWEST, LIGHTEST, FASTEST = 0.1, 1e-3, 15.0
 # Of real poles with fewer decays over the record a sampled model has one: several make ramps and parabolas,
 # which fit any drift, and which no initial state brings to other samples.
 SLOW_REAL = 10.0
@@ -117,6 +117,7 @@ def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     modes, pairs = len(layout.pair), layout.pairs
     low[: modes + pairs] = np.log(SLOWEST / length)
+    low[:pairs] = np.log(LIGHTEST / length)
     high[:modes] = np.log(FASTEST / period)
     high[modes : modes + pairs] = np.log(0.999 * np.pi / period)
     return low, high

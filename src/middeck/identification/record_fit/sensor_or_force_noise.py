@@ -1,19 +1,15 @@
-r"""What disturbs a record, from what a fit leaves of it: the variance of each output on each line.
+"""Noise variance of each output on each line of a record, estimated from the residual of a fit.
 
-One record has no second period to compare with, so that noise is told from the model's response by being
-smooth, and by nothing else. Two kinds are smooth in different ways:
+One record has no second period to compare with: noise is what is smooth over frequency, in one of two ways:
 
-    "output"   sensors: the residual's own power |r|^2 is averaged over neighbouring lines;
-    "motion"   forces on the article: they come through its poles, so that A r with
-               A = prod (1 - exp(p T) exp(-s T)) is smooth, and v = average |A r|^2 / |A|^2.
+    "output"   noise of sensors: |r|^2 is averaged over neighbouring lines;
+    "motion"   forces on the article, shaped by its poles: |A r|^2 is averaged and divided by |A|^2, with
+               A = prod (1 - exp(p T) exp(-s T)), the denominator of an innovations model (Ljung 1999, 4.2).
 
-A peak of a lightly damped mode is narrower than a line of a short record: the second kind knows its shape all
-the same. (A is the denominator of an ARMAX or innovations model, Ljung 1999, sec. 4.2; the average stands for
-its numerator.) Which of them a record has is what makes it likelier.
+The second keeps the shape of a peak that is narrower than the spacing of lines. The likelier kind is taken.
 
-What an article that is not linear adds to a signal that repeats, repeats with it: it lies on lines that the
-inputs drive (or between them, for even powers), and far above the noise beside them. So lines that are driven
-and lines that are silent are averaged apart.
+Distortion of an input that repeats lies on the lines that the input drives (or between them, for even
+powers), far above the noise beside them. Driven and silent lines are therefore averaged separately.
 """
 
 from __future__ import annotations

@@ -111,9 +111,15 @@ def _check(model: MeasurementModel, record: Record, state_share: float) -> None:
         raise ConfigError(f"a share of {state_share} of a record is none", hint="above 0, up to 1")
     rate = model.sample_hz
     if rate is not None and abs(rate - record.sample_hz) > 1e-9 * record.sample_hz:
-        raise ConfigError(f"the model is sampled at {rate:.6g} Hz, the record at {record.sample_hz:.6g} Hz")
+        raise ConfigError(
+            f"the model is sampled at {rate:.6g} Hz, the record at {record.sample_hz:.6g} Hz",
+            hint="resample the record, or fit a continuous model",
+        )
     if np.any(np.real(model.poles) >= 0.0):
-        raise NumericalError("a pole of the model does not decay: its response to repeated inputs is none")
+        raise NumericalError(
+            "a pole of the model does not decay: its response to repeated inputs is none",
+            hint="a model whose poles all decay",
+        )
 
 
 def _forced(

@@ -1,18 +1,16 @@
 """Remove the modes and sines that a fit of a record does not need.
 
-An order is chosen from models that are refined for a few steps only. At the end, a mode whose residue is no
-more than noise may be left: it is given up if that shortens the description (Rissanen 1978). A pole that does
-not decay within the record and that no input moves is given up for a sine.
-
-Hum and unbalance are sines in the outputs that no input makes. A pole without damping fits one as free
-motion, its residue noise, its decay the least that the search allows. The sine itself is a linear term of
-each output and experiment, whose amplitude and phase may wander slowly (a parabola in time).
+Orders are compared after a few steps of refinement, so that a mode of the final model may be noise. It is
+removed if that shortens the description (Rissanen 1978). A pole that does not decay within the record and
+that no input drives (hum, unbalance) is replaced by a sine: a linear term of each output and experiment,
+whose amplitude and phase vary as a parabola in time.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.ndimage
@@ -76,7 +74,7 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     """
     state = _without_sines(record, Tidied(data, run, ()))
     if not sampled:
-        state = shed(state, functools.partial(_significance, record), _without)
+        state = shed(state, functools.partial(_significance, record), functools.partial(_without, record))
         state = split(state, lambda found: pairs_of(found.run), functools.partial(_in_two, record))
     return _with_hidden_lines(state)
 
@@ -93,41 +91,52 @@ def _without_sines(record: Record, state: Tidied) -> Tidied:
     tried: list[float] = []
     while True:
         poles = pairs_of(state.run)
-        decay = -np.real(poles) * length_s
-        within = (np.imag(poles) >= state.data.omega[0]) & (np.imag(poles) <= state.data.omega[-1])
-        steady = [
-            m
-            for m in np.argsort(decay)
-            if decay[m] < STEADY and within[m] and not _among(float(np.imag(poles[m])), tried, length_s)
-        ]
+        steady = [m for m in _steady(state) if not _among(float(np.imag(poles[m])), tried, length_s)]
         if not steady or len(state.lines) >= MOST_LINES or len(state.run.layout.pair) < 2:
             return state
         tried.append(float(np.imag(poles[steady[0]])))
-        state = _as_line(record, state, int(steady[0])) or state
+        state = _as_line(record, state, steady[0]) or state
+
+
+def _steady(state: Tidied) -> list[int]:
+    """Poles in the band that do not decay within the record, the least damped first."""
+    poles, omega = pairs_of(state.run), state.data.omega
+    decay = -np.real(poles) * state.data.length_s
+    within = (np.imag(poles) >= omega[0]) & (np.imag(poles) <= omega[-1]) & (decay < STEADY)
+    return [int(m) for m in np.argsort(decay) if within[m]]
 
 
 def _as_line(record: Record, state: Tidied, m: int) -> Tidied | None:
     run = state.run
-    omega = float(pairs_of(run)[m].imag)
-    deviation_hz = float(uncertainty_of(covariance_of(record, state)).natural_hz[m])
-    line = SteadyLine(omega / (2.0 * np.pi), deviation_hz, name_line(omega / (2.0 * np.pi), deviation_hz))
     return _better(
         state,
-        with_line(state.data, omega),
+        with_line(state.data, float(pairs_of(run)[m].imag)),
         without_modes(run.start, np.arange(len(run.layout.pair)) == m),
-        (*state.lines, line),
+        (*state.lines, *_lines_at(record, state, [m])),
     )
 
 
-def _without(state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
-    """Without some modes, or with their free motion alone, which no input is to move."""
+def _lines_at(record: Record, state: Tidied, modes: Sequence[int]) -> list[SteadyLine]:
+    """Lines in the place of modes that do not decay."""
+    of, poles = uncertainty_of(covariance_of(record, state)).natural_hz, pairs_of(state.run)
+    both = [(float(poles[m].imag) / (2.0 * np.pi), float(of[m])) for m in modes]
+    return [SteadyLine(hz, deviation_hz, name_line(hz, deviation_hz)) for hz, deviation_hz in both]
+
+
+def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
+    """Without some modes, or with their free motion alone, which no input is to move.
+
+    The free motion of a pole that does not decay is a sine, and is named as one.
+    """
     run = state.run
     start = without_modes(run.start, dropped)
     fewer = _better(state, state.data, start, state.lines)
     if fewer is not None:
         return fewer
-    poles = run.start.point.poles[dropped]
-    return _better(state, with_free_motion(state.data, poles), start, state.lines)
+    poles = run.start.point.poles
+    steady = [m for m in _steady(state) if dropped[m]]
+    lines = (*state.lines, *_lines_at(record, state, steady)) if steady else state.lines
+    return _better(state, with_free_motion(state.data, poles[dropped]), start, lines)
 
 
 def _in_two(record: Record, state: Tidied, m: int) -> Tidied | None:

@@ -1,21 +1,18 @@
-"""Weights of a fit: the measured variance, and what the model cannot follow.
+"""Weights of a fit: the measured variance, and a variance for what the model cannot fit.
 
-A variance per line estimated from few periods has few degrees of freedom: used as it is, lines that look
-quiet by chance would rule the fit. It is averaged over neighbouring lines first, and is no less than that;
-it is more where fewer lines say so beyond chance: the noise of a measured input, and the motion that a
-disturbance makes, peak where the response does, and an average there is a fifteenth of what it should be.
+A variance from few periods has few degrees of freedom, and lines that are quiet by chance would dominate the
+fit. It is therefore averaged over neighbouring lines, except where fewer lines have significantly more: noise
+of a measured input and motion from disturbances peak where the response does.
 
-A model of limited order, or a real structure that is not quite linear, leaves more than the variance says.
-That excess is taken as one more variance e P, with one share e for all lines and outputs, solved from
+A model of limited order, or a slightly nonlinear article, leaves more than this variance. The excess is one
+further variance e P with one share e for all lines and outputs (with a share for each, a fit could give up an
+output and then weigh it less), solved from
 
-    sum |r|^2 / (v + e P) = number of lines   (Paule and Mandel 1982)
+    sum |r|^2 / (v + e P) = number of lines   (Paule and Mandel 1982).
 
-so that a good model is weighted by its noise and a short one by the size of what it must follow. Where that
-excess is no small part, the measured variance is the wrong norm for what such a model can follow: then it
-counts for a tenth (`Spread.even`), so that a line which is mostly noise still weighs less. P is the mean
-square response of the output, or for the logarithmic cost |H|^2 of each line, which makes peaks and
-antiresonances count alike. A share for each output would let a fit give up one output and then weigh it less
-for being so.
+P is the mean square response of the output, or for the logarithmic cost |H|^2 of each line, which gives peaks
+and antiresonances equal weight. Where the excess is large, the measured variance counts for a tenth only
+(`Spread.even`), so that a line of mostly noise still weighs less.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-r"""The transient that a repeated signal begins with: told from noise, cut off or taken out.
+"""The transient at the beginning of a repeated signal: told from noise, cut off or subtracted.
 
-What repeats is the same in every period. An output less itself a period later is therefore free motion,
+What repeats is the same in every period. An output minus itself a period later is therefore free motion,
 
     y[n] - y[n + N] = sum_m c_m (1 - exp(p_m N T)) exp(p_m n T) + noise,
 
-whatever the response is. Its poles are found one after the other, each where most is left and at the decay
-that explains most of that, and refined together (variable projection, Golub and Pereyra 1973), as long as the
-description gets shorter (Rissanen 1978): a steady record asks for none. The motion found is then known in all
-periods. Where it dies out early the first periods are cut off; otherwise it is subtracted, and what is not
-known of it goes into the variance of the average.
+whatever the response is. Its poles are found one by one, at the frequency where most is left and the decay
+that explains most of it, and refined together (variable projection, Golub and Pereyra 1973), as long as the
+description length falls (Rissanen 1978). If the motion dies out early, the first periods are cut off;
+otherwise it is subtracted, and its uncertainty is added to the variance of the average.
 """
 
 from __future__ import annotations

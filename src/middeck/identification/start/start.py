@@ -43,6 +43,8 @@ ENOUGH = 0.5
 # steps are so many times finer, to tell. One that leaves a third or more of what the promptest leaves is not
 # tried beside it.
 NARROW, FINER, HOPELESS = 2.0, 64, 3.0
+# Peaks of what delays explain that are climbed: at least, and times lines; and steps of Newton's method.
+FEWEST_PEAKS, PEAKS_TIMES_LINES, CLIMBS = 8, 2**17, 3
 # Lines that are closer than so small a share of the band are taken for one when delays are tried.
 MOST_LINES = 2**15
 # Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
@@ -349,15 +351,14 @@ def _best_delays(
     tau, explained = _explained(omega, products)
     count, whole = FIRST_DELAYS, np.sum(np.abs(target) ** 2)
     while True:
-        near = np.concatenate(
-            [np.arange(-min(count, len(tau) // 2), 0), np.arange(min(count, len(tau) // 2))]
-        )
+        near = np.arange(-min(count, len(tau) // 2), min(count, len(tau) // 2))
         best = near[int(np.argmax(explained[near]))]
         if explained[best] > ENOUGH * whole or 2 * count >= len(tau):
             break
         count *= 4
     if omega[-1] >= NARROW * omega[0]:
-        return float(tau[best]), float(tau[best])
+        right = _at_peaks(omega, products, tau[near], explained[near])
+        return right, right
     half = 2.0 * np.pi / (omega[0] + omega[-1])
     soon, of_soon = _sharpened(omega, products, np.arange(0.0, half, tau[1] / FINER))
     other, of_other = _sharpened(omega, products, tau[best] + tau[1] * np.arange(-1.0, 1.0, 1.0 / FINER))
@@ -387,6 +388,32 @@ def _explained(
     np.add.at(on_grid, place, np.where(place > 0, 0.5, 1.0)[:, None] * products)
     tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
     return tau, np.sum((np.fft.irfft(on_grid, count, axis=0) * count) ** 2, axis=1)
+
+
+def _at_peaks(
+    omega: np.ndarray,
+    products: Complex[np.ndarray, "line product"],
+    tau: Float[np.ndarray, " delay"],
+    explained: Float[np.ndarray, " delay"],
+) -> float:
+    """The grid point at the peak that explains most, of the highest ones, each climbed by Newton's method.
+
+    Modes of light damping are a few lines each, so that many delays suit the phases of two or three of them:
+    what the grid misses of the right delay is more than what such another one leaves.
+    """
+    peaks = np.flatnonzero((explained >= np.roll(explained, 1)) & (explained >= np.roll(explained, -1)))
+    most = max(FEWEST_PEAKS, PEAKS_TIMES_LINES // len(omega))
+    highest, step = tau[peaks[np.argsort(-explained[peaks])[:most]]], tau[1] - tau[0]
+    at = highest
+    derivatives = [products * (1j * omega[:, None]) ** order for order in range(3)]
+    for _ in range(CLIMBS):
+        turned = np.exp(1j * np.outer(at, omega))
+        size, rate, bend = (np.real(turned @ x) for x in derivatives)
+        slope, curvature = np.sum(size * rate, axis=1), np.sum(rate**2 + size * bend, axis=1)
+        top = -curvature * step > np.abs(slope)  # else no peak is within a step
+        at = at - np.divide(slope, curvature, out=np.zeros_like(at), where=top)
+    reached = np.sum(np.real(np.exp(1j * np.outer(at, omega)) @ products) ** 2, axis=1)
+    return float(highest[np.argmax(reached)])
 
 
 def _sharpened(

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from middeck.errors import DataError
 from middeck.identification.tracking import lag, loss_and_restart
-from middeck.identification.tracking.loss_and_restart import poles_at, step_modes
+from middeck.identification.tracking.one_period import poles_at, step_modes
 from middeck.identification.tracking.tracked_state import Followed, Tracking, log_places, motion_deviation
 
 # An innovation pulls no further than so many of its deviations: a spike is no news.

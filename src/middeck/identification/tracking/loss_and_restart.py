@@ -1,68 +1,19 @@
 """Detect that a tracker has lost its modes, and restart it from a good state.
 
-A filter that follows a wrong frequency is sure of it: its covariance is small, and corrections that are right
-come too late. Its innovations tell: large, and not white as they would be if only the noise had grown. If
-that lasts, parameters are set back to those of the last time when all was well and the motion to not known.
-Frequencies are then opened by a jump, and by twice and four times that where the try before found nothing:
-a wide opening finds a mode from farther off, and more often its neighbour.
-
-If the model holds, what an output brings that was not foreseen is white and as large as stated (Mehra 1970).
-The means of its products at lags 0 to 16 are kept with a memory of a thousand samples.
-
-One sampling period of all modes, exactly, with derivatives by log frequency and log damping.
-
-z' = lambda z + b u with u held and late by part of a period: the old input acts for the first part, the new
-one for the rest (Franklin, Powell and Workman 1998, section 4.3).
+A filter that follows a wrong frequency has a small covariance and corrects too slowly. Its innovations are
+then large and coloured; if the model holds they are white and of the stated size (Mehra 1970). Means of their
+products at lags 0 to 16 are kept with a memory of a thousand samples. If the loss lasts, the parameters
+return to those of the last good state, the motion becomes unknown, and the frequencies are opened by a jump,
+then by two and four: a wider opening finds a mode that is farther off, and more often its neighbour.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.special
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Float, Int
 
 from middeck.values import record
-
-Modal = Complex[np.ndarray, "delay mode"]
-# A damping ratio of one has no oscillation to follow.
-MOST_DAMPING = 0.9
-
-
-def poles_at(
-    log_omega: Float[np.ndarray, " mode"], log_zeta: Float[np.ndarray, " mode"]
-) -> tuple[Complex[np.ndarray, " mode"], Complex[np.ndarray, "2 mode"]]:
-    """Poles, and their derivatives by log frequency and log damping."""
-    omega, zeta = np.exp(log_omega), np.minimum(np.exp(log_zeta), MOST_DAMPING)
-    root = np.sqrt(1.0 - zeta * zeta)
-    poles = omega * (-zeta + 1j * root)
-    return poles, np.array([poles, omega * (-zeta - 1j * zeta * zeta / root)])
-
-
-def step_modes(
-    z: Modal,
-    poles: Complex[np.ndarray, " mode"],
-    new: Modal,
-    old: Modal,
-    times: tuple[float, Float[np.ndarray, "delay 1"], Float[np.ndarray, "delay 1"]],
-) -> tuple[
-    Complex[np.ndarray, " mode"], Complex[np.ndarray, "delay mode"], Complex[np.ndarray, "delay mode"]
-]:
-    """exp(lambda T), z after a period, and its derivative by lambda.
-
-    ``new`` and ``old`` are b u of the later and the earlier input; ``times`` the period, and what of it the
-    new and the old input act.
-    """
-    T, late, early = times
-    decay, over = np.exp(poles * T), 1.0 / poles
-    by_late = np.exp(poles * late)
-    gain_late = (by_late - 1.0) * over
-    by_early = np.exp(poles * early)
-    gain_early = (by_early - 1.0) * over
-    after = decay * z + gain_late * new + by_late * gain_early * old
-    slope = T * decay * z + (late * by_late - gain_late) * over * new
-    slope += by_late * (late * gain_early + (early * by_early - gain_early) * over) * old
-    return decay, after, slope
-
 
 WATCHED = 16  # lags: half a cycle of a mode at a thirtieth of the rate
 MEMORY = 1024  # samples

@@ -1,15 +1,12 @@
-"""Derivatives of the entries of a response as real combinations of few functions that all entries share.
+"""Derivatives of the entries of a response from few shared functions, and the noise that entries share.
 
-As for a fit's columns (`fit.factors`): with u = 1/(q - lambda) and l = 1/(q - conj lambda) any term of a pair
-is z u + conj(z) l = Re z (u + l) + Im z j(u - l), and its derivative by the pole the same of squares. A term
-of real constants is phi psi u l, whose derivatives are of u l (u + l) and (u l)^2: as a difference of u and l
-they would be rounding where a pair comes near the real axis. An entry's own is only its derivative by its
-delay.
+With u = 1/(q - lambda) and l = 1/(q - conj lambda) any term of a pair is z u + conj(z) l = Re z (u + l) + Im
+z j(u - l), and its derivative by the pole the same of squares (as for a fit's columns, `problem.factors`).
+Terms of real constants are phi psi u l, with derivatives of u l (u + l) and (u l)^2: differences of u and l
+would be rounding near the real axis. Only the derivative by its delay is an entry's own.
 
-Noise that the entries of a response have in common, and what it does to a fit that weighs each alone.
-
-A disturbance that shakes the article is in all outputs at once, and noise of a measured input in all that it
-drives. A fit with one weight for each entry stays unbiased, but its covariance is A^-1 B A^-1 with
+A disturbance of the article is in all outputs, noise of a measured input in all that it drives. A fit with
+one weight for each entry stays unbiased, but its covariance is A^-1 B A^-1 with
 
     B = 1/2 sum over lines of Re sum_ab conj(J_a) w_a^2 V_ab w_b^2 J_b^T,   V_ab = E[r_a conj(r_b)].
 """

@@ -19,6 +19,8 @@ from middeck.realtime.package.modal_form import CONDITION, to_modal
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
+from middeck.systems.poles.rounding import farthest_pole
+from middeck.systems.poles.strong_components import component_poles
 
 Form = Literal["auto", "dense", "modal"]
 Each = float | Sequence[float] | Float[np.ndarray, " port"]
@@ -49,7 +51,7 @@ def package_law(
         inner: PD loops that run beside the law, on outputs and inputs that it has too.
         filters: Sections in series with inputs of the law.
         form: ``"modal"`` or ``"dense"``; ``"auto"`` is modal where the poles are far enough apart.
-        unstable: Declares poles on or outside the unit circle.
+        unstable: Declares poles on or outside the unit circle, or that rounding may take there.
 
     Raises `ConfigError` for a continuous law (see `emulate`), a law with such poles that are not declared,
     a modal form of poles that nearly coincide, and what `ControllerPackage` refuses.
@@ -63,10 +65,12 @@ def package_law(
     if form not in get_args(Form):
         raise ConfigError(f"no form {form!r}", hint=f"one of {', '.join(get_args(Form))}")
     sampled = law.sampled
-    radius = float(np.abs(np.linalg.eigvals(sampled.A)).max(initial=0.0))
-    if radius >= 1.0 and not unstable:
+    radius, reach = float(np.abs(component_poles(sampled.A)).max(initial=0.0)), farthest_pole(sampled.A)
+    if reach >= 1.0 and not unstable:
+        blur = reach - radius
+        said = "is" if radius - blur >= 1.0 - 1e-9 else "may be"
         raise ConfigError(
-            f"the compensator is unstable by itself: a pole of magnitude {radius:.6f}",
+            f"the compensator {said} unstable by itself: a pole of magnitude {radius:.6f} +- {blur:.0e}",
             hint="declare it, and it must be proved on every model; or design with less authority",
         )
     if not (np.isfinite(ramp_s) and ramp_s >= 0.0):
@@ -88,7 +92,7 @@ def package_law(
             filters=tuple(filters),
             paths=inner_paths,
             ramp=math.ceil(ramp_s / sampled.period_s - 1e-6),
-            unstable=unstable and not (radius < 1.0 and steady),
+            unstable=unstable and not (reach < 1.0 and steady),
         )
     )
 

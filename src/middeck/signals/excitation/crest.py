@@ -1,12 +1,10 @@
 """Phases that make a multisine compact: more power for the same peak.
 
-The peak is the limit of the norms (mean |u|^2p)^(1/2p); they are made least in turn for rising p,
-each from the last phases (Guillaume, Schoukens, Pintelon and Kollar 1991). Schroeder's (1970) phases are
-the start. The gradient costs one transform, so that thousands of lines take a second.
-
-A descent among so many minima ends elsewhere for any change of a last digit, as other processors make them.
-So the norm is taken at phases rounded to a millionth of a radian, and its slopes are rounded: what differs
-by less goes the same way.
+The norms (mean |u|^2p)^(1/2p) are minimised for rising p, each from the last phases (Guillaume, Schoukens,
+Pintelon and Kollar 1991), starting from Schroeder's (1970). A gradient costs one transform: thousands of
+lines take a second. Among so many minima a change of the last digit, as by another processor, would lead to
+another one; the norm is therefore taken at phases rounded to a millionth of a radian, and its slopes are
+rounded.
 """
 
 from __future__ import annotations

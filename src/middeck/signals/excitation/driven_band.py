@@ -16,6 +16,8 @@ FLOOR_LINES, FLOOR = 32, 0.03
 # Share of the lines that lie lowest, and that have up to twice as much: behind a filter that falls to zero,
 # 1.4 times as many.
 LOWEST, FLAT = 0.03, 0.05
+# Share of a record that fades at either end.
+ENDS = 0.1
 
 # Share of half the rate from which the slope of a spectrum is taken, and half the width of averages there.
 SLOPE_FROM, WIDE = 0.8, 0.03
@@ -43,7 +45,7 @@ def floor_variance(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.
 
     Zero for an input that drives all frequencies, or less and less: it has no floor, and shows no noise.
     """
-    power = _tapered_power(u - u.mean(axis=1, keepdims=True))[2 * TAPERS :]
+    power = _tapered_power(_faded(u))[2 * TAPERS :]
     if len(power) < FLOOR_LINES:
         return np.zeros(u.shape[2])
     total: np.ndarray = np.cumsum(np.pad(power, ((1, 0), (0, 0))), axis=0)
@@ -61,15 +63,30 @@ def folded_power(
     """Power that sampling folds back onto lines at a ``share`` of half the rate; of white noise its variance.
 
     A slope that goes on beyond half the rate as x^-m is folded at x = 1 into x^-m + (2 - x)^-m, near it
-    2 cosh(m (1 - x)). A filter's slope steepens, so that this is an upper bound.
+    2 cosh(m (1 - x)). No bound: it is too much where a filter's slope steepens beyond half the rate, as most
+    do, and too little where it levels off, as behind a filter with a floor in its stop band.
     """
-    power = 2.0 * _tapered_power(u - u.mean(axis=1, keepdims=True)) / (TAPERS * len(u) * u.shape[1])
+    power = 2.0 * _tapered_power(_faded(u)) / (TAPERS * len(u) * u.shape[1])
     x = np.linspace(0.0, 1.0, len(power))
     top, below = (
         np.mean(power[np.abs(x - at) <= max(WIDE, 1.0 / len(x))], axis=0) for at in (1.0, SLOPE_FROM)
     )
     ratio = np.divide(below, top, out=np.full_like(top, np.inf), where=top > 0.0)
     return 0.5 * top * (2.0 - share[:, None]) ** (-np.arccosh(np.maximum(ratio, 1.0)) / (1.0 - SLOPE_FROM))
+
+
+def _faded(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, "experiment sample input"]:
+    """Without its mean, its ends faded with three smooth derivatives; white noise keeps its power.
+
+    What leaks through the tapers alone, 1e-4 of the rms, would pass for noise.
+    """
+    samples = u.shape[1]
+    x = (np.arange(samples) + 0.5) / samples
+    r = np.clip(np.minimum(x, 1.0 - x) / ENDS, 0.0, 1.0)
+    fade = r**4 * (35.0 - 84.0 * r + 70.0 * r**2 - 20.0 * r**3)
+    heard = np.sum(np.sin(np.pi * np.outer(np.arange(1, TAPERS + 1), x)) ** 2, axis=0)
+    kept = np.sum(heard * fade**2) / np.sum(heard)
+    return (u - u.mean(axis=1, keepdims=True)) * (fade / np.sqrt(kept))[:, None]
 
 
 def _tapered_power(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, "line input"]:

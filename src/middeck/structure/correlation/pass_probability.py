@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.special as ssp
 from jaxtyping import Bool, Float
 
+from middeck.campaign.confidence_of_draws import probability_interval
 from middeck.errors import ConfigError
 from middeck.structure.correlation.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
 from middeck.structure.correlation.measured_modes import (
@@ -18,7 +18,6 @@ from middeck.structure.correlation.review_criteria import Profile
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
-CONFIDENCE = 0.95
 # Percentiles of the worst value under a correct model.
 EXPECTED = (5.0, 50.0, 95.0)
 
@@ -43,10 +42,7 @@ class Probability:
         >>> low, round(high, 4)
         (0.0, 0.0362)
         """
-        k, n, tail = self.passed, self.runs, 0.5 * (1.0 - CONFIDENCE)
-        low = 0.0 if k == 0 else float(ssp.betaincinv(k, n - k + 1, tail))
-        high = 1.0 if k == n else float(ssp.betaincinv(k + 1, n - k, 1.0 - tail))
-        return low, high
+        return probability_interval(self.passed, self.runs)
 
 
 @record

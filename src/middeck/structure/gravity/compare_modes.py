@@ -35,7 +35,8 @@ class ModeComparison:
     Attributes:
         cross_orthogonality: |Phi_0' M_0 Phi_1|, rows orbit, columns lab; each side mass-normalised with its
             own mass, flexible modes of one frequency in the basis nearest to the other side's.
-        mac: Modal assurance criterion over the translations and rotations of the nodes and the joint angles.
+        mac: Modal assurance criterion over the translations [m] and rotations [rad] of the nodes and the
+            joint angles: it depends on the unit of length, as pairs and `cross_orthogonality` do not.
         pairs: (orbit, lab) indices of the flexible modes in orbit, one to one, with the largest sum of
             cross-orthogonality over all modes; rigid-body modes take flexible ones last. One whose partner is
             not among the lowest ``count``, or has less than a quarter of its shape, has no pair.

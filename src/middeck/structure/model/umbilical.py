@@ -27,7 +27,11 @@ def tie_umbilical(structure: Structure, environment: Environment, frequency_hz: 
     if frequency_hz <= 0.0 or np.any(environment.gravity):
         return environment
     if not structure.attach_points:
-        raise ConfigError("an umbilical needs an attach point", where=f"structure {structure.title!r}")
+        raise ConfigError(
+            "an umbilical needs an attach point",
+            where=f"structure {structure.title!r}",
+            hint="add an [[attach]] table to the article",
+        )
     point = umbilical_point(structure)
     frame = next(n for n in structure.nodes if n.name == point.frame)
     at = frame.position + point.offset

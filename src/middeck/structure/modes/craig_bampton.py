@@ -288,7 +288,11 @@ def _fixed_modes(
     while True:
         pairs = solve_pairs(K, M, wanted)
         if pairs is None:
-            raise NumericalError("a motion inside has neither mass nor stiffness", where="reduction")
+            raise NumericalError(
+                "a motion inside has neither mass nor stiffness",
+                where="reduction",
+                hint="give it a mass or a spring, or leave it out",
+            )
         pairs = separate_rigid(*held, pairs)
         _check_held(held, pairs)
         hz = np.sqrt(pairs.lam) / (2.0 * np.pi)

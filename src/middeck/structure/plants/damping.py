@@ -81,7 +81,7 @@ def estimate_damping(
     device = np.divide(np.diag(C), 2.0 * omega, out=np.zeros(count), where=omega > 0.0)
     warnings = _undamped_rigid(modes, np.diag(C))
     for key, ratio in damping.by_mode:
-        index = _find_mode(modes, key)
+        index = find_mode(modes, key)
         if index is None:
             warnings += (f"a damping ratio is given for mode {key!r}, which there is not here",)
         elif index < count:
@@ -103,9 +103,9 @@ def _coupled_losses(modes: Modes, damping: Damping, zeta: np.ndarray, count: int
     by_energy = goes_by_energy(modes, damping) and damping.table is None
     losses = Losses(
         2.0 * (damping.flexible - damping.suspension) if by_energy else 0.0,
-        _loss_factors(modes.equilibrium, damping),
+        member_losses(modes.equilibrium, damping),
     )
-    given = {_find_mode(modes, key) for key, _ in damping.by_mode}
+    given = {find_mode(modes, key) for key, _ in damping.by_mode}
     return tuple(
         f"modes {i} {modes.name[i]!r} and {j} {modes.name[j]!r} at {modes.frequency_hz[i]:.4g} and "
         f"{modes.frequency_hz[j]:.4g} Hz share their losses: their ratios would be {a:.3g} and {b:.3g} in "
@@ -173,11 +173,12 @@ def material_ratios(
     """Damping ratio of each mode from loss factors; analytic."""
     if not damping.loss_factor:
         return np.zeros(len(omega))
-    lost = member_energy(equilibrium, shapes) @ _loss_factors(equilibrium, damping)
+    lost = member_energy(equilibrium, shapes) @ member_losses(equilibrium, damping)
     return np.divide(lost, omega**2, out=np.zeros_like(lost), where=np.real(omega) > 0.0)
 
 
-def _loss_factors(equilibrium: Equilibrium, damping: Damping) -> Inexact[np.ndarray, " member"]:
+def member_losses(equilibrium: Equilibrium, damping: Damping) -> Inexact[np.ndarray, " member"]:
+    """Loss factor of each member, in the order of the structure."""
     members = _numbers(m.name for m in equilibrium.model.structure.members)
     eta = np.zeros(len(members), np.result_type(float, *(value for _, value in damping.loss_factor)))
     for name, value in damping.loss_factor:
@@ -263,7 +264,7 @@ def _number(name: str, what: str, known: dict[str, int]) -> int:
     return known[name]
 
 
-def _find_mode(modes: Modes, key: str | int) -> int | None:
+def find_mode(modes: Modes, key: str | int) -> int | None:
     """Number of a mode; None for a name that no mode has in this environment."""
     if isinstance(key, str):
         return modes.name.index(key) if key in modes.name else None

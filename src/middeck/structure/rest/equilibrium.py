@@ -26,6 +26,7 @@ from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
+from middeck.structure.rest.as_drawn import face_as_drawn
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
@@ -127,7 +128,7 @@ def solve_equilibrium(
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
     _check_driven(model, environment, loads)
-    settled = settle(model, loads)
+    settled = face_as_drawn(model, loads, settle(model, loads))
     refuse_slack_cables(tuned.name, settled.assembly.tension)
     _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:

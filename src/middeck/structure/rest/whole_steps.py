@@ -28,19 +28,26 @@ def move_whole(
     # The rotation is about the world origin: its second-order part must not carry a far structure along, nor
     # what is pinned.
     centre = config.x.mean(axis=0) if held is None or not len(held.pinned) else config.x[held.pinned[0]]
-    turn = turn_of(rigid[3:])
-    R = np.eye(3) + turn
-    shift = rigid[:3] + cross(rigid[3:], centre)
-    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ R.T
-    since = config.since_drawn
-    if since is None:
-        turned = Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
-    else:
-        own = since.carrier < 0
-        moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
-        turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
-        turned = placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
+    step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ (np.eye(3) + turn_of(rigid[3:])).T
+    turned = turn_whole(config, rigid[3:], centre, rigid[:3] + cross(rigid[3:], centre))
     return move_carried(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
+
+
+def turn_whole(
+    config: Configuration,
+    rotation: Float[np.ndarray, "3"],
+    centre: Float[np.ndarray, "3"],
+    shift: Float[np.ndarray, "3"],
+) -> Configuration:
+    """All turned by the ``rotation`` vector about ``centre``, then shifted, in W."""
+    turn, since = turn_of(rotation), config.since_drawn
+    if since is None:
+        R = np.eye(3) + turn
+        return Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
+    own = since.carrier < 0
+    moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
+    turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
+    return placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
 
 
 def split_rigid(

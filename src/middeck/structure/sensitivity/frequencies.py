@@ -77,10 +77,10 @@ def differentiate_frequencies(
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = group_modes(modes, count)
-    softer = soften_modes(modes, count, "derivatives of frequencies")
+    softer, article = soften_modes(modes, count, "derivatives of frequencies")
     pairs = _pairs(modes, groups)
-    moved = move_rest(softer.rest, softer.parameters(parameters))
-    values = softer.scales(parameters)[:, None] * _whole(softer.modes, moved, pairs)
+    moved = move_rest(article.rest, article.parameters(parameters))
+    values = article.scales(parameters)[:, None] * _whole(softer, moved, pairs)
     d_lambda = np.zeros((len(parameters), count))
     for group in groups:
         inside = [k for k, i in enumerate(pairs.left) if i in group]

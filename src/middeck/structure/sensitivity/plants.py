@@ -8,23 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.model.article import DampingTable
-from middeck.structure.modes.motions.strain_shares import strain_share
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damping import (
-    base_ratios,
-    damper_matrix,
-    estimate_damping,
-    flexible_share,
-    goes_by_energy,
-    material_ratios,
-)
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.sensitivity.damping import differentiate_ratios
 from middeck.structure.sensitivity.parameters import Parameter
-from middeck.structure.sensitivity.patches import STEP, derivative
-from middeck.structure.sensitivity.rest import move_rest
-from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes, perturbed_rest
+from middeck.structure.sensitivity.patches import derivative
+from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
 from middeck.structure.sensitivity.softened import soften_modes
 from middeck.values import record
 
@@ -64,16 +54,11 @@ def differentiate_plant(
     unknown port, and `NumericalError` where the rest state has no derivative.
     """
     count = min(count, len(modes.omega))
-    softer = soften_modes(modes, count, "derivatives of a plant")
-    moved = move_rest(softer.rest, softer.parameters(parameters))
-    perturbed = [perturbed_rest(softer.rest, moved, p) for p in range(len(parameters))]
-    changes = differentiate_shapes(softer.modes, parameters, perturbed, moved.ties, count)
-    found = (
-        _of_parameter(softer.modes, at, change, inputs, outputs, count)
-        for at, change in zip(perturbed, changes, strict=True)
-    )
+    softer, article = soften_modes(modes, count, "derivatives of a plant")
+    changes = differentiate_shapes(softer, article, parameters, count)
     return tuple(
-        _scaled(one, float(scale)) for one, scale in zip(found, softer.scales(parameters), strict=True)
+        _scaled(_of_parameter(softer, at, change, inputs, outputs, count), float(scale))
+        for (at, change), scale in zip(changes, article.scales(parameters), strict=True)
     )
 
 
@@ -102,7 +87,7 @@ def _of_parameter(
     rate, d_rate = seen(read.rate, d_read.rate)
     accel, d_accel = seen(read.acceleration, d_read.acceleration)
     psi, d_psi = force.T, d_force.T
-    zeta, d_zeta = _ratios(modes, at, change, count)
+    zeta, d_zeta = differentiate_ratios(modes, at, change)
     # K and C of the modes are diagonal; their derivatives are full within a group.
     stiff, d_stiff = np.diag(omega**2), change.d_lambda
     both = omega[:, None] + omega
@@ -134,39 +119,3 @@ def _of_parameter(
         C=C,
         D=D,
     )
-
-
-def _ratios(
-    modes: Modes, at: Equilibrium, change: ModeSensitivity, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Damping ratios and their derivatives: the base, what material and dampers add, and given ones."""
-    damping, perturbed = modes.equilibrium.model.structure.damping, at.model.structure.damping
-    zeta = estimate_damping(modes, damping, count=count).zeta
-    omega, swings = modes.omega[:count], modes.omega[:count] > 0.0
-    d_lambda = np.diag(change.d_lambda)
-    d_omega = np.divide(d_lambda, 2.0 * omega, out=np.zeros(count), where=swings)
-    moved = omega + STEP * 1j * d_omega
-    shapes = modes.shapes[:, :count] + STEP * 1j * change.d_shapes
-    added = material_ratios(at, perturbed, moved, shapes).astype(complex)
-    own = np.diag(damper_matrix(at, perturbed, shapes))
-    added += np.divide(own, 2.0 * moved, out=np.zeros(count, complex), where=swings)
-    share = flexible_share(modes, damping)[:count]
-    if goes_by_energy(modes, damping):
-        share = strain_share(at, moved**2, shapes)
-    slope = derivative(base_ratios(perturbed, share, swings).astype(complex)) + derivative(added)
-    if damping.table is not None:
-        slope[swings] += _along_table(modes, damping.table, d_omega, count)
-    for key, ratio in perturbed.by_mode:
-        index = modes.name.index(key) if isinstance(key, str) and key in modes.name else key
-        if isinstance(index, int) and index < count:
-            slope[index] = derivative(np.array(ratio))
-    return zeta, slope
-
-
-def _along_table(modes: Modes, table: DampingTable, d_omega: np.ndarray, count: int) -> np.ndarray:
-    """Ratios of oscillating modes: linear in the logarithm of frequency, constant beyond the table's ends."""
-    swings = modes.omega[:count] > 0.0
-    hz = modes.frequency_hz[:count][swings]
-    rises = np.diff(table.zeta) / np.diff(np.log(table.frequency_hz))
-    rise = np.concatenate([[0.0], rises, [0.0]])[np.searchsorted(table.frequency_hz, hz)]
-    return rise * d_omega[swings] / modes.omega[:count][swings]

@@ -37,7 +37,7 @@ from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
 from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import soften_modes
+from middeck.structure.sensitivity.softened import Softened, soften_modes
 from middeck.values import record
 
 
@@ -65,17 +65,15 @@ def differentiate_modes(
     as `differentiate_frequencies`. Raises `NumericalError` where the rest state has no derivative.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    softer = soften_modes(modes, count, "derivatives of modes")
-    moved = move_rest(softer.rest, softer.parameters(parameters))
-    perturbed = [perturbed_rest(softer.rest, moved, p) for p in range(len(parameters))]
-    found = differentiate_shapes(softer.modes, parameters, perturbed, moved.ties, count)
+    softer, article = soften_modes(modes, count, "derivatives of modes")
+    found = differentiate_shapes(softer, article, parameters, count)
     return tuple(
         dataclasses.replace(one, d_lambda=scale * one.d_lambda, d_shapes=scale * one.d_shapes)
-        for one, scale in zip(found, softer.scales(parameters), strict=True)
+        for (_, one), scale in zip(found, article.scales(parameters), strict=True)
     )
 
 
-def perturbed_rest(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
+def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
     """The rest state with the derivatives in one parameter in its imaginary parts.
 
     Its residual, holding torques and tensions are not perturbed.
@@ -92,21 +90,18 @@ def perturbed_rest(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibr
 
 
 def differentiate_shapes(
-    modes: Modes,
-    parameters: Sequence[Parameter],
-    perturbed: Sequence[Equilibrium],
-    ties: Sequence[TieChange],
-    count: int | None,
-) -> Iterator[ModeSensitivity]:
-    """Mode derivatives at each of the ``perturbed`` rest states, with the change of their ``ties``."""
-    count = len(modes.omega) if count is None else min(count, len(modes.omega))
+    modes: Modes, article: Softened, parameters: Sequence[Parameter], count: int
+) -> Iterator[tuple[Equilibrium, ModeSensitivity]]:
+    """For each parameter the perturbed rest state and the derivatives of modes of a softened article."""
     rest = modes.equilibrium
+    moved = move_rest(rest, article.parameters(parameters))
+    perturbed = [_perturbed(rest, moved, p) for p in range(len(parameters))]
     pencil = _Pencil.of(modes)
     links = Tied.at(rest.model, rest.config, dynamic_coordinates(rest.model))
     held = mode_multipliers(modes, count)
     groups = group_modes(modes, count)
     lam, shapes = modes.omega**2, modes.shapes
-    changes = [_changes(at, tie) for at, tie in zip(perturbed, ties, strict=True)]
+    changes = [_changes(at, tie) for at, tie in zip(perturbed, moved.ties, strict=True)]
     size = len(shapes)
     d_lambda = np.zeros((len(parameters), count, count))
     d_shapes = np.zeros((len(parameters), size, count))
@@ -114,14 +109,14 @@ def differentiate_shapes(
         own = list(group)
         for i in own:
             load = columns([dK @ shapes[:, i] - lam[i] * (dM @ shapes[:, i]) for dK, dM in changes], size)
-            load = load + columns([tie.slope.T @ held[:, i] for tie in ties], size)
-            slip = columns([tie.slope @ shapes[:, i] for tie in ties], len(held))
+            load = load + columns([tie.slope.T @ held[:, i] for tie in moved.ties], size)
+            slip = columns([tie.slope @ shapes[:, i] for tie in moved.ties], len(held))
             turn = columns([shapes[:, own].T @ (dM @ shapes[:, i]) for _, dM in changes], len(own))
             x = pencil.solve(lam[i], shapes[:, own], -load, links.follow(slip))
             d_shapes[:, :, i] = (x - 0.5 * shapes[:, own] @ turn).T
             d_lambda[:, own, i] = (shapes[:, own].T @ load + held[:, own].T @ slip).T
-    for parameter, small, change in zip(parameters, d_lambda, d_shapes, strict=True):
-        yield ModeSensitivity(parameter, 0.5 * (small + small.T), change)
+    for at, parameter, small, change in zip(perturbed, parameters, d_lambda, d_shapes, strict=True):
+        yield at, ModeSensitivity(parameter, 0.5 * (small + small.T), change)
 
 
 def _changes(rest: Equilibrium, tie: TieChange) -> tuple[sp.csr_array, sp.csr_array]:

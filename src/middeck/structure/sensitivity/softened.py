@@ -57,26 +57,6 @@ class Softened(NamedTuple):
         return out
 
 
-class SoftenedModes(NamedTuple):
-    """The same with its modes."""
-
-    modes: Modes
-    article: Softened
-
-    @property
-    def rest(self) -> Equilibrium:
-        """About which they swing."""
-        return self.modes.equilibrium
-
-    def parameters(self, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-        """As of `Softened`."""
-        return self.article.parameters(parameters)
-
-    def scales(self, parameters: Sequence[Parameter]) -> Float[np.ndarray, " parameter"]:
-        """As of `Softened`."""
-        return self.article.scales(parameters)
-
-
 def soften_rest(rest: Equilibrium) -> Softened:
     """``rest`` itself, or with softer members where matrices in W need it.
 
@@ -97,14 +77,14 @@ def soften_rest(rest: Equilibrium) -> Softened:
     raise stiffest.refusal(what, f"{LEVELS[-1]:.0e} times as stiff it is at rest elsewhere")
 
 
-def soften_modes(modes: Modes, count: int, what: str) -> SoftenedModes:
-    """``modes`` themselves, or with softer members, of which the ``count`` lowest are then the same.
+def soften_modes(modes: Modes, count: int, what: str) -> tuple[Modes, Softened]:
+    """``modes`` and their article, or those with softer members, of which the ``count`` lowest are the same.
 
     Raises `NumericalError` that names the member and the mode where one is not.
     """
     stiffest = beside_modes(modes)
     if stiffest is None or stiffest.ratio <= LEFT_ALONE:
-        return SoftenedModes(modes, Softened(modes.equilibrium, {}))
+        return modes, Softened(modes.equilibrium, {})
     apart = 0
     for level in LEVELS:
         found = _settled(modes.equilibrium, level * stiffest.held)
@@ -115,8 +95,7 @@ def soften_modes(modes: Modes, count: int, what: str) -> SoftenedModes:
             raise stiffest.refusal(what)
         apart = _first_apart(modes, softer, count)
         if apart == count:
-            aligned = dataclasses.replace(softer, shapes=_aligned(modes, softer, count))
-            return SoftenedModes(aligned, found)
+            return dataclasses.replace(softer, shapes=_aligned(modes, softer, count)), found
     raise stiffest.refusal(
         what,
         f"made {LEVELS[-1]:.0e} times as stiff it moves mode {apart} of {modes.frequency_hz[apart]:.4g} Hz",

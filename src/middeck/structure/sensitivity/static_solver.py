@@ -1,4 +1,4 @@
-"""Small displacements of a rest state under further loads; free rigid motions take no part."""
+"""Small displacements of a rest state under further loads; motions that nothing holds take no part."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.modes.eigenproblem.eigen import ROUNDING
+from middeck.structure.model.article import JointState
+from middeck.structure.modes.eigenproblem.eigen import ROUNDING, solve_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # What a solution may leave of its load, over the terms that balance in it.
@@ -75,11 +76,21 @@ def _loose() -> NumericalError:
 def _free_motions(
     rest: Equilibrium, K: sp.csr_array, M: sp.csr_array, unbalanced: float, moves: Freedom
 ) -> np.ndarray:
-    """Rigid motions, joints held, that cost no energy but for rounding."""
+    """Motions that cost no energy but for rounding: of the whole, and of parts on hinges and links."""
     whole = rigid_columns(rest.model.tree, rest.config, rest.config.x.mean(axis=0))
     T = moves.coordinates(moves.allowed(whole))
+    structure = rest.model.structure
+    hinges = sum(joint.state is JointState.SPRUNG and not joint.stiffness for joint in structure.joints)
+    if hinges or structure.links:
+        found = solve_pairs(K, M, T.shape[1] + hinges + 5 * len(structure.links))
+        if found is None:
+            raise _loose()
+        return _costless(found.lam, found.shapes, found.noise, unbalanced)
     stiffness, size = T.T @ (K @ T), np.abs(T).T @ (abs(K) @ np.abs(T))
     lam, turn = sla.eigh(0.5 * (stiffness + stiffness.T), T.T @ (M @ T))
-    motions = T @ turn
-    noise = ROUNDING * np.abs(turn).T @ size @ np.abs(turn)
-    return motions[:, np.abs(lam) <= np.diag(noise) + unbalanced * np.abs(motions).max(axis=0) ** 2]
+    noise = ROUNDING * np.diag(np.abs(turn).T @ size @ np.abs(turn))
+    return _costless(lam, T @ turn, noise, unbalanced)
+
+
+def _costless(lam: np.ndarray, motions: np.ndarray, noise: np.ndarray, unbalanced: float) -> np.ndarray:
+    return motions[:, np.abs(lam) <= noise + unbalanced * np.abs(motions).max(axis=0) ** 2]

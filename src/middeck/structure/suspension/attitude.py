@@ -7,17 +7,13 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.mass import mass_matrix
-from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import Configuration, points_in_world, rigid_columns
-from middeck.structure.elements.rotations import rotation_exp, rotation_log
+from middeck.structure.elements.frames import points_in_world, rigid_columns
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.modes.motions.rigid_motions import centre_of_mass
+from middeck.structure.rest.as_drawn import FLAT, fit_rotation, split_rotation
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
 from middeck.values import record
 
-# Of the largest extent of the attach points: what is thinner is a line or a point to an engineer.
-FLAT = 1e-6
-FIT_ITERATIONS = 50
-FITTED = 1e-14
 SPANS = ("point", "line", "plane", "space")
 
 
@@ -83,50 +79,8 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     )
 
 
-def split_rotation(
-    R: Float[np.ndarray, "3 3"], up: Float[np.ndarray, "3"]
-) -> tuple[Float[np.ndarray, "3"], float]:
-    """Tilt, a rotation vector normal to ``up``, and the heading after it: R = exp(heading up) exp(tilt).
-
-    >>> up = np.array([0.0, 1.0, 0.0])
-    >>> tilt, heading = split_rotation(rotation_exp(0.3 * up) @ rotation_exp(np.array([0.1, 0, 0])), up)
-    >>> (tilt.round(12) + 0.0).tolist(), round(heading, 12)
-    ([0.1, 0.0, 0.0], 0.3)
-    """
-    across = np.cross(up @ R, up)
-    sine = float(np.linalg.norm(across))
-    tilt = across * (np.arctan2(sine, up @ R @ up) / sine) if sine > 0.0 else across
-    return tilt, float(rotation_log(R @ rotation_exp(tilt).T) @ up)
-
-
 def _angle(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-
-
-def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Float[np.ndarray, "3 3"]:
-    """Rotation of the rigid body at ``start`` that fits ``end`` best, errors weighed by mass (Gauss-Newton).
-
-    The error of a frame is its displacement and rotation vector from where the rigid body has it. From the
-    mean of their turns: from none, those to both sides of 180 deg would cancel out.
-    """
-    M = mass_matrix(model, start)
-    T = rigid_columns(model.tree, start, np.zeros(3))
-    rigid = T.T @ (M @ T)
-    U, _, Vt = np.linalg.svd(np.einsum("fij,fkj->ik", end.R, start.R))
-    fit, p = U * [1.0, 1.0, np.linalg.det(U @ Vt)] @ Vt, np.zeros(3)
-    for _ in range(FIT_ITERATIONS):
-        # In the axes of the rigid body, so that the mass is that of the start.
-        x = (end.x - p) @ fit - start.x
-        turn = np.array([rotation_log(fit.T @ b @ a.T) for a, b in zip(start.R, end.R, strict=True)])
-        error = np.zeros(model.tree.size)
-        error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
-        # Masses in one line have no inertia about it, and do not say how it is turned: the mean does.
-        step = np.linalg.lstsq(rigid, T.T @ (M @ error), rcond=FLAT**2)[0]
-        p = p + fit @ step[:3]
-        fit = fit @ rotation_exp(step[3:])
-        if np.abs(step[3:]).max() < FITTED:
-            break
-    return fit
 
 
 def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:

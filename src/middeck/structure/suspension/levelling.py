@@ -183,7 +183,7 @@ def _task(
     axes = AXES.replace(vertical, "") if about is None else about
     if not axes or len(set(axes)) < len(axes) or not set(axes) <= set(AXES) - {vertical}:
         raise ConfigError(
-            f"no tilts about {axes!r}", where="level", hint=f"of the axes {AXES.replace(vertical, '')}, any"
+            f"no tilts about {axes!r}", where="level", hint=f"any of the axes {AXES.replace(vertical, '')}"
         )
     chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
     if len(chosen) < len(axes):

@@ -3,10 +3,8 @@ r"""Root mean square in a frequency band, in closed form.
 rms^2 = 2 \int_{f1}^{f2} |G|^2 S df with a two-sided intensity S. With G = \sum_i c_i b_i / (jw - l_i) each
 pair of poles contributes \int dw / ((jw - l_i)(-jw - l_j^*)), a difference of logarithms over l_i + l_j^*
 (Gawronski and Juang 1990, Int. J. Systems Science 21, "Model reduction in limited time and frequency
-intervals"). Where eigenvectors cannot represent the system (defective poles, the double ones of rigid-body
-motion first of all) the integral is taken by adaptive quadrature, in Schur form where that is good enough,
-else by solving line by line. Fixed grids are wrong by as
-much as they miss the resonances.
+intervals"). Where eigenvectors cannot represent the system (defective poles, such as the double ones of rigid
+bodies), the integral is taken by adaptive quadrature, in Schur form or line by line.
 """
 
 from __future__ import annotations

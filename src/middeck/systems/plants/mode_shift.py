@@ -53,7 +53,10 @@ def shift_modes(
             else "part_modes(plant) names its modes",
         )
     if not all(np.isfinite(f) and f > 0.0 for f in (*frequency.values(), *damping.values())):
-        raise ConfigError("a factor on a frequency or a damping ratio is not positive and finite")
+        raise ConfigError(
+            "a factor on a frequency or a damping ratio is not positive and finite",
+            hint="factors above zero, such as 0.95",
+        )
     dynamics = plant.continuous
     if isinstance(dynamics, ModalSystem):
         return dataclasses.replace(plant, dynamics=_shift_modal(dynamics, frequency, damping))
@@ -65,7 +68,7 @@ def _shift_modal(
 ) -> ModalSystem:
     rigid = [n for n, omega in zip(modal.names, modal.omega, strict=True) if n in frequency and not omega]
     if rigid:
-        raise ConfigError(f"{', '.join(rigid)}: a rigid mode has no frequency to shift")
+        raise ConfigError(f"{', '.join(rigid)}: a rigid mode has no frequency to shift", hint="leave it out")
     omega = modal.omega * np.array([frequency.get(n, 1.0) for n in modal.names])
     return dataclasses.replace(
         modal, omega=omega, zeta=modal.zeta * np.array([damping.get(n, 1.0) for n in modal.names])
@@ -88,7 +91,9 @@ def _shift_blocks(
         _refuse_accelerations(plant, system, index, at, name)
         f, g = frequency.get(name, 1.0), damping.get(name, 1.0)
         if g * at.zeta >= 1.0:
-            raise ConfigError(f"{name!r} would not oscillate with {g:g} times its damping")
+            raise ConfigError(
+                f"{name!r} would not oscillate with {g:g} times its damping", hint="a smaller factor"
+            )
         less = (1.0 - f**2) * at.omega**2 * at.position + (1.0 - f * g) * 2.0 * at.zeta * at.omega * at.rate
         A[np.ix_(index, index)] += np.outer(at.push, less)
     return StateSpace(A, system.B, system.C, system.D)
@@ -118,7 +123,10 @@ def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str)
     push = np.linalg.svd(pushes)[0][:, 0] if np.any(pushes) else np.array([0.0, 1.0])
     decay, squared = -float(np.trace(block)) / 2.0, float(np.linalg.det(block))
     if squared <= decay**2:
-        raise ConfigError(f"{name!r} does not oscillate: it has no frequency to shift")
+        raise ConfigError(
+            f"{name!r} does not oscillate: it has no frequency to shift",
+            hint="a mode with a pair of complex poles",
+        )
     omega, aside = float(np.sqrt(squared)), np.array([-push[1], push[0]])
     position = aside / float(aside @ block @ push)
     return ModeCoordinates(

@@ -13,6 +13,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.systems.poles.integrator_chains import NONE, NONE_SAMPLED, integrating_chains, strictly_upper
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import LinearSystem
 
@@ -31,6 +32,16 @@ def poles_with_rounding(A: np.ndarray) -> Poles:
     """Eigenvalues, and how far each moves when every entry does by its rounding, to first order."""
     values, left, right = _eigenvectors(A)
     return values, _moves(left, right, EPS * np.abs(left) * (np.abs(A) @ np.abs(right)))
+
+
+def farthest_pole(A: np.ndarray) -> float:
+    """Largest magnitude that a pole may have: `ROUNDINGS` beyond what is found.
+
+    Of each strongly connected component alone: sections in series may repeat a pole exactly.
+    """
+    parts = [balance(A[np.ix_(part, part)])[0] for part in strong_components(A)]
+    reach = [np.abs(poles) + ROUNDINGS * moved for poles, moved in map(poles_with_rounding, parts)]
+    return max((float(each.max()) for each in reach), default=0.0)
 
 
 def is_vague(system: LinearSystem) -> bool:

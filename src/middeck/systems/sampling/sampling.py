@@ -7,6 +7,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
+from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, rate_scale
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
@@ -54,9 +55,10 @@ def tustin(system: StateSpace, period_s: float) -> SampledStateSpace:
     put one there.
     """
     n = len(system.A)
-    half = 0.5 * period_s * system.A
+    balanced, unit = balance(system.A)
+    half = 0.5 * period_s * balanced
     left = np.eye(n) - half
-    # Reciprocal of rounding with four digits to spare.
+    # Reciprocal of rounding with four digits to spare, whatever the units of the states.
     if n and np.linalg.cond(left) > 1e12:
         edge = 2.0 / period_s
         if np.abs(poles(system) - edge).min() > NEAR_EDGE * edge:
@@ -65,10 +67,11 @@ def tustin(system: StateSpace, period_s: float) -> SampledStateSpace:
                 hint="states of like sizes, as modal ones",
             )
         raise ConfigError(f"Tustin's rule: a pole at 2/T = {edge:.3g} rad/s", hint="sample faster")
-    A = np.linalg.solve(left, np.eye(n) + half)
-    B = np.linalg.solve(left, system.B) * np.sqrt(period_s)
-    C = np.linalg.solve(left.T, system.C.T).T * np.sqrt(period_s)
-    return SampledStateSpace(A, B, C, system.D + 0.5 * C @ system.B * np.sqrt(period_s), period_s=period_s)
+    root = np.sqrt(period_s)
+    A = unit[:, None] * np.linalg.solve(left, np.eye(n) + half) / unit
+    B = unit[:, None] * np.linalg.solve(left, system.B / unit[:, None]) * root
+    C = np.linalg.solve(left.T, (system.C * unit).T).T / unit * root
+    return SampledStateSpace(A, B, C, system.D + 0.5 * C @ system.B * root, period_s=period_s)
 
 
 def split_delay(samples: float) -> tuple[int, float]:

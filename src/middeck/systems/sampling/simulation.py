@@ -72,18 +72,16 @@ def simulate(
 
 
 def stream(
-    system: SampledStateSpace,
-    blocks: Iterable[Float[np.ndarray, "sample input"]],
-    start: Float[np.ndarray, " state"] | None = None,
+    system: SampledStateSpace, blocks: Iterable[Float[np.ndarray, "sample input"]]
 ) -> Iterator[Float[np.ndarray, "sample output"]]:
-    """`simulate` for an input in pieces, which may exceed memory; yields the outputs of each piece.
+    """`simulate` from rest for an input in pieces, which may exceed memory; yields the outputs of each piece.
 
     >>> import numpy as np
     >>> sums = SampledStateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], period_s=1.0)
     >>> [y.ravel().tolist() for y in stream(sums, (np.ones((2, 1)) for _ in range(2)))]
     [[0.0, 1.0], [2.0, 3.0]]
     """
-    x = _as_start(system, start)
+    x = _as_start(system, None)
     written = _write_out(system, CHUNK)
     for piece in blocks:
         u = _as_input(system, piece)

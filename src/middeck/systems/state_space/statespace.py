@@ -63,12 +63,12 @@ def select_paths(system: System, inputs: Sequence[int], outputs: Sequence[int]) 
     return dataclasses.replace(system, B=system.B[:, columns], C=system.C[rows], D=D)
 
 
-def series(first: StateSpace, second: StateSpace) -> StateSpace:
+def series(first: System, second: System) -> System:
     """``second`` driven by ``first``: y = second(first(u)); states ordered (first, second)."""
     A = np.block([[first.A, np.zeros((len(first.A), len(second.A)))], [second.B @ first.C, second.A]])
     B = np.vstack([first.B, second.B @ first.D])
     C = np.hstack([second.D @ first.C, second.C])
-    return StateSpace(A, B, C, second.D @ first.D)
+    return dataclasses.replace(first, A=A, B=B, C=C, D=second.D @ first.D)
 
 
 def add(first: StateSpace, second: StateSpace) -> StateSpace:

@@ -95,7 +95,7 @@ def rank_tests(
     names = [c.name for c in candidates]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise ConfigError(f"two are called {twice[0]!r}", where="candidate", hint="a name for each")
+        raise ConfigError(f"the name {twice[0]!r} is given twice", where="candidate", hint="a name for each")
     if not candidates:
         raise ConfigError("no candidate", where="ranking of tests", hint="a test that may be made")
     places = {n: solve_there(refined, place, count=count) for n, place in environments.items()}

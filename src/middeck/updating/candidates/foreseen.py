@@ -18,7 +18,8 @@ from middeck.errors import ConfigError, MiddeckError
 from middeck.updating.candidates.candidate_survey import CandidateSurvey, measured_by
 from middeck.updating.refinement.common_rests import common_rests, same_modes, same_readings
 from middeck.updating.refinement.posterior import Estimate, Linear, estimate_at
-from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, problem_of
+from middeck.updating.refinement.problem import MODAL
+from middeck.updating.refinement.refine import OF_READING, USUAL_STATIC, Refined, problem_of
 from middeck.updating.residuals.static_tests import (
     ErrorFields,
     StaticTest,
@@ -123,7 +124,7 @@ def _with_static(refined: Refined, candidate: StaticTest) -> Refined:
         before=(*refined.before, tuple(value.tolist())),
         estimate=_known_after(refined, problem, rows, links),
         fields=fields,
-        unseen=_with_untried(refined.unseen),
+        unseen=_with_untried(refined.unseen, problem.sorts),
     )
 
 
@@ -131,7 +132,7 @@ def _known_after(
     refined: Refined, problem: Linear, new: Int[np.ndarray, " new"], links: Sequence[tuple[int, int, float]]
 ) -> Estimate:
     """The estimate with ``new`` rows, which read what is most probable without them."""
-    tau = _with_untried(refined.estimate.tau)[: problem.sorts]
+    tau = _with_untried(refined.estimate.tau, problem.sorts)
     errors = len(problem.sort)
     problem = common_rests(problem, links)
     old = np.setdiff1d(np.arange(len(problem.y)), new)
@@ -142,9 +143,9 @@ def _known_after(
     return _without_links(estimate_at(dataclasses.replace(problem, y=y), tau), errors)
 
 
-def _with_untried(tau: Float[np.ndarray, " some"]) -> Float[np.ndarray, " sort"]:
-    """One for every sort."""
-    return tau if len(tau) > MODAL else np.append(tau, UNTRIED)
+def _with_untried(tau: Float[np.ndarray, " some"], sorts: int) -> Float[np.ndarray, " sort"]:
+    """One for every sort, those of static tests too where none has been made."""
+    return tau if len(tau) == sorts else np.insert(tau, MODAL, UNTRIED)
 
 
 def _without_links(found: Estimate, errors: int) -> Estimate:

@@ -11,7 +11,8 @@ from middeck.errors import ConfigError
 from middeck.structure.model.article import LoadCase
 from middeck.structure.model.environment import Environment
 from middeck.updating.refinement.posterior import NORMAL_95
-from middeck.updating.refinement.refine import MODAL, OF_READING, USUAL_STATIC, Refined, zero_of
+from middeck.updating.refinement.problem import MODAL, zero_of
+from middeck.updating.refinement.refine import OF_READING, USUAL_STATIC, Refined
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.static_tests import (
     ErrorFields,
@@ -61,7 +62,6 @@ def predict_deflections(
     environment: Environment,
     load_cases: Sequence[LoadCase | str | None],
     gauges: Sequence[Gauge],
-    settings: Sequence[tuple[str, float]] = (),
     since_unloaded: bool = True,
     series: str = "",
 ) -> tuple[Deflection, ...]:
@@ -72,8 +72,7 @@ def predict_deflections(
     `ConfigError` for a gauge or a load case that cannot be, `NumericalError` where there is no rest state.
     """
     return tuple(
-        _predict(refined, environment, case, tuple(gauges), settings, since_unloaded, series)
-        for case in load_cases
+        _predict(refined, environment, case, tuple(gauges), since_unloaded, series) for case in load_cases
     )
 
 
@@ -82,13 +81,12 @@ def _predict(
     environment: Environment,
     case: LoadCase | str | None,
     gauges: tuple[Gauge, ...],
-    settings: Sequence[tuple[str, float]],
     since_unloaded: bool,
     series: str,
 ) -> Deflection:
     name = case if isinstance(case, str) else "as it is" if case is None else case.name
     check_zero(case, since_unloaded, f"prediction of load case {name!r}")
-    place = set_up_static(refined.structure, environment, settings, case, since_unloaded, refined.unknowns)
+    place = set_up_static(refined.structure, environment, (), case, since_unloaded, refined.unknowns)
     at, found = place.solve(refined.x), refined.estimate
     tau = refined.unseen[MODAL:] if refined.statics else USUAL_TAU
     fields = ErrorFields.none(at) if refined.fields is None else refined.fields

@@ -18,6 +18,7 @@ from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.own_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import Refined
+from middeck.updating.residuals.complex_roots import LogRoots, roots_of_lowest
 from middeck.updating.residuals.surveys import Compared, set_up
 from middeck.updating.unknowns.unknowns import product_slopes
 from middeck.values import record
@@ -40,9 +41,12 @@ class Prediction:
         log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the surveys measured, by what each mode has of the shapes that it saw; of the rest,
-            and where the survey states none, the article's.
-        damping_seen: Part of each damping that was measured.
-        damping_spread: Standard deviation of the logarithm of what was measured.
+            and where the survey states none, the article's. Where damping was refined: of the refined
+            article's complex modes, with the model's errors of ln zeta as far as the modes share them.
+        damping_seen: Part of each damping that was measured; one where damping was refined.
+        damping_spread: Standard deviation of the logarithm of what was measured, or of what each has alone.
+        damping_root: Of the covariance of the logarithms, as far as it is shared; zero where damping was not
+            refined.
         seen: Part of each shape that the surveys saw.
         ground_hz: The refined model's frequency of the mode on the ground that has most of each; not a number
             where none has half of it.
@@ -56,12 +60,17 @@ class Prediction:
     damping: Float[np.ndarray, " mode"]
     damping_seen: Float[np.ndarray, " mode"]
     damping_spread: Float[np.ndarray, " mode"]
+    damping_root: Float[np.ndarray, "mode both"]
     seen: Float[np.ndarray, " mode"]
     ground_hz: Float[np.ndarray, " mode"]
 
-    def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
-        """Of the logarithms of the damping ratios, where ``unseen`` is that of what was not measured."""
+    def damping_alone(self, unseen: float) -> Float[np.ndarray, " mode"]:
+        """Deviations of ln zeta beside what is shared; ``unseen`` is that of what was not measured."""
         return np.hypot(self.damping_seen * self.damping_spread, (1.0 - self.damping_seen) * unseen)
+
+    def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
+        """Deviations of ln zeta, all told; ``unseen`` as in `damping_alone`."""
+        return np.hypot(np.linalg.norm(self.damping_root, axis=1), self.damping_alone(unseen))
 
     @property
     def log_std(self) -> Float[np.ndarray, " mode"]:
@@ -90,31 +99,31 @@ class There(NamedTuple):
     """The refined article in an environment: its modes, which of them are told, and their slopes.
 
     Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
-    is asked for.
+    is asked for. ``roots`` are of the complex modes where damping was refined.
     """
 
     modes: Modes
     told: Int[np.ndarray, " mode"]
     slope: Float[np.ndarray, "mode unknown"]
     left_out: Float[np.ndarray, " mode"]
+    roots: LogRoots | None
 
 
-def solve_there(
-    refined: Refined, environment: Environment, settings: Sequence[tuple[str, float]] = (), count: int = 10
-) -> There:
+def solve_there(refined: Refined, environment: Environment, count: int = 10) -> There:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
-    there = set_up(refined.structure, environment, settings, refined.unknowns)
+    there = set_up(refined.structure, environment, (), refined.unknowns)
     modes = there.solve(refined.x)
     index = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"][:count], dtype=int)
     lam = modes.omega[index] ** 2
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
-    return There(modes, index, slope, np.diag(left_out(modes, index)) / (2.0 * lam))
+    finer = np.diag(left_out(modes, index)) / (2.0 * lam)
+    roots = roots_of_lowest(modes, there.bound, int(index[-1]) + 1) if refined.damped else None
+    return There(modes, index, slope, finer, roots)
 
 
 def predict_modes(
     refined: Refined,
     environment: Environment,
-    settings: Sequence[tuple[str, float]] = (),
     count: int = 10,
     umbilical_hz: float = CABLE_HZ,
 ) -> Prediction:
@@ -123,12 +132,12 @@ def predict_modes(
     Without gravity a weak cable may hold the article, with any frequency up to ``umbilical_hz``
     (`tie_umbilical`): intervals have what it changes.
     """
-    return predict_at(refined, solve_there(refined, environment, settings, count), umbilical_hz)
+    return predict_at(refined, solve_there(refined, environment, count), umbilical_hz)
 
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
     """What the tests of ``refined`` say of modes that are solved already."""
-    modes, index, slope, finer = there
+    modes, index, slope, finer, roots = there
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
@@ -144,7 +153,11 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
         log_shift=shared @ found.d[: shared.shape[1]],
         log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
         log_rest=np.hypot(np.sqrt(rest), _by_a_cable(modes, index, umbilical_hz)),
-        **_damping(modes, index, share, errors, compared),
+        **(
+            _damping(refined, modes, index, share, errors)
+            if roots is None
+            else _refined_damping(refined, roots, index, share)
+        ),
         seen=share.sum(axis=1),
         ground_hz=_on_the_ground(share, errors, compared),
     )
@@ -170,14 +183,14 @@ def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequen
 
 
 def _damping(
-    modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]
+    refined: Refined, modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None
 ) -> dict[str, np.ndarray]:
     """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
+    root, nothing = np.zeros((len(index), refined.estimate.root.shape[1])), np.zeros(len(index))
     if errors is None:
-        nothing = np.zeros(len(index))
-        return {"damping": own, "damping_seen": nothing, "damping_spread": nothing}
-    zeta, std = _measured_damping(errors, compared)
+        return {"damping": own, "damping_seen": nothing, "damping_spread": nothing, "damping_root": root}
+    zeta, std = _measured_damping(errors, refined.compared)
     # A ratio of zero is none: files of modes have no other way to say so.
     there = zeta > 0.0
     relative = np.divide(std, zeta, out=np.full(len(zeta), DAMPING_STD), where=there & np.isfinite(std))
@@ -187,6 +200,24 @@ def _damping(
         "damping": known @ np.where(there, zeta, 0.0) + (1.0 - seen) * own,
         "damping_seen": seen,
         "damping_spread": known @ relative / np.where(seen > 0.0, known.sum(axis=1), 1.0),
+        "damping_root": root,
+    }
+
+
+def _refined_damping(
+    refined: Refined, roots: LogRoots, index: np.ndarray, share: np.ndarray
+) -> dict[str, np.ndarray]:
+    """By the refined article, and by what its ratios were off on the ground, mode by mode."""
+    found, slope = refined.estimate, roots.by_log_zeta[index]
+    first = 1 + share.shape[1]
+    own = slice(first, first + share.shape[1])
+    rows = found.root[slope.shape[1] :][own]
+    alone = np.sqrt(np.maximum(1.0 - np.sum(share**2, axis=1), 0.0))
+    return {
+        "damping": roots.zeta[index] * np.exp(share @ found.d[own]),
+        "damping_seen": np.ones(len(index)),
+        "damping_spread": alone * refined.unseen[-1],
+        "damping_root": slope @ found.root[: slope.shape[1]] + share @ rows,
     }
 
 

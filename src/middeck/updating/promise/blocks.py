@@ -20,6 +20,7 @@ from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.promise.draws import Drawing, DrawnPlants
 from middeck.updating.promise.outlook import LoopNoise
 from middeck.updating.promise.plan import Plan, group_loop, weights_of
+from middeck.updating.promise.refined_slips import spread_refined
 from middeck.updating.promise.slip import draw_slips
 from middeck.updating.promise.slip_run import Slipped, SlipRun, run_slips, set_run
 from middeck.values import record
@@ -45,6 +46,7 @@ class Site:
         if not plan.joints:
             return None
         slips = draw_slips(plan.joints, plan.draws, np.random.default_rng([plan.seed, len(plan.joints)]))
+        slips = spread_refined(slips, plan.joints, self.drawing.refined, self.drawing.n)
         return set_run(self.drawing.plants(range(1)).plants[0], self.laws, slips, plan)
 
 

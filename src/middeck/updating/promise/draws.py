@@ -147,7 +147,8 @@ class Drawing:
             error.where = f"draw {number} of {len(self.n)}, {error.where}"
             raise
         shift = mean.log_shift + mean.log_root @ n + mean.log_rest * self.alone[number]
-        zeta = mean.damping * np.exp(mean.damping_std(loop.damping_std) * self.lossy[number])
+        lossy = mean.damping_root @ n + mean.damping_alone(loop.damping_std) * self.lossy[number]
+        zeta = mean.damping * np.exp(lossy)
         plant = self.build(modes)
         gains = 1.0 + loop.gain_tolerance * self.gains[number]
         gain = dict(zip(dict.fromkeys(self.sensors), gains, strict=True))
@@ -175,28 +176,13 @@ def draw_plants(
     rng: np.random.Generator,
     loop: LoopSpread,
     finish: Callable[[Plant], Plant] = lambda plant: plant,
-) -> DrawnPlants:
+) -> Drawing:
     """So many plants of the article in ``environment``.
 
     ``build`` makes a plant in modal form of the lowest modes; ``finish`` is what is done to it when gains,
     frequencies and damping are in, as to close an inner loop; the delay comes last. Raises `ConfigError` for
-    a plant that is not modal, and `NumericalError` where a drawn article has no rest state.
+    a plant that is not modal.
     """
-    drawing = draw_numbers(refined, environment, build, draws=draws, rng=rng, loop=loop, finish=finish)
-    return drawing.plants(range(draws))
-
-
-def draw_numbers(
-    refined: Refined,
-    environment: Environment,
-    build: Callable[[Modes], Plant],
-    *,
-    draws: int,
-    rng: np.random.Generator,
-    loop: LoopSpread,
-    finish: Callable[[Plant], Plant],
-) -> Drawing:
-    """The numbers of `draw_plants`, the same for whichever of its plants are built."""
     there = set_up(refined.structure, environment, (), refined.unknowns)
     plant = build(there.solve(refined.x))
     count, sensors = len(require_modal(plant).omega), _sensors(plant)

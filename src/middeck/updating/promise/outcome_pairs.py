@@ -82,9 +82,9 @@ def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> Paired:
     where = f"outcome, mode of {came.frequency_hz:.5g} Hz in {promised.environment}"
     if came.number is not None and came.number > len(promised.name):
         raise DataError(
-            f"nothing was promised of mode {came.number}",
+            f"the promise has no mode {came.number}",
             where=where,
-            hint=f"1 to {len(promised.name)}" if promised.name else "no mode was promised there",
+            hint=f"1 to {len(promised.name)}" if promised.name else "it has no modes there",
         )
     if came.name is not None:
         index = _named(promised, came.name, came.number, where)
@@ -164,7 +164,7 @@ def _paired(
 def _named(promised: PromisedModes, name: str, number: int | None, where: str) -> int:
     alike = [k for k, known in enumerate(promised.name) if known == name]
     if not alike:
-        hint = f"one of {', '.join(promised.name)}" if promised.name else "no mode was promised there"
+        hint = f"one of {', '.join(promised.name)}" if promised.name else "it has no modes there"
         raise DataError(f"no mode {name!r} was promised", where=where, hint=hint)
     if number is None:
         if len(alike) > 1:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import factorial, stdtrit
 
+from middeck.campaign.confidence_of_draws import CONFIDENCE, level, probability_interval
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.loop.closed_loop import close_loop
@@ -18,7 +19,6 @@ from middeck.control.qualification import decibels
 from middeck.errors import NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant
-from middeck.updating.promise.confidence import CONFIDENCE, level, probability_interval
 from middeck.updating.promise.draws import DrawnPlants
 from middeck.updating.promise.slip import DrawnSlips
 from middeck.updating.promise.slip_run import Slipped

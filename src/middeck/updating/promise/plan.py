@@ -17,8 +17,8 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.sensors_and_actuators import RATE
+from middeck.systems.plants.dispersed_frequencies import Dispersion
 from middeck.systems.plants.plant import Plant, group_ports, select_ports
-from middeck.systems.plants.standard_sweep import Dispersion
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.slip import JointSlip
 from middeck.values import record
@@ -87,7 +87,7 @@ class Plan:
     def __post_init__(self) -> None:
         if not self.environments or not (self.laws or self.ladder):
             what = "environment" if not self.environments else "compensator"
-            raise ConfigError(f"no {what}", where="promise", hint="one at least")
+            raise ConfigError(f"no {what}", where="promise", hint="at least one")
         if self.band_hz is not None and not 0.0 <= self.band_hz[0] < self.band_hz[1] < np.inf:
             raise ConfigError(f"a band of {self.band_hz} Hz", where="promise", hint="0 <= low < high")
         for what, given, names in (

@@ -20,10 +20,11 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
 from middeck.updating.promise.blocks import Measured, Site, blocks, join_blocks, measure_block, seen_by
-from middeck.updating.promise.draws import DrawnPlants, draw_numbers
+from middeck.updating.promise.draws import DrawnPlants, draw_plants
 from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
 from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.promise.slip_run import join_slips
 from middeck.updating.promise.slip_time import SlipTime
@@ -97,6 +98,7 @@ def promise(
 
 def set_sites(refined: Refined, plan: Plan) -> dict[str, Site]:
     """What the draws share, by environment. Raises as `promise`, of whose draws none is built yet."""
+    plan = with_refined(plan, refined)
     first = next(iter(plan.environments.values()))
     modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)
     _require_flexible(modes, plan, first)
@@ -117,7 +119,7 @@ def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
 def _site(refined: Refined, plan: Plan, place: Environment, laws: Mapping[str, Compensator]) -> Site:
     predicted = predict_modes(refined, place, count=plan.modes, umbilical_hz=plan.loop.most_cable_hz)
     _require_flexible(predicted.modes, plan, place)
-    drawing = draw_numbers(
+    drawing = draw_plants(
         refined,
         place,
         partial(plant_of, plan),

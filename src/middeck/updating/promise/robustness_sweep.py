@@ -10,9 +10,9 @@ from jaxtyping import Bool
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.results.dispersed_modes import dispersed_modes
+from middeck.systems.plants.dispersed_frequencies import DispersedModes, dispersed_factors
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.plants.standard_sweep import DispersedModes, dispersed_factors
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.promise.draws import mean_plant
 from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of

@@ -91,9 +91,9 @@ def judge(statements: Sequence[Statement], outcomes: Sequence[Scored]) -> tuple[
         if (outcome.kind, outcome.name) not in known:
             said = ", ".join(name for kind, name in known if kind == outcome.kind)
             raise DataError(
-                f"nothing was promised of {outcome.kind} {outcome.name!r}",
+                f"the promise has no {outcome.kind} {outcome.name!r}",
                 where="outcome",
-                hint=f"one of {said}" if said else f"no {outcome.kind} was promised",
+                hint=f"one of {said}" if said else f"it has no {outcome.kind}",
             )
     _each_once("outcomes", outcomes, "outcome", "one of each")
     return tuple(_verdict(known[o.kind, o.name], o) for o in outcomes)
@@ -108,7 +108,7 @@ def _each_once(what: str, given: Sequence[Statement] | Sequence[Scored], where: 
 def score(verdicts: Sequence[Verdict]) -> Score:
     """Coverage, Brier's score and pessimism. Raises `DataError` for no verdict."""
     if not verdicts:
-        raise DataError("no outcome to score", where="score", hint="one at least")
+        raise DataError("no outcome to score", where="score", hint="at least one")
     brier = [v.brier for v in verdicts if v.brier is not None]
     pessimism = [v.pessimism for v in verdicts if v.pessimism is not None]
     return Score(

@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from middeck.structure.model.article import Structure
 from middeck.updating.refinement.posterior import USUAL
-from middeck.updating.refinement.refine import USUAL_STATIC, compare_at_first
+from middeck.updating.refinement.refine import USUAL_DAMPING, USUAL_STATIC, compare_at_first
+from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import ComparedStatic, StaticTest
 from middeck.updating.residuals.surveys import Survey
@@ -66,13 +67,14 @@ def weigh_unknowns(
     model_error: float = USUAL,
     statics: Sequence[StaticTest] = (),
     static_error: float = USUAL_STATIC,
+    damping_error: float = USUAL_DAMPING,
 ) -> Choice:
     """The choice at the mean of the prior; noise and the errors of the model together are the unit.
 
     Raises `ConfigError` as `refine`.
     """
     compared = compare_at_first(structure, surveys, unknowns, statics)
-    usual = [_usual(c, model_error, static_error) for c in compared]
+    usual = [_usual(c, model_error, static_error, damping_error) for c in compared]
     std = np.concatenate([np.hypot(c.std, error) for c, error in zip(compared, usual, strict=True)])
     spread = np.array([u.spread for u in unknowns])
     columns = np.vstack([c.slope for c in compared]) * spread / std[:, None]
@@ -91,10 +93,12 @@ def weigh_unknowns(
     )
 
 
-def _usual(compared: object, model_error: float, static_error: float) -> float:
+def _usual(compared: object, model_error: float, static_error: float, damping_error: float) -> float:
     """What the model is thought to be wrong by beside noise; in a response's rows that is counted already."""
     if isinstance(compared, ComparedResponse):
         return 0.0
+    if isinstance(compared, ComparedDamping):
+        return damping_error
     return static_error if isinstance(compared, ComparedStatic) else model_error
 
 

@@ -7,9 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
-from middeck.updating.refinement.own_errors import sorts_of
+from middeck.updating.refinement.contradictions import CONTRADICT
+from middeck.updating.refinement.own_errors import HALF, sorts_of
 from middeck.updating.refinement.posterior import errors_shown
-from middeck.updating.refinement.refine import CONTRADICT, MODAL, SORTS, Refined, off_the_rest, problem_of
+from middeck.updating.refinement.problem import MODAL, MODES, STATIC
+from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
+from middeck.updating.residuals.damping import log_std
 from middeck.updating.residuals.surveys import Compared, left_open
 
 # Of the prior deviation: an unknown that keeps this much of it was not seen.
@@ -66,6 +69,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
         ),
         *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
         *_of_responses(refined),
+        *_of_damping(refined),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
     )
 
@@ -128,7 +132,7 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
         stated = float(np.median(np.concatenate([c.survey.std[c.pairs[:, 1]] for c in refined.compared])))
         seen = {int(k) for c in refined.compared for k in sorts_of(c.modes, c.pairs[:, 0])}
         for k in sorted(seen):
-            sort, size = SORTS[k], tau[k]
+            sort, size = MODES[k], tau[k]
             if size > ABOVE * noise:
                 yield (
                     f"the {sort} modes stay {100.0 * size:.2g} % off whatever the unknowns, where the test "
@@ -147,7 +151,7 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
             "stiffness, or more elements, would be better"
         )
     if refined.statics:
-        yield from _of_statics(refined, *tau[MODAL:].tolist())
+        yield from _of_statics(refined, *tau[MODAL : MODAL + len(STATIC)].tolist())
 
 
 def _of_responses(refined: Refined) -> Iterator[str]:
@@ -163,6 +167,44 @@ def _of_responses(refined: Refined) -> Iterator[str]:
                 f"{heard.survey}: the model has no anti-resonance from {zero.input} to {zero.output} near "
                 f"{zero.frequency_hz:.4g} Hz: the measured one was left out"
             )
+
+
+def _of_damping(refined: Refined) -> Iterator[str]:
+    if not refined.damped:
+        return
+    several = [d for d in refined.damped if len(d.pairs)]
+    by = max((float(d.std[0] / log_std(d.survey)[d.pairs[0, 1]]) for d in several), default=1.0)
+    if by > CONTRADICT:
+        yield (
+            f"the surveys contradict one another in damping: their ratios are {by:.1f} times as far from any "
+            "one article as they state; their deviations were widened by this factor. Was one test taken at "
+            "another amplitude? Friction makes damping depend on it"
+        )
+    for d in refined.damped:
+        if d.left_out:
+            hz = ", ".join(f"{f:.4g}" for f in d.survey.measured.frequency_hz[list(d.left_out)])
+            yield (
+                f"{d.survey.name}: the damping ratios of the modes of {hz} Hz are zero, not stated or not "
+                "determined, and were left out"
+            )
+        yield from (
+            f"{d.survey.name}: mode {d.modes.name[i]!r} shares {100.0 * (1.0 - d.likeness[k]):.0f} % of its "
+            "complex shape with its neighbours: damping and frequency are those of the complex mode, and "
+            "which mode is which is uncertain"
+            for k, i in enumerate(d.pairs[:, 0])
+            if d.likeness[k] < HALF
+        )
+    if joints := ", ".join(f.joint for f in refined.friction()):
+        yield f"predicted modes are of the article without the friction of joints: {joints}"
+    if not several:
+        return
+    size, known = refined.estimate.tau[-1], np.median(np.concatenate([d.std for d in several]))
+    problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
+    if size > ABOVE * known and errors_shown(problem, refined.estimate.tau)[-1]:
+        yield (
+            f"the damping ratios stay {100.0 * size:.2g} % off whatever the unknowns, where the test states "
+            f"{100.0 * known:.2g} %: an error of the model, which predictions carry"
+        )
 
 
 def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:

@@ -21,8 +21,9 @@ from scipy.special import erf, ndtr, ndtri
 
 from middeck.values import record
 
-# Model errors in the logarithm of a frequency between which the most probable is looked for.
-LEAST, MOST = 1e-6, 0.1
+# Model errors in the logarithm of a frequency between which the most probable is looked for; one that is
+# thought larger before is looked for up to four times as much.
+LEAST, MOST, TIMES = 1e-6, 0.1, 4.0
 # A good mesh and good joints leave 0.03 % of a frequency, give or take a factor of three.
 USUAL, FACTOR = 3e-4, 3.0
 SWEEPS, GRID = 3, 24
@@ -112,9 +113,10 @@ def most_probable(
     """The most probable tau of each sort, lognormal about ``usual`` before."""
 
     surprise = _surprise_of(problem, usual)
-    grid = np.linspace(np.log(LEAST), np.log(MOST), GRID)
-    best = np.full(problem.sorts, grid[0])
+    most = np.maximum(MOST, TIMES * np.broadcast_to(usual, problem.sorts))
+    best = np.full(problem.sorts, np.log(LEAST))
     for k in list(range(problem.sorts)) * SWEEPS:
+        grid = np.linspace(np.log(LEAST), np.log(most[k]), GRID)
 
         def along(g: float, k: int = k) -> float:
             return surprise(np.where(np.arange(problem.sorts) == k, g, best))

@@ -6,30 +6,26 @@ answer they are large, which keeps the steps small.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
-from middeck.updating.refinement.mesh_and_shear import left_out
-from middeck.updating.refinement.own_errors import OwnErrors, sorts_of
-from middeck.updating.refinement.posterior import (
-    KNOWN,
-    USUAL,
-    Estimate,
-    Linear,
-    cut_below,
-    estimate,
-    excess,
-    unseen_deviations,
+from middeck.structure.plants.damped_modes import DampedModes
+from middeck.updating.refinement.contradictions import Tests, estimate_of
+from middeck.updating.refinement.posterior import USUAL, Estimate, Linear, cut_below, unseen_deviations
+from middeck.updating.refinement.problem import MODAL, linear_problem, sort_names, zeros_of
+from middeck.updating.residuals.damping import (
+    ComparedDamping,
+    compare_with_damping,
+    moves_losses,
+    solve_damped_near,
+    states_damping,
 )
-from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
@@ -39,7 +35,6 @@ from middeck.updating.residuals.static_tests import (
     StaticSetUp,
     StaticTest,
     compare_statics,
-    gauge_key,
     set_up_static,
 )
 from middeck.updating.residuals.surveys import (
@@ -51,25 +46,21 @@ from middeck.updating.residuals.surveys import (
     set_up,
 )
 from middeck.updating.unknowns.loop_unknowns import LOOP, loop_slopes
-from middeck.updating.unknowns.unknowns import ENVIRONMENT, Unknown
+from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, Unknown
 from middeck.values import record
 
-# Modes that live of gravity and suspension, and flexible ones, have errors of their own; static tests one
-# that they share as far as they strain the members alike, and one of each reading.
-SORTS = ("suspension", "flexible", "static", "reading")
-MODAL = 2
 # What begins so is no parameter of the article.
-ELSEWHERE = (ENVIRONMENT, LOOP)
+ELSEWHERE = (ENVIRONMENT, LOOP, FRICTION)
 # Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
 USUAL_STATIC, OF_READING = 0.02, 0.25
+# Of ln zeta: what loss factors and dampers make of a mode is thought likely to be off by this much.
+USUAL_DAMPING = 0.2
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
 SMALL = 0.2
 # No step moves an unknown by more than this many of its prior deviations.
 LARGEST = 2.0
 HALVINGS = 6
-# Surveys whose frequencies are this many times farther from any one article than they state contradict.
-CONTRADICT = 2.0
 # Steps back that are not this much smaller than the last swing about the answer.
 SHRINKS = 0.7
 
@@ -92,6 +83,7 @@ class Refined:
         unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
             where the tests say little of it.
         responses: Of the surveys that have one, beside the model.
+        damped: Of the surveys that state damping, beside the model; none where no unknown moves any.
     """
 
     structure: Structure
@@ -107,16 +99,17 @@ class Refined:
     fields: ErrorFields | None
     unseen: Float[np.ndarray, " sort"]
     responses: tuple[ComparedResponse, ...] = ()
+    damped: tuple[ComparedDamping, ...] = ()
 
     @property
     def zeros(self) -> tuple[tuple[str, ...], ...]:
         """Unloaded readings: series and `gauge_key` of each."""
-        return _zeros(self.statics)
+        return zeros_of(self.statics)
 
     @property
     def sorts(self) -> tuple[str, ...]:
         """Of the model's own errors, one ``estimate.tau`` each."""
-        return SORTS[: len(self.estimate.tau)]
+        return sort_names(bool(self.statics), bool(self.damped))
 
     @property
     def x(self) -> Float[np.ndarray, " unknown"]:
@@ -153,12 +146,40 @@ class Refined:
                 factors[name] = factors.get(name, 1.0) * float(np.exp(x))
         return factors
 
+    def friction(self) -> tuple[RefinedFriction, ...]:
+        """Of each joint whose friction the surveys state, in the order of their first."""
+        rows = self.estimate.root[: len(self.unknowns)]
+        stated = {f.joint: f for c in self.compared for f in c.survey.friction}
+        return tuple(
+            RefinedFriction(
+                joint=f.joint,
+                value=np.array([f.slip_torque, f.slip_angle]) * np.exp(moved @ self.x),
+                root=moved @ rows,
+            )
+            for f in stated.values()
+            for moved in [f.moved_by([u.parameters for u in self.unknowns])]
+        )
+
     @property
     def left_out(self) -> tuple[Unknown, ...]:
         """Unknowns that ``factors`` of an article cannot hold."""
         return tuple(
             u for u in self.unknowns if u.added or any(n.startswith(ELSEWHERE) for n in u.parameters)
         )
+
+
+@record(kw_only=True)
+class RefinedFriction:
+    """Slip torque [N m] and slip angle [rad] of a joint, and a root of the covariance of their logarithms."""
+
+    joint: str
+    value: Float[np.ndarray, "2"]
+    root: Float[np.ndarray, "2 both"]
+
+    @property
+    def log_std(self) -> Float[np.ndarray, "2"]:
+        """Standard deviations of the logarithms."""
+        return np.linalg.norm(self.root, axis=1)
 
 
 def refine(
@@ -168,35 +189,34 @@ def refine(
     model_error: float = USUAL,
     statics: Sequence[StaticTest] = (),
     static_error: float = USUAL_STATIC,
+    damping_error: float = USUAL_DAMPING,
 ) -> Refined:
     """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
 
     ``model_error`` is what the frequencies of a model of this sort are thought to be wrong by, in parts of
-    one, whatever its numbers, ``static_error`` what its members yield: what the tests show takes their place,
-    the less the fewer there are.
+    one, whatever its numbers, ``static_error`` what its members yield, ``damping_error`` its damping ratios
+    (these where an unknown moves them): what the tests show takes their place, the less the fewer there are.
 
     Raises `ConfigError` for no test, an unknown that no test has, names given twice, or a survey without
-    any mode in common; `NumericalError` where the article has no rest state at the mean of the prior.
+    any mode in common, and as `compare_with_damping`; `NumericalError` where the article has no rest state at
+    the mean of the prior.
     """
     _check_names(surveys, statics, unknowns)
     places = _places(structure, surveys, statics, unknowns)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
-    usual = np.array([model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics))
+    lossy = places.moves_damping
+    sizes = [model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics)
+    usual = np.array(sizes + [damping_error] * lossy)
     x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
-    at = first = places.solve(x)
-    # A response is nearly linear in what is left when the modes have settled, and not before.
-    settled, measured, open_x = False, any(s.response is not None for s in surveys), np.diag(spread)
+    at = first = places.solve(x, lossy)
+    # Responses and damping are nearly linear in what is left when the modes have settled, and not before.
+    settled, open_x = False, np.diag(spread)
+    measured = lossy or any(s.response is not None for s in surveys)
     while True:
-        compared, sagged = places.compare(at, surveys, statics)
-        heard = places.hear(compared, x, open_x) if settled else ()
+        tests = places.compare(at, statics, settled)
+        heard = places.hear(tests.compared, x, open_x) if settled else ()
         fields = ErrorFields.of(at.loaded) if at.loaded else None
-        problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
-        found = estimate(problem, usual)
-        # Else a step far out is the answer: slopes by measured frequencies differ as these contradict.
-        while (off := excess(problem, found, _rows_of_several(compared, len(problem.y)))) > CONTRADICT:
-            compared = tuple(_widened(c, off) for c in compared)
-            problem = linear_problem(compared, sagged, fields, x - mean, spread, heard)
-            found = estimate(problem, usual)
+        tests, problem, found = estimate_of(tests._replace(heard=heard), fields, x - mean, spread, usual)
         step = mean + found.x - x
         history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
         if history[-1] < SMALL or len(history) >= STEPS * (1 + settled):
@@ -205,24 +225,25 @@ def refine(
             settled, pace, last, open_x = True, 1.0, np.zeros(len(mean)), found.root[: len(x)]
             continue
         size, pace = step / spread, _pace(pace, step / spread, last)
-        x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))))
+        x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))), lossy)
         last = size
     return Refined(
         structure=structure,
         unknowns=tuple(unknowns),
-        compared=compared,
-        statics=sagged,
+        compared=tests.compared,
+        statics=tests.statics,
         linear_at=x,
         estimate=found,
-        before_hz=tuple(_before(old, c) for old, c in zip(first.modes, compared, strict=True)),
+        before_hz=tuple(_before(old, c) for old, c in zip(first.modes, tests.compared, strict=True)),
         before=tuple(
             tuple(old.value(t.gauges).tolist()) for old, t in zip(first.loaded, statics, strict=True)
         ),
         history=tuple(history),
         converged=history[-1] < SMALL,
         fields=fields,
-        unseen=unseen_deviations(problem, found.tau, usual),
+        unseen=unseen_deviations(problem, found.tau, usual[: problem.sorts]),
         responses=heard,
+        damped=tests.damped,
     )
 
 
@@ -231,25 +252,13 @@ def compare_at_first(
     surveys: Sequence[Survey],
     unknowns: Sequence[Unknown],
     statics: Sequence[StaticTest] = (),
-) -> tuple[Compared | ComparedResponse | ComparedStatic, ...]:
+) -> tuple[Compared | ComparedResponse | ComparedDamping | ComparedStatic, ...]:
     """Every test beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
     _check_names(surveys, statics, unknowns)
     places = _places(structure, surveys, statics, unknowns)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
-    compared, sagged = places.compare(places.solve(mean), surveys, statics)
-    return (*compared, *places.hear(compared, mean, np.diag(spread)), *sagged)
-
-
-def _rows_of_several(compared: Sequence[Compared], count: int) -> np.ndarray:
-    """Which of so many rows of `linear_problem` are frequencies that another survey may contradict."""
-    own = [np.arange(len(c.rows)) < len(c.pairs) * (len(compared) > 1) for c in compared]
-    return np.concatenate([*own, np.zeros(count - sum(map(len, own)), dtype=bool)])
-
-
-def _widened(compared: Compared, by: float) -> Compared:
-    """With deviations of its frequencies so many times larger."""
-    own = np.arange(len(compared.rows)) < len(compared.pairs)
-    return dataclasses.replace(compared, std=np.where(own, by, 1.0) * compared.std)
+    tests = places.compare(places.solve(mean, places.moves_damping), statics, True)
+    return tests._replace(heard=places.hear(tests.compared, mean, np.diag(spread))).every
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
@@ -260,10 +269,12 @@ def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
 
 
 class _At(NamedTuple):
-    """The article as every test had it, at some unknowns."""
+    """The article as every test had it, at the unknowns ``x``; complex modes where damping is refined."""
 
+    x: np.ndarray
     modes: list[Modes]
     loaded: list[Loaded]
+    damped: list[DampedModes | None]
 
 
 class _Places(NamedTuple):
@@ -271,17 +282,45 @@ class _Places(NamedTuple):
 
     surveyed: list[SetUp]
     loaded: list[StaticSetUp]
+    surveys: tuple[Survey, ...]
 
-    def solve(self, x: np.ndarray) -> _At:
-        return _At([place.solve(x) for place in self.surveyed], [place.solve(x) for place in self.loaded])
+    @property
+    def moves_damping(self) -> bool:
+        """Whether an unknown does. Raises `ConfigError` where no survey has anything to tell of it."""
+        both = zip(self.surveys, self.surveyed, strict=True)
+        if not any(moves_losses(survey, place.bound) for survey, place in both):
+            return False
+        if not any(states_damping(s) or s.friction or s.response is not None for s in self.surveys):
+            raise ConfigError(
+                "an unknown moves damping, and no survey states a damping ratio",
+                where="refinement",
+                hint="damping with the modes of a survey, or no unknown of damping",
+            )
+        return True
 
-    def compare(
-        self, at: _At, surveys: Sequence[Survey], statics: Sequence[StaticTest]
-    ) -> tuple[tuple[Compared, ...], tuple[ComparedStatic, ...]]:
-        return (
-            tuple(compare(m, s, p.bound) for m, s, p in zip(at.modes, surveys, self.surveyed, strict=True)),
-            compare_statics(at.loaded, statics, self.loaded),
-        )
+    def solve(self, x: np.ndarray, lossy: bool) -> _At:
+        """Every set-up at the unknowns ``x``, its complex modes too where ``lossy``."""
+        modes = [place.solve(x) for place in self.surveyed]
+        damped = [
+            solve_damped_near(m, s) if lossy and (states_damping(s) or s.friction) else None
+            for m, s in zip(modes, self.surveys, strict=True)
+        ]
+        return _At(x, modes, [place.solve(x) for place in self.loaded], damped)
+
+    def compare(self, at: _At, statics: Sequence[StaticTest], settled: bool) -> Tests:
+        """Damping, as far as ``at`` has any, where the modes have ``settled``."""
+        compared: list[Compared] = []
+        lossy: list[ComparedDamping] = []
+        for place, survey, modes, damped in zip(
+            self.surveyed, self.surveys, at.modes, at.damped, strict=True
+        ):
+            if damped is None or not (settled or survey.friction):
+                compared.append(compare(modes, survey, place.bound))
+            else:
+                frequencies, ratios = compare_with_damping(modes, damped, survey, place.bound, at.x)
+                compared.append(frequencies)
+                lossy.append(ratios)
+        return Tests(tuple(compared), (), tuple(lossy), compare_statics(at.loaded, statics, self.loaded))
 
     def hear(
         self, compared: Sequence[Compared], x: np.ndarray, open_x: np.ndarray
@@ -307,14 +346,18 @@ def _places(
     ]
     for k, unknown in enumerate(unknowns):
         heard = [s.response.ports for s in surveys if s.response is not None]
-        in_loop = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard)
-        if not in_loop and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
+        rubbed = [f for s in surveys for f in s.friction]
+        elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard) or any(
+            np.any(friction.moved_by([unknown.parameters])) for friction in rubbed
+        )
+        if not elsewhere and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
             raise ConfigError(
                 f"no article, environment or loop under test has a parameter {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",
-                hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response",
+                hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response, "
+                "those of friction a survey that states a joint's friction and amplitudes",
             )
-    return _Places(surveyed, loaded)
+    return _Places(surveyed, loaded, tuple(surveys))
 
 
 def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
@@ -326,53 +369,18 @@ def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
     return 0.5 * pace if swings else min(1.0, 2.0 * pace)
 
 
-def _moved(places: _Places, x: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, _At]:
-    """A step, shorter where the article has no rest state at its end."""
+def _moved(places: _Places, x: np.ndarray, step: np.ndarray, lossy: bool) -> tuple[np.ndarray, _At]:
+    """A step, shorter where the article has no rest state at its end, or damping ratios that cannot be."""
     for _ in range(HALVINGS):
         try:
-            return x + step, places.solve(x + step)
-        except NumericalError:
+            return x + step, places.solve(x + step, lossy)
+        except (ConfigError, NumericalError):
             step = 0.5 * step
     raise NumericalError(
-        "the article has no equilibrium at the values towards which the refinement moves the unknowns",
+        "the article has no equilibrium, or a mode a damping ratio of one and more, at the values towards "
+        "which the refinement moves the unknowns",
         where="refinement",
         hint="narrower spreads, or fewer unknowns",
-    )
-
-
-class _Errors(NamedTuple):
-    """Of the model, in rows: what each shares of errors (`Linear.S`) and their sorts."""
-
-    S: np.ndarray
-    rest: np.ndarray
-    sort: np.ndarray
-    row_sort: np.ndarray
-
-
-def linear_problem(
-    compared: Sequence[Compared],
-    statics: Sequence[ComparedStatic],
-    fields: ErrorFields | None,
-    from_mean: np.ndarray,
-    spread: np.ndarray,
-    responses: Sequence[ComparedResponse] = (),
-) -> Linear:
-    """The tests as one linear problem about the present unknowns."""
-    tests = (*compared, *responses, *statics)
-    J = np.vstack([c.slope for c in tests])
-    parts = [_of_modes(compared)] if compared else []
-    parts += [_of_responses(sum(len(r.residual) for r in responses))] if responses else []
-    parts += [] if fields is None else [_of_statics(statics, fields)]
-    return Linear(
-        y=np.concatenate([c.residual for c in tests]) + J @ from_mean,
-        std=np.concatenate([c.std for c in tests]),
-        J=J,
-        spread=spread,
-        S=np.asarray(sla.block_diag(*(p.S for p in parts))),
-        rest=np.concatenate([p.rest for p in parts]),
-        sort=np.concatenate([p.sort for p in parts]),
-        row_sort=np.concatenate([p.row_sort for p in parts]),
-        sorts=len(SORTS) if statics else MODAL,
     )
 
 
@@ -385,7 +393,7 @@ def problem_of(
     """`linear_problem` of these tests about the unknowns at which ``refined`` has its own."""
     mean, spread = (np.array([getattr(u, name) for u in refined.unknowns]) for name in ("mean", "spread"))
     at = refined.linear_at - mean
-    return linear_problem(compared, statics, fields, at, spread, refined.responses)
+    return linear_problem(compared, statics, fields, at, spread, refined.responses, refined.damped)
 
 
 def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
@@ -399,68 +407,15 @@ def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
     ]
 
 
-def _of_modes(compared: Sequence[Compared]) -> _Errors:
-    errors = OwnErrors.of(compared)
-    own = [np.arange(len(c.rows)) < len(c.pairs) for c in compared]
-    S = np.vstack(
-        [
-            np.where(mine[:, None], errors.shared_with(c.modes)[c.rows[:, 1]], 0.0)
-            for c, mine in zip(compared, own, strict=True)
-        ]
-    )
-    return _Errors(
-        np.column_stack([np.concatenate([_of_mesh_and_shear(c) for c in compared]), S]),
-        np.maximum(1.0 - np.sum(S**2, axis=1), 0.0),
-        np.append(KNOWN, errors.sorts(compared)),
-        np.concatenate([sorts_of(c.modes, c.rows[:, 1]) for c in compared]),
-    )
-
-
-def _of_mesh_and_shear(compared: Compared) -> np.ndarray:
-    """What more elements and shear would change in each row."""
-    own, (of, place) = compared.pairs[:, 0], compared.rows.T
-    index, at = np.unique(np.append(own, place), return_inverse=True)
-    k = at[: len(own)][of]
-    return left_out(compared.modes, index)[at[len(own) :], k] / (2.0 * compared.modes.omega[own[of]] ** 2)
-
-
-def _of_responses(rows: int) -> _Errors:
-    """None: what a response errs by is stated, and in its rows."""
-    return _Errors(np.zeros((rows, 0)), np.zeros(rows), np.zeros(0, dtype=int), np.zeros(rows, dtype=int))
-
-
-def _of_statics(statics: Sequence[ComparedStatic], fields: ErrorFields) -> _Errors:
-    by_fields = np.vstack([fields.slope(c.at, c.test.gauges)[0] / c.scale[:, None] for c in statics])
-    zeros = _zeros(statics)
-    by_zeros = np.zeros((len(by_fields), len(zeros)))
-    rows = [(c, gauge) for c in statics for gauge in c.test.gauges]
-    for row, (c, gauge) in enumerate(rows):
-        if c.test.since_unloaded:
-            by_zeros[row, zeros.index(zero_of(c.test, gauge))] = -1.0
-    static, reading = SORTS.index("static"), SORTS.index("reading")
-    sort = np.repeat([static, reading], [by_fields.shape[1], len(zeros)])
-    return _Errors(np.hstack([by_fields, by_zeros]), np.ones(len(rows)), sort, np.full(len(rows), reading))
-
-
-def _zeros(statics: Sequence[ComparedStatic]) -> tuple[tuple[str, ...], ...]:
-    counted = [c.test for c in statics if c.test.since_unloaded]
-    return tuple(dict.fromkeys(zero_of(test, gauge) for test in counted for gauge in test.gauges))
-
-
-def zero_of(test: StaticTest, gauge: Gauge) -> tuple[str, ...]:
-    """The unloaded reading from which a gauge counts in a test."""
-    return test.series or test.name, *gauge_key(gauge)
-
-
 def _check_names(
     surveys: Sequence[Survey], statics: Sequence[StaticTest], unknowns: Sequence[Unknown]
 ) -> None:
     if not surveys and not statics:
-        raise ConfigError("no survey and no static test", where="refinement", hint="one of either at least")
+        raise ConfigError("no survey and no static test", where="refinement", hint="at least one of them")
     if not unknowns:
-        raise ConfigError("no unknown", where="refinement", hint="one at least")
+        raise ConfigError("no unknown", where="refinement", hint="at least one")
     for what, given in (("survey", surveys), ("static test", statics), ("unknown", unknowns)):
         names = [g.name for g in given]
         twice = [n for n in names if names.count(n) > 1]
         if twice:
-            raise ConfigError(f"two are called {twice[0]!r}", where=what, hint="a name for each")
+            raise ConfigError(f"the name {twice[0]!r} is given twice", where=what, hint="a name for each")

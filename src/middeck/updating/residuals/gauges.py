@@ -143,7 +143,9 @@ def motion_rows(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray,
             rest_of = 1.0 - float(line @ n) ** 2
             if rest_of < UPRIGHT:
                 raise NumericalError(
-                    "its line is upright: the angle has no slope", where=f"gauge {gauge.name!r}"
+                    "its line is upright: the angle has no slope",
+                    where=f"gauge {gauge.name!r}",
+                    hint="points of the gauge that are not above each other",
                 )
             own[3:] = np.cross(line, n) / np.sqrt(rest_of)
     return rows

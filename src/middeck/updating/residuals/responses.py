@@ -1,16 +1,14 @@
 """Measured responses and anti-resonances beside those of the model, at the poles that the survey measured.
 
-Frequencies and damping of a survey have rows of their own; a response that were fitted with the model's would
-count them twice, and would ask for the impossible while the model's peaks are beside the measured ones. So
-the poles of paired modes are the measured ones, and what a response adds is what they leave open: modal
-constants, what lies between the peaks, delay and gains.
+Frequencies and damping of a survey have rows of their own. The poles of paired modes are therefore the
+measured ones, so that a response counts only for what they leave open: modal constants, the curve between the
+peaks, delay and gains.
 
-A row is the logarithm of measured over modelled response, its real part (log magnitude) or its imaginary part
-(phase), or the logarithm of an anti-resonance's frequency. Rows err together by what the poles are not known
-to and by what the model's modal constants are stated to be wrong by, each alone by its noise, by a stated
-error of each mode's part at each line, and by what is not linear in the errors. They are divided by a root of
-that covariance, so that they are independent and of deviation one; where they still miss by more than that,
-by so much more.
+A row is the real part (log magnitude) or imaginary part (phase) of the logarithm of measured over modelled
+response, or the logarithm of an anti-resonance's frequency. Errors of the poles and stated errors of modal
+constants are common to the rows; noise, a stated error of each mode's part on each line, and nonlinearity are
+each row's own. Rows are divided by a root of that covariance, so that they are independent with deviation
+one, and further by the factor by which they still miss more.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+from middeck.updating.residuals.friction import SurveyedFriction
 from middeck.updating.residuals.pairing import at_channels, pair
 from middeck.updating.residuals.responses import (
     ComparedResponse,
@@ -32,6 +33,10 @@ from middeck.values import record
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
+# Of a measured shape: parts of it that are known no better are not told by the channels.
+TOLD = 0.25
+# Shapes that differ by less than this part of themselves at all channels are one to rounding.
+SAME = 1e-10
 
 
 @record(kw_only=True)
@@ -42,7 +47,9 @@ class Survey:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
+        damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
+        friction: Of joints that were not free of it, and how far they moved.
     """
 
     name: str
@@ -50,21 +57,34 @@ class Survey:
     environment: Environment
     settings: tuple[tuple[str, float], ...] = ()
     frequency_std: float | None = None
+    damping_std: float | None = None
     response: MeasuredResponse | None = None
+    friction: tuple[SurveyedFriction, ...] = ()
+
+    def __post_init__(self) -> None:
+        modes = len(self.measured.frequency_hz)
+        for friction in self.friction:
+            if len(friction.amplitude) != modes:
+                raise ConfigError(
+                    f"{len(friction.amplitude)} amplitudes of joint {friction.joint!r} for {modes} modes",
+                    where=self.name,
+                    hint="one for each measured mode",
+                )
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
-        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states it."""
+        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states one."""
         hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
-        if stated is not None and np.all(stated > 0.0):
-            return stated / hz
-        if self.frequency_std is None or not self.frequency_std > 0.0:
+        own = np.zeros(len(hz)) if stated is None else stated / hz
+        std = np.where(own > 0.0, own, self.frequency_std or 0.0)
+        if not np.all(std > 0.0):
+            first = hz[np.flatnonzero(~(std > 0.0))[0]]
             raise ConfigError(
-                "the survey does not state how well it knows its frequencies",
+                f"the survey does not state how well it knows the frequency {first:.6g} Hz",
                 where=self.name,
                 hint="frequency_std_hz with the modes, or frequency_std = 0.001 with the survey",
             )
-        return np.full(len(hz), self.frequency_std)
+        return std
 
 
 @record(kw_only=True)
@@ -140,9 +160,17 @@ def set_up(
     return SetUp(*both, bind(unknowns, *both))
 
 
-def compare(modes: Modes, survey: Survey, bound: Sequence[Bound]) -> Compared:
-    """Pairs, residuals and slopes. Raises `ConfigError` where nothing measured resembles any of the modes."""
-    pairs = pair(modes, survey.measured)
+def compare(
+    modes: Modes,
+    survey: Survey,
+    bound: Sequence[Bound],
+    pairs: Int[np.ndarray, "pair 2"] | None = None,
+) -> Compared:
+    """Pairs (those of `pair` where none are given), residuals and slopes.
+
+    Raises `ConfigError` where nothing measured resembles any of the modes.
+    """
+    pairs = pair(modes, survey.measured) if pairs is None else pairs
     if not len(pairs):
         raise ConfigError(
             "no measured mode resembles any of the model's",
@@ -205,8 +233,9 @@ def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:
 def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What each measured shape has of each paired mode, one of its own, and the deviations of that.
 
-    Of all modes where the test has more channels than modes, else of neighbours alone; nothing of others, and
-    no deviation, where it has too few channels for these too.
+    Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
+    deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
+    tell nothing, however many there are.
     """
     count, measured = len(pairs), survey.measured
     c, c_std = np.eye(count), np.zeros((count, count))
@@ -215,17 +244,29 @@ def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarr
     shape, std = _real_shapes(measured), _shape_std(modes, measured)
     near = _neighbours(modes, pairs) | np.eye(count, dtype=bool)
     for k, a in enumerate(pairs[:, 1]):
-        own = np.arange(count) if channels > count else np.flatnonzero(near[k])
-        if channels <= len(own):
-            continue
         weight = 1.0 / std[:, a]
-        Q, R = np.linalg.qr(weight[:, None] * basis[:, own])
-        inverse = np.linalg.inv(R)
-        found = inverse @ (Q.T @ (weight * shape[:, a]))
-        scale = found[own == k][0]
-        c[k, own] = found / scale
-        c_std[k, own] = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
+        for own in (np.arange(count), np.flatnonzero(near[k])):
+            part = _parts(weight[:, None] * basis[:, own], weight * shape[:, a], own == k)
+            if part is not None and part[1][near[k, own]].max() <= TOLD:
+                c[k, own], c_std[k, own] = part
+                break
     return c, c_std
+
+
+def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """What ``shape`` has of each column of ``basis``, of ``one`` of them 1, and the deviations of that.
+
+    None where the rows of both, of unit deviation, do not tell the columns apart.
+    """
+    if len(basis) <= basis.shape[1]:
+        return None
+    Q, R = np.linalg.qr(basis)
+    if not 1.0 / np.linalg.cond(R / np.linalg.norm(R, axis=0)) > SAME:
+        return None
+    inverse = np.linalg.inv(R)
+    found = inverse @ (Q.T @ shape)
+    scale = found[one][0]
+    return found / scale, np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
 
 
 def _real_shapes(measured: MeasuredModes) -> np.ndarray:
@@ -235,12 +276,10 @@ def _real_shapes(measured: MeasuredModes) -> np.ndarray:
 
 
 def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """As the test states it, else `SHAPE_STD` of each mode's channels of its sort."""
-    stated = measured.shape_std
-    if stated is not None and np.all(stated > 0.0):
-        return stated
+    """As the test states it; where it states none or zero, `SHAPE_STD` of the mode's channels of its sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
-    return SHAPE_STD * np.where(rms > 0.0, rms, 1.0)
+    usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
+    return usual if stated is None else np.where(stated > 0.0, stated, usual)
 
 
 def _equation_slopes(

@@ -22,7 +22,7 @@ from middeck.structure.sensitivity.parameters import (
 from middeck.updating.unknowns.loop_unknowns import LOOP, check_loop_unknown
 from middeck.values import record
 
-ENVIRONMENT = "environment."
+ENVIRONMENT, DAMPING, FRICTION = "environment.", "damping.", "friction."
 
 
 @record(kw_only=True)
@@ -33,12 +33,14 @@ class Unknown:
         parameters: Names as `find_parameters` takes them, with ``*`` and ``?``; or of the loop that a
             survey's response has beside the article, ``loop.delay_s``, which is added to, and
             ``loop.sensor_gain.NAME`` and ``loop.motor_gain.NAME``.
+            ``friction.JOINT.slip_torque`` and ``.slip_angle`` are of joints whose friction a survey states.
+            Damping and friction are never added to, so that they stay positive.
         spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, of one that
             is ``added``, of what is added to each of them, in its unit.
         mean: Of x; zero is the article as it is.
 
-    Raises `ConfigError` for a spread that is not positive, for no parameter, or for some of the article and
-    some of the environment.
+    Raises `ConfigError` for a spread that is not positive, for no parameter, for some of the article and some
+    of the environment, and for damping or friction that is added.
 
     >>> Unknown(name="stiffness", parameters=("members.E",), spread=0.1).spread
     0.1
@@ -59,6 +61,12 @@ class Unknown:
             )
         if any(name.startswith(LOOP) for name in self.parameters):
             check_loop_unknown(self.name, self.parameters, self.added)
+        if self.added and any(name.startswith((DAMPING, FRICTION)) for name in self.parameters):
+            raise ConfigError(
+                "an amount added to damping or friction, which could make it negative",
+                where=f"unknown {self.name!r}",
+                hint="a factor: leave added out; spread = 1.0 is a factor of 2.7, one standard deviation",
+            )
         of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
         if not self.parameters or len(of_environment) > 1:
             raise ConfigError(
@@ -90,14 +98,16 @@ def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environ
 def _fitting(unknown: Unknown, every: Sequence[Parameter]) -> tuple[Parameter, ...]:
     found: list[Parameter] = []
     for name in unknown.parameters:
-        if name.startswith(LOOP):
+        if name.startswith((LOOP, FRICTION)):
             continue
         some = choose_parameters(every, [name], missing=name.startswith(ENVIRONMENT))
         if some and not unknown.added and not any(p.value for p in some):
             raise ConfigError(
                 f"{some[0].name} is 0: a factor on it changes nothing",
                 where=f"unknown {unknown.name!r}",
-                hint="added = true adds the unknown instead of multiplying by it",
+                hint="a small positive number in the article's [damping], and a wide spread"
+                if some[0].name.startswith(DAMPING)
+                else "added = true adds the unknown instead of multiplying by it",
             )
         found += [p for p in some if unknown.added or p.value]
     return tuple(found)

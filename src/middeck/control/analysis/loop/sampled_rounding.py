@@ -6,21 +6,17 @@ alone do not tell: the plant is sampled again with its entries moved by rounding
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
+from middeck.control.law.moved_numbers import DRAWS, is_vague_plant, move_plant
 from middeck.errors import NumericalError
-from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.poles.rounding import EPS, is_vague
+from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_limits, growth_rates
 from middeck.systems.poles.verdict import CURE, OPEN
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.feedback import feedback
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from middeck.systems.state_space.statespace import SampledStateSpace
 
-MOVED, DRAWS = 10.0 * EPS, 3
-"""Relative change of each entry, of random sign; and how often."""
 SPREADS = 10.0
 """Distance from the limit of growth, in spreads of the loops so moved, that decides."""
 
@@ -32,20 +28,14 @@ def sample_known(path: Plant, law: SampledStateSpace) -> Plant:
     `SPREADS` from the limit of growth.
     """
     sampled = sample_plant(path, law.period_s)
-    plain = remove_delays(path)
-    if path.modal is not None or not is_vague(plain.system):
+    if not is_vague_plant(path):
         return sampled
     rng = np.random.default_rng(0)
-    moved = [dataclasses.replace(path, dynamics=_moved(plain.system, rng)) for _ in range(DRAWS)]
-    beyond = [_beyond(one, law) for one in (sampled, *(sample_plant(one, law.period_s) for one in moved))]
+    moved = [sample_plant(move_plant(path, rng), law.period_s) for _ in range(DRAWS)]
+    beyond = [_beyond(one, law) for one in (sampled, *moved)]
     if not min(map(abs, beyond)) > SPREADS * (max(beyond) - min(beyond)):
         raise NumericalError(f"stability of the sampled loop cannot be decided: {OPEN}", hint=CURE)
     return sampled
-
-
-def _moved(system: StateSpace, rng: np.random.Generator) -> StateSpace:
-    A, B, C = (M * (1.0 + MOVED * rng.choice([-1.0, 1.0], M.shape)) for M in (system.A, system.B, system.C))
-    return StateSpace(A, B, C, system.D)
 
 
 def _beyond(plant: Plant, law: SampledStateSpace) -> float:

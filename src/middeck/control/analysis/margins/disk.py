@@ -29,6 +29,7 @@ from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms
 from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_round, is_short, spread_rounding
 from middeck.control.analysis.stability.stability import decide_loop
+from middeck.control.law.moved_numbers import measure_known
 from middeck.values import record
 
 
@@ -69,8 +70,15 @@ def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> D
     mu is bounded from above by scaling (`middeck.control.analysis.margins.scaling`), which is mu itself for
     up to three channels (Packard and Doyle 1993) and else makes the margin too small, never too large.
 
-    Raises `ConfigError` for halves that do not fit (`form_loop`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`). Warns (`UserWarning`) where rounding of the
+    matrices makes it uncertain (`measure_known`).
     """
+    return measure_known(
+        "disk margins", lambda *both: _measure(*both, at), lambda disk: np.log([disk.alpha]), plant, law
+    )
+
+
+def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
     loop = form_loop(plant, law)
     if not decide_loop(loop).stable:
         return disk_from_peak(np.inf, 0.0)

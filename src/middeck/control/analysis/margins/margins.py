@@ -34,6 +34,7 @@ from middeck.control.analysis.margins.neutral import bears_no_delay
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.stability.stability import LoopStability, decide_loop
 from middeck.control.analysis.text_table import align_columns
+from middeck.control.law.moved_numbers import measure_known
 from middeck.errors import ConfigError
 from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.state_space.statespace import LinearSystem, StateSpace
@@ -178,7 +179,8 @@ def measure_margins(
     delay of a channel with which the plant, sampled anew, gives an unstable loop
     (`middeck.control.analysis.margins.delay_limit`): most of the work, skipped with ``delays=False``.
 
-    Raises `ConfigError` for halves that do not fit (`form_loop`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`). Warns (`UserWarning`) where rounding of the
+    matrices makes limits, disks or peaks uncertain (`measure_known`).
 
     >>> import middeck as md
     >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
@@ -192,6 +194,23 @@ def measure_margins(
     broken at  gain dB  at Hz  phase deg  at Hz   delay ms  disk   max |S|  at Hz
     u1         -        -      90.0       0.1592  1.57e+03  2.000  1.000    477.5
     """
+    return measure_known("margins", lambda *both: _measure(*both, at, delays), _numbers, plant, compensator)
+
+
+def _numbers(margins: Margins) -> Float[np.ndarray, " number"]:
+    """Limits, disks and peaks as logarithms, and angles [rad]; none of an unstable loop."""
+    return np.concatenate([_numbers_of(loop) for loop in margins.loops if margins.stable] or [np.zeros(0)])
+
+
+def _numbers_of(loop: LoopMargins) -> Float[np.ndarray, " number"]:
+    # Around the time of a radian a delay counts as an angle: that of an undamped loop is zero.
+    radian_s = 1.0 / (2.0 * np.pi * loop.phase_hz.max(initial=1e-300))
+    delay_s = np.inf if loop.delay_s is None else loop.delay_limit_s
+    sizes = [*loop.gain_limits, radian_s + delay_s, loop.sensitivity.gain, loop.disk.alpha]
+    return np.append(np.log(sizes), loop.phase_limit_rad)
+
+
+def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Margins:
     loop = form_loop(plant, compensator)
     stability, loop = decide_loop(loop), moved_part(loop)
     ratio = broken_ratio(loop, at)

@@ -14,6 +14,7 @@ from middeck.control.analysis.loop.feedback_loop import (
 from middeck.control.analysis.rms.closed_response import closed_response
 from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator, idle_compensator
+from middeck.control.law.moved_numbers import measure_known
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms, require_one_each
 from middeck.systems.norms.rms import response_rms
@@ -33,12 +34,12 @@ def measure_rms(
 
     Raises `ConfigError` for ports that do not exist, intensities that do not fit them, a band that is not 0
     <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both); `NumericalError` where
-    stability cannot be decided.
+    stability cannot be decided. Warns (`UserWarning`) where rounding of the matrices makes the rms uncertain.
     """
     law = idle_compensator(plant) if compensator is None else compensator
     if not plant.delayed:
         return loop_rms(close_loop(plant, law), performance)
-    return _delayed_rms(plant, law, performance)
+    return measure_known("rms", lambda *both: _delayed_rms(*both, performance), np.log, plant, law)
 
 
 def measure_metric(plant: Plant, compensator: Compensator | None, performance: Performance) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -78,17 +77,19 @@ def find_worst_case(
     ``corners``; `NumericalError` where stability of a plant cannot be decided (`decide_stability`).
     """
     positions = corner_positions(uncertainty, corners, rng)
-    count = _Count()
+    tried = 0
 
     def plant_at(position: np.ndarray) -> Plant:
         return finished_plants(plant, uncertainty, position[None])[0]
 
     def closeness(position: np.ndarray) -> float:
-        count.plants += 1
+        nonlocal tried
+        tried += 1
         return _closeness(form_loop(plant_at(position), compensator))
 
     def cost(position: np.ndarray) -> float:
-        count.plants += 1
+        nonlocal tried
+        tried += 1
         assert performance is not None
         return _rough_metric(plant_at(position), compensator, performance)
 
@@ -100,21 +101,16 @@ def find_worst_case(
         if stability.stable:
             worst = _climb(cost, positions, np.array([cost(p) for p in positions]))
             stability = decide_loop(form_loop(plant_at(worst), compensator))
-        nominal = _exact_metric(plant_at(positions[0]), compensator, performance)
-        metric = _exact_metric(plant_at(worst), compensator, performance)
+        nominal = measure_metric(plant_at(positions[0]), compensator, performance)
+        metric = measure_metric(plant_at(worst), compensator, performance)
     return WorstCase(
         parameters=parameter_names(uncertainty),
         position=worst,
         stability=stability,
         metric=metric,
         nominal_metric=nominal,
-        tried=count.plants,
+        tried=tried,
     )
-
-
-@dataclasses.dataclass
-class _Count:
-    plants: int = 0
 
 
 def _closeness(loop: FeedbackLoop) -> float:
@@ -171,7 +167,3 @@ def _rough_metric(plant: Plant, law: Compensator, performance: Performance) -> f
     active = partition_modes(plant).active
     order = approximation_order(active, law.system)
     return loop_metric(close_loop(approximate_delays(active, order), law), performance)
-
-
-def _exact_metric(plant: Plant, law: Compensator, performance: Performance) -> float:
-    return measure_metric(plant, law, performance)

@@ -107,7 +107,10 @@ def _where_small(halves: Halves, wall: float, omega: float, direct: float) -> fl
         if np.abs(np.linalg.eigvals(K @ G)).max(initial=0.0) < 0.5 * (1.0 + direct):
             return omega
         omega *= 2.0
-    raise NumericalError("stability with delays: the loop gain does not fall with frequency")
+    raise NumericalError(
+        "stability with delays: the loop gain does not fall with frequency",
+        hint="a plant or compensator that rolls off: no direct term",
+    )
 
 
 def direct_gain(loop: FeedbackLoop) -> float:

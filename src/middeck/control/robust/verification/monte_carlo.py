@@ -118,7 +118,10 @@ def _require(plants: Sequence[Plant], compensator: Compensator) -> None:
     for plant in plants:
         _require_ports(plant, compensator)
     if np.any(compensator.system.D):
-        raise ConfigError("the compensator has a direct term: sensor noise would make its rms infinite")
+        raise ConfigError(
+            "the compensator has a direct term: sensor noise would make its rms infinite",
+            hint="add a roll-off to the compensator",
+        )
 
 
 def _require_ports(plant: Plant, compensator: Compensator) -> None:

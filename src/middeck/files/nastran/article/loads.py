@@ -57,7 +57,7 @@ class LoadSets:
             parts = self._parts(sid, faults)
             other = next((entry.name for _, entry in parts if entry.name not in TAKEN), None)
             if other is not None:
-                self.refused.append((f"load set {sid}", 1, f"it has {other}, which is no point load"))
+                self.refused.append((f"load set {sid}", 1, f"it has {other}, which is not converted"))
                 continue
             falls = [self._acceleration(f, entry, faults) for f, entry in parts if entry.name == "GRAV"]
             loads = [self._load(f, entry, units, faults) for f, entry in parts if entry.name in DIRECT]
@@ -71,7 +71,7 @@ class LoadSets:
                 self.refused.append((f"PLOAD1 of load set {sid}", len(along), INSIDE))
             if loads or not falls:
                 found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
-            if loads or sid not in summed:
+            if loads or chosen is not None or sid not in summed:
                 self.gravity[sid] = np.sum([np.zeros(3), *falls], axis=0) * units.length / units.time**2
         raise_some(faults)
         return found
@@ -87,9 +87,9 @@ class LoadSets:
         first = next(iter(falling.values()))
         size = float(np.linalg.norm(first))
         along = first / size
-        named = some_names([f"{sid}" for sid in falling])
         given = f"{size:g} m/s^2 along {along.round(6).tolist()}"
         alike = all(np.linalg.norm(g - first) <= ALIKE * size for g in falling.values())
+        named = some_names([f"{sid}" for sid in falling][: None if alike else 1])
         if not alike or not holds:
             why = "nothing holds the deck" if alike else "an environment has one, and load sets differ"
             self.refused += [
@@ -151,7 +151,7 @@ class LoadSets:
         if system is None or system.kind != "R":
             faults.append(entry.fault(f"there is no rectangular coordinate system {entry['cid']}", "cid"))
             return np.zeros(3)
-        return factor * entry["a"] * (system.axes @ np.array([entry["n1"], entry["n2"], entry["n3"]]))
+        return factor * entry["a"] * (system.axes @ _direction(entry, "a", faults))
 
     def _along(self, factor: float, entry: Entry) -> list[dict[str, Any]]:
         bar = self.bars.get(entry["eid"])
@@ -168,11 +168,19 @@ class LoadSets:
             faults.append(entry.fault(f"there is no coordinate system {cid}", "cid"))
         else:
             place = self.places.grids[grid]
-            given = np.array([entry["n1"], entry["n2"], entry["n3"]])
-            vector = factor * entry["f"] * (self.places.systems[cid].axes_at(place) @ given)
+            given = self.places.systems[cid].axes_at(place) @ _direction(entry, "f", faults)
+            vector = factor * entry["f"] * given
             key, unit = "force_n", units.force
             if entry.name == "MOMENT":
                 key, unit = "moment_nm", units.force * units.length
             arm = (place - self.places.grids[carrier]) * units.length
             return {"frame": f"g{carrier}", key: vector * unit, "offset_m": arm}
         return {}
+
+
+def _direction(entry: Entry, size: str, faults: list[Fault]) -> np.ndarray:
+    """The vector N of a load, as long as it is given; zero is one of a load of that ``size`` alone."""
+    given = np.array([entry["n1"], entry["n2"], entry["n3"]])
+    if entry[size] and not given.any():
+        faults.append(entry.fault("its direction is zero: one of N1 to N3 must not be", "n1"))
+    return given

@@ -74,6 +74,9 @@ def note_doubts(basis: Basis, parts: Parts) -> list[str]:
     """What case control selects in vain, what is missing, and what the deck's own program does otherwise."""
     entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
     notes: list[str] = []
+    if deck.unended:
+        _, file, line = deck.unended
+        notes.append(f"no ENDDATA: {deck.cards} cards to the last line, {file}:{line}; are these all?")
     for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
         absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
         notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]

@@ -22,7 +22,6 @@ from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.case_control import read_selection
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
-from middeck.files.nastran.deck.deck_lines import cut_off
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.formats import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.numbers import integer, real
@@ -59,8 +58,6 @@ def read_assembly(
     that SECONCT joins to none.
     """
     bulk = read_bulk([path])
-    if bulk.head and bulk.cut:
-        cut_off(bulk.cut, "ENDDATA")
     places = geometry_of(bulk.main)
     files = _assigned(bulk, Path(path).parent)
     raise_some([*_unread(bulk)])
@@ -84,8 +81,8 @@ def read_assembly(
     cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
     cards = [card for card in bulk.main if card.name not in OWN]
     selection = read_selection(bulk.head[cend + 1 :], subcase)
-    missing = tuple(bulk.missing)
-    return Deck(str(path), selection, read_entries(cards), missing, not bulk.head, len(bulk.main)), parts
+    entries, missing = read_entries(cards), tuple(bulk.missing)
+    return Deck(str(path), selection, entries, missing, not bulk.head, len(bulk.main), bulk.unended), parts
 
 
 def _unread(bulk: Bulk) -> Iterator[Fault]:

@@ -44,14 +44,14 @@ _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
 class Bulk(NamedTuple):
     """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK.
 
-    ``missing`` names includes there that are not found; ``cut`` is the last line of what lacks an ENDDATA.
+    ``missing`` names includes there that are not found; ``unended`` is the last line where ENDDATA lacks.
     """
 
     head: list[Line]
     main: list[Card]
     supers: dict[int, list[Card]]
     missing: list[str]
-    cut: Line | None
+    unended: Line | None
 
 
 def read_bulk(paths: Sequence[str | Path]) -> Bulk:
@@ -64,12 +64,12 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     main: list[Line] = []
     supers: dict[int, list[Line]] = {}
     missing: list[str] = []
-    cut: Line | None = None
+    unended: Line | None = None
     for path in paths:
         reader = Lines(Path(path))
         lines, begins = reader.lines, reader.begins
         missing += reader.missing
-        cut = None if reader.ended or not lines else lines[-1]
+        unended = reader.unended
         bulk = [at for at in begins if _BULK.match(lines[at][0])]
         before = head if bulk else main
         before += lines[: (*begins, len(lines))[0]]
@@ -81,7 +81,8 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
                 )
             into = supers.setdefault(int(found[1]), []) if found else main
             into += lines[start + 1 : end]
-    return Bulk(head, join_cards(main), {n: join_cards(found) for n, found in supers.items()}, missing, cut)
+    parts = {n: join_cards(found) for n, found in supers.items()}
+    return Bulk(head, join_cards(main), parts, missing, unended)
 
 
 def has_card(path: str | Path, name: str) -> bool:

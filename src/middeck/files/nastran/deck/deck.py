@@ -13,7 +13,7 @@ from middeck.errors import ConfigError
 from middeck.files.disk.looks import EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
-from middeck.files.nastran.deck.deck_lines import read_sections
+from middeck.files.nastran.deck.deck_lines import Line, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
@@ -27,7 +27,8 @@ class Deck(NamedTuple):
     """A deck as read.
 
     ``bulk_only``: it has neither executive nor case control, so that nothing is selected. ``missing`` names
-    the includes before BEGIN BULK that are not there; ``cards`` is the number of cards.
+    the includes before BEGIN BULK that are not there; ``cards`` is the number of cards, ``unended`` the last
+    line of a deck without ENDDATA.
     """
 
     path: str
@@ -36,6 +37,7 @@ class Deck(NamedTuple):
     missing: tuple[str, ...]
     bulk_only: bool
     cards: int
+    unended: Line | None
 
     def selected(self, command: str) -> list[Entry]:
         """The constraints that case control selects by SPC or MPC, unions (SPCADD, MPCADD) resolved."""
@@ -66,6 +68,7 @@ def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
         sections.missing,
         not sections.case and not sections.executive,
         len(cards),
+        sections.unended,
     )
 
 

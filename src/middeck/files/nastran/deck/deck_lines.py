@@ -16,6 +16,7 @@ _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 # A path in quotes may go on over so many lines.
 PATH_LINES = 8
 DEPTH = 32
+WHOLE = "is the file whole?"
 
 
 # A line of a file without its end and its comment, the file, and its number. A plain tuple: there are many.
@@ -23,19 +24,19 @@ Line = tuple[str, str, int]
 
 
 class DeckText(NamedTuple):
-    """The lines of a deck; ``missing`` names includes of executive and case control that are not there."""
+    """The lines of a deck, see `Lines` for ``missing`` and ``unended``."""
 
     executive: tuple[Line, ...]
     case: tuple[Line, ...]
     bulk: tuple[Line, ...]
     missing: tuple[str, ...]
+    unended: Line | None
 
 
 def read_sections(path: str | Path) -> DeckText:
     """The sections of the deck ``path``; a file with neither CEND nor BEGIN BULK is bulk data alone.
 
-    Raises `ConfigError` as `Lines` does, for part superelements, and for a deck that is cut off: no BEGIN
-    BULK or ENDDATA.
+    Raises `ConfigError` as `Lines` does, for part superelements, and for a deck without BEGIN BULK.
     """
     reader = Lines(Path(path))
     begin, *others = (*reader.begins, len(reader.lines))
@@ -47,22 +48,15 @@ def read_sections(path: str | Path) -> DeckText:
     cend = next((i for i, line in enumerate(head) if CEND.match(line[0])), None)
     if not others:
         if cend is not None:
-            cut_off(head[-1], "BEGIN BULK")
-        return DeckText((), (), tuple(head), ())
-    if not reader.ended:
-        cut_off(reader.lines[-1], "ENDDATA")
+            raise_at(head[-1], "", "the deck ends here without BEGIN BULK", hint=WHOLE)
+        return DeckText((), (), tuple(head), (), None)
     at = -1 if cend is None else cend
-    return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing)
+    return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing, reader.unended)
 
 
 def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:
     """Raise `ConfigError` about a line."""
     raise_fault(Fault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint))
-
-
-def cut_off(last: Line, end: str) -> NoReturn:
-    """Refuse a deck whose ``last`` line is not its ``end``."""
-    raise_at(last, "", f"the deck ends here without {end}", hint="is the file whole?")
 
 
 def _counts(text: str) -> bool:
@@ -74,7 +68,8 @@ class Lines:
     """All lines of a deck with what it includes, up to ENDDATA.
 
     Includes are sought beside the file that names them, then beside the deck. Raises `ConfigError` for a file
-    that cannot be read, and an include that includes itself, or is missing in bulk data.
+    that cannot be read, an include that includes itself, or is missing in bulk data, and a deck without
+    ENDDATA whose last line does not end or goes on: what is lost there cannot be told.
 
     Attributes:
         lines: Without comments, blank ones and ENDDATA.
@@ -90,9 +85,21 @@ class Lines:
         self.ended = False
         self.files: list[Path] = []
         self._absent: list[Fault] = []
+        self._torn: tuple[str, int] | None = None  # the place of a last line that does not end
         self._read(deck, ())
         if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):
             raise_fault(self._absent[0])
+        if self.begins and self.unended:
+            if self.unended[1:] == self._torn:
+                what = "the deck ends within this line, without ENDDATA"
+                raise_at(self.unended, "", what, hint=f"{WHOLE} if it is, end the line")
+            if self.unended[0].rstrip().endswith(("+", "*")):
+                raise_at(self.unended, "", "the deck ends here without the continuation", hint=WHOLE)
+
+    @property
+    def unended(self) -> Line | None:
+        """The last line of a deck without ENDDATA."""
+        return None if self.ended or not self.lines else self.lines[-1]
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -103,6 +110,7 @@ class Lines:
         """Append the lines of ``path`` and of what it includes."""
         self.files.append(path)
         file, number, texts, lines = str(path), 0, text_of(path).split("\n"), self.lines
+        self._torn = self._torn or (file, len(texts))
         while number < len(texts) and not self.ended:
             text = texts[number]
             number += 1

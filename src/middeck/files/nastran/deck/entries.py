@@ -44,7 +44,18 @@ SPACES = {
     **{f"CORD{i}{kind}": "coordinate system" for i in "12" for kind in "RCS"},
     **{
         name: name
-        for name in ("MAT1", "PMASS", "PARAM", "GRDSET", "BAROR", "BEAMOR", "EIGRL", "EIGR", "SUPORT1")
+        for name in [
+            "MAT1",
+            "PMASS",
+            "PARAM",
+            "GRDSET",
+            "BAROR",
+            "BEAMOR",
+            "EIGRL",
+            "EIGR",
+            "SUPORT1",
+            "LOAD",
+        ]
     },
 }
 WANTED = {

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.members.torsion import Wall, torsion_of_polygon, twist_walls
+from middeck.structure.model.section_torsion import Wall, torsion_of_polygon, twist_walls
 
 PI = float(np.pi)
 ROUNDING = 1e-12  # of a product moment over the second moments, of a place over the sizes

@@ -73,7 +73,7 @@ class Motor:
             )
         if not abs(self.holding) < self.torque_limit:
             raise ConfigError(
-                f"{self.holding} N m to hold the payload is all that the motor gives",
+                f"the motor gives no more than the {abs(self.holding):g} N m that hold the payload",
                 where="Motor",
                 hint=f"a torque_limit above {abs(self.holding):g}",
             )

@@ -73,15 +73,19 @@ def drift_end(modal: ModalSystem, drifts: Sequence[Drift]) -> float:
     return min(ends, default=math.inf)
 
 
-def nearest_modes(plant: Plant, frequency_hz: float, count: int = 2) -> tuple[str, ...]:
-    """Names of the ``count`` modes of a modal plant nearest to a frequency, the lowest first."""
+def nearest_modes(plant: Plant, frequency_hz: float) -> tuple[str, ...]:
+    """Names of the two modes of a modal plant nearest to a frequency, the lowest first."""
     modal = modal_part(plant)
-    near = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - frequency_hz), kind="stable")[:count]
+    near = np.argsort(np.abs(modal.omega / (2.0 * np.pi) - frequency_hz), kind="stable")[:2]
     return tuple(modal.names[i] for i in sorted(near))
 
 
 def modal_part(plant: Plant) -> ModalSystem:
     """The modes of a plant; `ConfigError` for one that is not modal."""
     if plant.modal is None:
-        raise ConfigError("only a plant in modal form has modes that can drift", where="Drift")
+        raise ConfigError(
+            "only a plant in modal form has modes that can drift",
+            where="Drift",
+            hint="build_plant of an article without spinning wheels",
+        )
     return plant.modal

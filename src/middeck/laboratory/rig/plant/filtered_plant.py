@@ -11,9 +11,10 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.sampled.quadratic_integrals import spread_noise
+from middeck.control.shaping.leads_and_notches import roll_off
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
-from middeck.laboratory.rig.parts.sensors import BUTTERWORTH_DELAY, Gyro, Sampler, Sensor, is_summed
+from middeck.laboratory.rig.parts.sensors import Gyro, Sampler, Sensor, is_summed
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace, gain_system, select_paths, series
@@ -24,23 +25,12 @@ def sensor_filter(sensor: Sensor) -> StateSpace:
     gain = gain_system(np.array([[1.0 if isinstance(sensor, Sampler) else sensor.gain]]))
     if not isinstance(sensor, Gyro):
         return gain
-    return series(gain, series(_lag(sensor.bandwidth_hz), anti_alias(sensor.anti_alias_hz)))
+    return series(gain, series(low_pass(sensor.bandwidth_hz, 1), low_pass(sensor.anti_alias_hz, 2)))
 
 
-def _lag(bandwidth_hz: float) -> StateSpace:
-    if math.isinf(bandwidth_hz):
-        return gain_system(np.ones((1, 1)))
-    w = 2.0 * np.pi * bandwidth_hz
-    return StateSpace(np.array([[-w]]), np.array([[w]]), np.ones((1, 1)), np.zeros((1, 1)))
-
-
-def anti_alias(frequency_hz: float) -> StateSpace:
-    """Butterworth's filter of second order, or nothing for an infinite frequency."""
-    if math.isinf(frequency_hz):
-        return gain_system(np.ones((1, 1)))
-    w = 2.0 * np.pi * frequency_hz
-    A = np.array([[0.0, w], [-w, -BUTTERWORTH_DELAY * w]])
-    return StateSpace(A, np.array([[0.0], [w]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
+def low_pass(frequency_hz: float, order: int) -> StateSpace:
+    """Butterworth's filter of this order, or nothing for an infinite frequency."""
+    return gain_system(np.ones((1, 1))) if math.isinf(frequency_hz) else roll_off(frequency_hz, order)
 
 
 class FilteredPlant(NamedTuple):
@@ -91,7 +81,7 @@ def filter_outputs(
         C[o, :n], C[o, first:last] = f.D[0, 0] * c, f.C[0]
         D[o] = f.D[0, 0] * d + f.C[0] @ f.B * jump
         if isinstance(sensor, Gyro) and sensor.noise > 0.0:
-            into = anti_alias(sensor.anti_alias_hz).B[:, 0]
+            into = low_pass(sensor.anti_alias_hz, 2).B[:, 0]
             noise[last - len(into) : last, o] = sensor.noise * into
             moved += range(last - len(into), last)
         first = last

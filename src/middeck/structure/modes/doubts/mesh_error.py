@@ -1,17 +1,15 @@
 """Discretisation error of each frequency, estimated without another mesh.
 
-Between its nodes a member moves by the static shapes of its elements. These omit the deflection of an element
-with clamped ends under its own inertia omega^2 rho w and its pull N w''. The energy of that deflection,
-to first order in the element's flexibility, is the part of omega^2 that refinement removes: the next term of
-the dynamic stiffness in powers of omega^2 and N (Przemieniecki 1968, Theory of Matrix Structural Analysis,
-section 10.6). For a cubic beam it is of the order h^4, for a bar or a shaft of the order h^2. Near buckling,
-where omega^2 is what elasticity and N leave of each other, N alone makes it large.
+Between its nodes a member moves by the static shapes of its elements, which omit the deflection of a clamped
+element under its own inertia omega^2 rho w and its pull N w''. The energy of that deflection, to first order
+in the flexibility, is what refinement takes off omega^2: the next term of the dynamic stiffness in powers of
+omega^2 and N (Przemieniecki 1968, Theory of Matrix Structural Analysis, section 10.6), of order h^4 for a
+beam and h^2 for a bar or shaft. Near buckling N alone makes it large. Above an element's own clamped
+frequency the estimate fails: there a mesh lacks modes.
 
-The estimate holds up to an element's own clamped frequency: above it a mesh lacks modes.
-
-Nor is the rest state exact: an element is a cubic about its chord, off by the square of the angle at which it
-leaves that. Of random frames that sag by up to their own size, frequencies are off by at most 1.2 times that
-square, and where no angle is above 0.04 by less than 1e-3 (`tests/truth/test_mesh_error.py`).
+The rest state has an error too: an element is a cubic about its chord, off by the square of the angle at
+which it leaves that. For random frames that sag by up to their own size, frequencies are off by at most 1.2
+times that square, and by less than 1e-3 where no angle is above 0.04 (`tests/truth/test_mesh_error.py`).
 """
 
 from __future__ import annotations

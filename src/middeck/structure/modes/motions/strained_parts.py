@@ -63,12 +63,16 @@ def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> 
 def member_parts(structure: Structure) -> tuple[str, ...]:
     """The part of each member: its name without its number, or the name of its section, else its line.
 
-    Of names and sections those are taken that make more parts, if they tell members apart: more than one
-    part, fewer than members, and none with `MOST` of them. A line is of members of one section that run on
-    straight.
+    A name that is made of its nodes' has no number of its own. Of names and sections those are taken that
+    make more parts, if they tell members apart: more than one part, fewer than members, and none with `MOST`
+    of them. A line is of members of one section that run on straight.
     """
     names = [member.name for member in structure.members]
-    stems = [match[1] if (match := NUMBERED.fullmatch(name)) else name for name in names]
+    of_nodes = [f"{member.start}-{member.end}" for member in structure.members]
+    stems = [
+        match[1] if name != nodes and (match := NUMBERED.fullmatch(name)) else name
+        for name, nodes in zip(names, of_nodes, strict=True)
+    ]
     groups = [stems, [member.section_name for member in structure.members]]
     told = [
         g for g in groups if 1 < len(set(g)) < len(g) and max(Counter(g).values()) < MOST * len(g) and all(g)

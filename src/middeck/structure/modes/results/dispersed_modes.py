@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plants.standard_sweep import DispersedModes
+from middeck.systems.plants.dispersed_frequencies import DispersedModes
 
 FIRST = "first bending"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from middeck.control.analysis.stability.stability import LoopStability, decide_s
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg.design import LQGCompensator, design_lqg
+from middeck.errors import NumericalError
 from middeck.files.promises.documents import promised_there
 from middeck.files.promises.outcomes import name_of, name_of_mode, statements_of
 from middeck.files.promises.study_table import build_plan
@@ -104,10 +106,12 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
     truth = build_rig_article(article, orbit, settings)
     above = launch(truth, form, settings, plan, rng)
     response = estimate_response(above.without, band_hz=form.loop_band_hz)
-    fit = fit_response(response, states=form.flight_states, cost="logarithmic")
-    ladders = design_ladder(refined, plan), measured_ladder(fit, plan)
-    laws: dict[str, Compensator] = {**given, **ladders[0], **ladders[1]}
-    flown = fly(above, laws, rng)
+    # Dampers at joints and the loops' rates make the modes complex.
+    fit = fit_response(response, states=form.flight_states, constants="complex", cost="logarithmic")
+    ladder = design_ladder(refined, plan)
+    by_record, without = _by_record(fit, plan, ladder)
+    laws: dict[str, Compensator] = {**given, **ladder, **by_record}
+    flown = (*fly(above, laws, rng), *without)
     statements = statements_of({"shares": LEVELS, "environments": [there]})
     outcomes = _outcomes(promised, truth.modes, flown)
     verdicts = judge(statements, outcomes)
@@ -132,6 +136,18 @@ def measured_ladder(fit: FitResult, plan: Plan) -> dict[str, LQGCompensator]:
     ports = {"w": plan.disturbances, "u": plan.ladder.drives, "z": plan.performance, "y": plan.ladder.reads}
     delayed = measured_plant(_falling(fit.model), **ports)
     return {MEASURED.format(name): law for name, law in design_on(delayed, plan.ladder, plan).items()}
+
+
+def _by_record(
+    fit: FitResult, plan: Plan, names: Iterable[str]
+) -> tuple[dict[str, LQGCompensator], tuple[Flown, ...]]:
+    """The ladder on a record from orbit; where the fit allows no design, what stands for each of it."""
+    try:
+        return measured_ladder(fit, plan), ()
+    except NumericalError as error:
+        cause = str(error)
+    lost = [Flown(name=MEASURED.format(name), db=None, rig_db=None, cause=cause) for name in names]
+    return {}, tuple(lost)
 
 
 def _falling(model: MeasurementModel) -> MeasurementModel:
@@ -174,7 +190,7 @@ def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list
             kind="compensator",
             name=name_of("orbit", one.name),
             value=one.rig_db,
-            stable=one.rig_db is not None,
+            stable=one.stable,
         )
         for one in flown
         if one.name in said

@@ -11,6 +11,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.qualification import decibels
 from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
 from middeck.control.sampled.emulation import emulate
+from middeck.errors import NumericalError
 from middeck.files.studies.promise import PromiseForm
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
@@ -44,6 +45,14 @@ class Flown:
     db: float | None
     rig_db: float | None
     cause: str
+
+    @property
+    def stable(self) -> bool:
+        """Whether the article's loop decays and the rig had a good end.
+
+        A loop that grows may stay within the limits of the rig's motors, with decibels to be measured.
+        """
+        return self.db is not None and self.rig_db is not None
 
 
 @record(kw_only=True)
@@ -92,7 +101,7 @@ def launch(
 
 
 def fly(orbit: Orbit, laws: Mapping[str, Compensator], rng: np.random.Generator) -> tuple[Flown, ...]:
-    """Every compensator in turn."""
+    """Every compensator in turn; one that cannot be sampled has a cause and no decibels."""
     found, rest = list[Flown](), _rms(orbit.without, orbit.plan)
     for name, law in laws.items():
         run = _measure(orbit.rig, law, orbit.excitation, orbit.form, orbit.settings, rng)
@@ -136,7 +145,10 @@ def _measure(
     settings: RigSettings,
     rng: np.random.Generator,
 ) -> Run:
-    sampled = None if law is None else emulate(law, rig.period_s)
+    try:
+        sampled = None if law is None else emulate(law, rig.period_s)
+    except NumericalError as error:
+        return Run(cause=str(error))
     return run_closed_loop(
         rig, sampled, u, periods=form.flight_periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s
     )

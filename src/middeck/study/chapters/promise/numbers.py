@@ -31,7 +31,13 @@ def promise(kept: PromiseKept) -> Numbers:
         "not_valid_for": limits_of(kept.plan, {"orbit": kept.promise}),
         "authority_log10": np.log10(kept.plan.ladder.authority) if kept.plan.ladder else [],
         "came": [
-            {"name": one.name, "linear_db": one.db, "rig_db": one.rig_db, "cause": one.cause}
+            {
+                "name": one.name,
+                "stable": one.stable,
+                "linear_db": one.db,
+                "rig_db": one.rig_db,
+                "cause": one.cause,
+            }
             for one in kept.flown
         ],
         "verdicts": {v.name: {"inside": v.inside, "pessimism_db": v.pessimism} for v in kept.verdicts},
@@ -111,19 +117,24 @@ def frequency_error(numbers: Numbers, which: str) -> float:
     return float(100.0 * np.sqrt(np.mean(np.log(np.array(hz[which]) / np.array(hz["true_hz"])) ** 2)))
 
 
+def _came_db(numbers: Numbers) -> dict[str, float | None]:
+    """Decibels on the rig; None for a loop that is not stable, whatever the rig's limits make of it."""
+    return {c["name"]: c["rig_db"] if c["stable"] else None for c in numbers["came"]}
+
+
 def median_error_db(numbers: Numbers) -> float | None:
     """|promised median - rig| of the compensators that have both."""
     middle = {
         c["name"]: c["db"][list(numbers["shares"]).index(0.5)] for c in numbers["orbit"]["compensators"]
     }
-    came = {c["name"]: c["rig_db"] for c in numbers["came"]}
+    came = _came_db(numbers)
     apart = [abs(db - came[name]) for name, db in middle.items() if db is not None and came[name] is not None]
     return float(np.median(apart)) if apart else None
 
 
 def route_gap_db(numbers: Numbers) -> float | None:
     """By how much the worst refined design is behind the one on the record, where both are good."""
-    came = {c["name"]: c["rig_db"] for c in numbers["came"]}
+    came = _came_db(numbers)
     pairs = [(came[name], came[MEASURED.format(name)]) for name in came if MEASURED.format(name) in came]
     gaps = [a - b for a, b in pairs if a is not None and b is not None and max(a, b) <= ENOUGH_DB]
     return max(gaps, default=None)
@@ -131,7 +142,7 @@ def route_gap_db(numbers: Numbers) -> float | None:
 
 def routes(numbers: Numbers) -> dict[str, list[float | None]]:
     """Decibels on the rig by way of design, over the authorities."""
-    came = {c["name"]: c["rig_db"] for c in numbers["came"]}
+    came = _came_db(numbers)
     plain = [name for name in came if SHEET.format(name) in came]
     return {
         "sheet": [came[SHEET.format(name)] for name in plain],

@@ -96,7 +96,7 @@ def _loops_table(numbers: Numbers) -> Table:
             percent(c["probability_stable"], 1),
             f"{c['sweep']['stable']} of {c['sweep']['cases']}",
             *(_level(c["db"][shares.index(s)]) for s in (0.025, 0.5, 0.975)),
-            _level(came[c["name"]]["rig_db"]),
+            _on_rig(came[c["name"]]),
             _level(came[c["name"]]["linear_db"]),
         ]
         for c in numbers["orbit"]["compensators"]
@@ -104,6 +104,12 @@ def _loops_table(numbers: Numbers) -> Table:
     head = ("compensator", "promised stable", "stable in the sweep", "2.5 % [dB]", "median [dB]",
             "97.5 % [dB]", "rig in orbit [dB]", "without friction and limits [dB]")  # fmt: skip
     return Table(f"Compensators, promised by {numbers['draws']} draws, and what came", head, rows)
+
+
+def _on_rig(came: Numbers) -> str:
+    """Decibels measured on the rig, also where its limits alone bound a loop that grows."""
+    db = came["rig_db"]
+    return _level(db) if came["stable"] or db is None else f"unstable; {fixed(db, 2)} at its limits"
 
 
 def _level(db: float | None) -> str:

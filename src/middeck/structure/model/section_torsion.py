@@ -1,4 +1,4 @@
-"""Torsion of sections: of a solid polygon with two axes of symmetry, and of thin walls, open or of cells."""
+"""Torsion constants: of a solid polygon with two axes of symmetry, of thin walls (open, or closed cells)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dispersed modes: the default robustness sweep of launch vehicles, first bending apart from all others."""
+"""Dispersed frequencies: robustness sweep of launch vehicles, first bending apart from the other modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a number of draws allows to state: the level that one more draw does not exceed, and a probability."""
+"""Statements from random draws: a bound on one more draw, a probability and its interval, draws needed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ TIE = 1e-9  # of a rank, by rounding
 
 
 def level(db: Float[np.ndarray, " draw"], share: float) -> float:
-    """What one more draw does not exceed with this probability.
+    """Tolerance bound: the drawn value that one more draw does not exceed with probability ``share``.
 
-    A drawn value, not an interpolated one, which infinity does not allow: the k-th of n is not exceeded by
-    another with k / (n + 1) (Wilks 1941, Ann. Math. Stat. 12), the one beside it where none fits.
+    The k-th of n values is not exceeded by another draw with probability k / (n + 1) (Wilks 1941, Ann. Math.
+    Stat. 12); where n is too small for ``share``, the largest (smallest) value. Never interpolated: a value
+    may be infinite.
     """
     n = len(db)
     k = share * (n + 1)
@@ -23,7 +24,7 @@ def level(db: Float[np.ndarray, " draw"], share: float) -> float:
 
 
 def probability_interval(count: int, of: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Of a probability after ``count`` successes in ``of`` trials, both ends included with each half.
+    """Interval of a probability after ``count`` successes in ``of`` trials (Clopper and Pearson 1934).
 
     >>> [round(p, 4) for p in probability_interval(299, 299, 0.9)]
     [0.99, 1.0]
@@ -35,7 +36,7 @@ def probability_interval(count: int, of: int, confidence: float = CONFIDENCE) ->
 
 
 def draws_needed(probability: float) -> int:
-    """Draws that promise ``probability`` with 95 % confidence if all of them are stable.
+    """Number of draws, all stable, that shows ``probability`` of stability with 95 % confidence (Wilks 1941).
 
     >>> draws_needed(0.99)
     299

@@ -1,0 +1,74 @@
+"""Friction of joints in refinements: what is thought of it before, and how far joints moved in a survey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from middeck.files.toml.faults import Finding, finding, nearest
+from middeck.files.toml.form import Form, Positive, Positives
+from middeck.files.toml.lines import Path
+from middeck.files.toml.tables import Table, tables
+from middeck.updating.residuals.friction import SurveyedFriction
+
+DEGREE = np.pi / 180.0
+
+
+class FrictionForm(Form):
+    """A spring and a slider in series at a joint that turns."""
+
+    joint: str
+    slip_torque_nm: Positive
+    slip_angle_deg: Positive
+
+
+class AmplitudeForm(Form):
+    """How far a joint with friction moved: in every mode alike, or a value a mode."""
+
+    joint: str
+    angle_deg: Positives
+    random: bool = False
+
+
+def build_frictions(
+    amplitudes: Sequence[AmplitudeForm], frictions: Sequence[FrictionForm], modes: int
+) -> tuple[SurveyedFriction, ...]:
+    """Of one survey with so many measured modes; every joint of ``amplitudes`` is one of ``frictions``."""
+    named = {f.joint: f for f in frictions}
+    return tuple(
+        SurveyedFriction(
+            joint=a.joint,
+            slip_torque=named[a.joint].slip_torque_nm,
+            slip_angle=DEGREE * named[a.joint].slip_angle_deg,
+            amplitude=DEGREE * np.array(a.angle_deg * (modes if len(a.angle_deg) == 1 else 1)),
+            random=a.random,
+        )
+        for a in amplitudes
+    )
+
+
+def friction_findings(data: Any) -> Iterator[Finding]:
+    """What forms cannot say of friction: joints given twice, and amplitudes of joints that have none."""
+    known: list[Any] = [f.get("joint") for _, f in tables(data, "friction")]
+    yield from _twice((), "friction", data)
+    for k, survey in tables(data, "survey"):
+        yield from _twice(("survey", k), "amplitude", survey)
+        for i, amplitude in tables(survey, "amplitude"):
+            joint = amplitude.get("joint")
+            if isinstance(joint, str) and joint not in known:
+                hint = (
+                    nearest(joint, [str(name) for name in known]) if known else "a [[friction]] of the joint"
+                )
+                path = ("survey", k, "amplitude", i, "joint")
+                yield finding(path, "no [[friction]] of this joint", joint, hint=hint)
+
+
+def _twice(path: Path, key: str, table: Table) -> Iterator[Finding]:
+    seen: list[Any] = []
+    for i, item in tables(table, key):
+        joint = item.get("joint")
+        if isinstance(joint, str) and joint in seen:
+            yield finding((*path, key, i, "joint"), "given twice", joint, hint="one of a joint")
+        seen.append(joint)

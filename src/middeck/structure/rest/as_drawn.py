@@ -1,0 +1,108 @@
+"""The motion of an article as a whole: the rigid body that fits it best, and a place where nothing fixes one.
+
+An article that floats rests anywhere, and one that hangs from one point faces any way. It is taken where it
+is nearest to its drawing, so that the axes of a test mean the same whatever way Newton's method took.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.structure.assembly.energy import assemble_carried
+from middeck.structure.assembly.environment_loads import Loads
+from middeck.structure.assembly.linked import static_freedom, ties_to_ground
+from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import Configuration, rigid_columns
+from middeck.structure.elements.rotations import rotation_exp, rotation_log
+from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
+from middeck.structure.rest.rest_criteria import Settled
+from middeck.structure.rest.whole_steps import turn_whole
+
+# Of the largest extent of the attach points: what is thinner is a line or a point to an engineer.
+FLAT = 1e-6
+# Of the article's size: anchors nearer to a vertical line than this are on it, to rounding.
+IN_LINE = 1e-9
+FIT_ITERATIONS = 50
+FITTED = 1e-14
+
+
+def face_as_drawn(model: Model, loads: Loads, settled: Settled) -> Settled:
+    """The same rest state, as near to the drawing as a motion that nothing resists brings it.
+
+    Of what floats that is any motion, of what hangs from one vertical line a turn about it.
+    """
+    held = model.held is not None or ties_to_ground(model) or len(loads.ground.point) or np.any(loads.push)
+    still = np.array_equal(settled.config.x, model.rest.x) and np.array_equal(settled.config.R, model.rest.R)
+    if held or still or not settled.residual < settled.enough:
+        return settled
+    gravity = float(np.linalg.norm(loads.gravity))
+    if gravity == 0.0 and not len(loads.anchor):
+        R, p = fit_rigid(model, model.rest, settled.config)
+        config = turn_whole(settled.config, rotation_log(R.T), p, -p)
+    elif gravity > 0.0 and _in_line(model, loads):
+        up = -loads.gravity / gravity
+        _, heading = split_rotation(fit_rotation(model, model.rest, settled.config), up)
+        config = turn_whole(settled.config, -heading * up, loads.anchor[0], np.zeros(3))
+    else:
+        return settled
+    at = assemble_carried(model, config, loads)
+    left = imbalance(at, static_freedom(model, config), imbalance_scale(model, loads))
+    # Beside a support so stiff that its rounding shows, the state as it was found is the better one.
+    return settled._replace(config=config, assembly=at, residual=left) if left < settled.enough else settled
+
+
+def _in_line(model: Model, loads: Loads) -> bool:
+    off = loads.anchor - loads.anchor[0]
+    across = np.cross(off, loads.gravity / np.linalg.norm(loads.gravity))
+    return float(np.linalg.norm(across, axis=1).max()) <= IN_LINE * article_size(model)
+
+
+def split_rotation(
+    R: Float[np.ndarray, "3 3"], up: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], float]:
+    """Tilt, a rotation vector normal to ``up``, and the heading after it: R = exp(heading up) exp(tilt).
+
+    >>> up = np.array([0.0, 1.0, 0.0])
+    >>> tilt, heading = split_rotation(rotation_exp(0.3 * up) @ rotation_exp(np.array([0.1, 0, 0])), up)
+    >>> (tilt.round(12) + 0.0).tolist(), round(heading, 12)
+    ([0.1, 0.0, 0.0], 0.3)
+    """
+    across = np.cross(up @ R, up)
+    sine = float(np.linalg.norm(across))
+    tilt = across * (np.arctan2(sine, up @ R @ up) / sine) if sine > 0.0 else across
+    return tilt, float(rotation_log(R @ rotation_exp(tilt).T) @ up)
+
+
+def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Float[np.ndarray, "3 3"]:
+    """Rotation of the rigid body at ``start`` that fits ``end`` best, by mass (`fit_rigid`)."""
+    return fit_rigid(model, start, end)[0]
+
+
+def fit_rigid(
+    model: Model, start: Configuration, end: Configuration
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """R and p, so that R x + p of the x at ``start`` fit ``end`` best, errors weighed by mass (Gauss-Newton).
+
+    The error of a frame is its displacement and rotation vector from where the rigid body has it. From the
+    mean of their turns: from none, those to both sides of 180 deg would cancel out.
+    """
+    M = mass_matrix(model, start)
+    T = rigid_columns(model.tree, start, np.zeros(3))
+    rigid = T.T @ (M @ T)
+    U, _, Vt = np.linalg.svd(np.einsum("fij,fkj->ik", end.R, start.R))
+    fit, p = U * [1.0, 1.0, np.linalg.det(U @ Vt)] @ Vt, np.zeros(3)
+    for _ in range(FIT_ITERATIONS):
+        # In the axes of the rigid body, so that the mass is that of the start.
+        x = (end.x - p) @ fit - start.x
+        turn = np.array([rotation_log(fit.T @ b @ a.T) for a, b in zip(start.R, end.R, strict=True)])
+        error = np.zeros(model.tree.size)
+        error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
+        # Masses in one line have no inertia about it, and do not say how it is turned: the mean does.
+        step = np.linalg.lstsq(rigid, T.T @ (M @ error), rcond=FLAT**2)[0]
+        p = p + fit @ step[:3]
+        fit = fit @ rotation_exp(step[3:])
+        if np.abs(step[3:]).max() < FITTED:
+            break
+    return fit, p

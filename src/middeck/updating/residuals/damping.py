@@ -1,0 +1,196 @@
+"""Measured damping ratios beside those of the model's complex modes: rows of ln zeta.
+
+A survey measures complex modes. Their frequencies differ from the model's by half the square of what the
+losses mix; so where damping is refined the rows of frequencies are those of complex modes too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from middeck.errors import ConfigError, DataError
+from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.damped_modes import DampedModes, solve_damped
+from middeck.updating.residuals.complex_roots import SPARE, LogRoots, differentiate_roots, stiffened_roots
+from middeck.updating.residuals.friction import Added, add_friction
+from middeck.updating.residuals.pairing import WINDOW, pair
+from middeck.updating.residuals.surveys import Compared, Survey, compare
+from middeck.updating.unknowns.unknowns import DAMPING, Bound
+from middeck.values import record
+
+# Ratios that all are a hundred times the model's, to a factor of 4, and more than 3 prior deviations off.
+PERCENT, ABOUT, BEYOND = np.log(100.0), np.log(4.0), 3.0
+
+
+@record(kw_only=True)
+class ComparedDamping:
+    """Damping of one survey beside the model's.
+
+    Attributes:
+        pairs: (mode, measured mode) of each row.
+        zeta: The model's damping ratios.
+        residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
+        likeness: Part of each complex mode that is its real one.
+        left_out: Paired measured modes whose ratio is zero, not stated or not determined.
+        frequency_hz: Of the complex modes of all pairs of the survey, in their order.
+    """
+
+    survey: Survey
+    modes: Modes
+    pairs: Int[np.ndarray, "row 2"]
+    zeta: Float[np.ndarray, " row"]
+    residual: Float[np.ndarray, " row"]
+    std: Float[np.ndarray, " row"]
+    slope: Float[np.ndarray, "row unknown"]
+    likeness: Float[np.ndarray, " row"]
+    left_out: tuple[int, ...]
+    frequency_hz: Float[np.ndarray, " pair"]
+
+
+def moves_losses(survey: Survey, bound: Sequence[Bound]) -> bool:
+    """Whether any of the unknowns changes damping, or the survey has friction."""
+    return bool(survey.friction) or any(p.name.startswith(DAMPING) for b in bound for p in b.parameters)
+
+
+def states_damping(survey: Survey) -> bool:
+    """Whether any of its modes has a damping ratio; frequencies tell friction without."""
+    return bool(np.any(np.nan_to_num(survey.measured.damping) != 0.0))
+
+
+def solve_damped_near(modes: Modes, survey: Survey) -> DampedModes:
+    """Complex modes of all that a measured mode may be, and of `SPARE` above these, without friction.
+
+    Raises `DataError` for measured ratios that are negative, or one and more.
+    """
+    _check_range(survey)
+    top = WINDOW * float(survey.measured.frequency_hz.max())
+    return solve_damped(modes, count=int(np.count_nonzero(modes.frequency_hz <= top)) + SPARE)
+
+
+def compare_with_damping(
+    modes: Modes,
+    damped: DampedModes,
+    survey: Survey,
+    bound: Sequence[Bound],
+    x: Float[np.ndarray, " unknown"],
+) -> tuple[Compared, ComparedDamping]:
+    """`compare` with the frequencies of complex modes, and the rows of damping; the unknowns are at ``x``.
+
+    ``damped`` is of `solve_damped_near`. Raises as `compare`, `DataError` for ratios in per cent, and
+    `ConfigError` for deviations that are not stated and a mode to which the model gives no damping.
+    """
+    pairs = pair(modes, survey.measured)
+    ours, theirs = pairs.T
+    added = _at_pairs(add_friction(modes, len(damped.s), survey.friction, bound, x), theirs)
+    s, shapes = stiffened_roots(damped, ours, added, modes.omega[: len(damped.s)])
+    higher = np.ones(len(survey.measured.frequency_hz))
+    higher[theirs] = np.abs(s) / modes.omega[ours]
+    found = compare(modes, _slower(survey, higher), bound, pairs)
+    roots = differentiate_roots(modes, damped, s, shapes, bound, added)
+    slope, residual = found.slope.copy(), found.residual.copy()
+    slope[: len(pairs)] += np.real(roots.of_losses)
+    residual[len(pairs) :] -= _mixed(found, shapes)
+    compared = dataclasses.replace(found, survey=survey, slope=slope, residual=residual)
+    return compared, _rows(compared, roots, bound)
+
+
+def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:
+    return tuple(a._replace(stiffness=a.stiffness[theirs], slope=a.slope[:, theirs]) for a in added)
+
+
+def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
+    """What complex modes have of neighbours, in the rows of these."""
+    of, mode = found.rows[len(found.pairs) :].T
+    ours, theirs = found.pairs[of].T
+    hz = found.survey.measured.frequency_hz[theirs]
+    apart = 0.5 * (1.0 - (found.modes.frequency_hz[mode] / hz) ** 2)
+    return apart * np.real(shapes[mode, of] / shapes[ours, of])
+
+
+def _slower(survey: Survey, by: np.ndarray) -> Survey:
+    """With frequencies divided by so much, as accurate as they were."""
+    measured, std = survey.measured, survey.measured.frequency_std_hz
+    return dataclasses.replace(
+        survey,
+        measured=dataclasses.replace(
+            measured,
+            frequency_hz=measured.frequency_hz / by,
+            frequency_std_hz=None if std is None else std / by,
+        ),
+    )
+
+
+def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> ComparedDamping:
+    survey, (ours, theirs) = compared.survey, compared.pairs.T
+    std = log_std(survey)[theirs]
+    kept = std <= 1.0
+    index, at = ours[kept], theirs[kept]
+    zeta = roots.zeta[kept]
+    if np.any(zeta <= 0.0):
+        name = compared.modes.name[int(index[np.argmin(zeta)])]
+        raise ConfigError(
+            f"the model gives mode {name!r} no damping, which no factor makes more",
+            where=survey.name,
+            hint="small positive ratios, loss factors or dampers in the article's [damping]",
+        )
+    found = ComparedDamping(
+        survey=survey,
+        modes=compared.modes,
+        pairs=compared.pairs[kept],
+        zeta=zeta,
+        residual=np.log(survey.measured.damping[at] / zeta),
+        std=std[kept],
+        slope=roots.by_log_zeta[kept],
+        likeness=np.abs(roots.shapes[index, np.flatnonzero(kept)]) ** 2,
+        left_out=tuple(theirs[~kept].tolist()),
+        frequency_hz=np.abs(roots.s) / (2.0 * np.pi),
+    )
+    _check_per_cent(found, np.array([b.unknown.spread for b in bound]))
+    return found
+
+
+def log_std(survey: Survey) -> Float[np.ndarray, " measured"]:
+    """Of ln zeta; infinite where a ratio is zero, not stated, or has no deviation beside others that have."""
+    zeta, stated = np.nan_to_num(survey.measured.damping), survey.measured.damping_std
+    if stated is None and survey.damping_std is None and np.any(zeta != 0.0):
+        raise ConfigError(
+            "the survey does not state how well it knows its damping, which an unknown moves",
+            where=survey.name,
+            hint="damping_std with the modes, or damping_std = 0.1 with the survey, relative",
+        )
+    own = np.zeros(len(zeta)) if stated is None else stated
+    relative = np.divide(own, zeta, out=np.full(len(zeta), np.inf), where=(zeta > 0.0) & (own > 0.0))
+    if survey.damping_std is not None:
+        relative[(zeta > 0.0) & (own == 0.0)] = survey.damping_std
+    return relative
+
+
+def _check_range(survey: Survey) -> None:
+    zeta, hz = survey.measured.damping, survey.measured.frequency_hz
+    for off, what, hint in (
+        (zeta < 0.0, "negative", "leave the ratio out: NaN or zero is none"),
+        (zeta >= 1.0, "not below one", "a ratio to critical damping, 0.01 for 1 %: is it in per cent?"),
+    ):
+        if np.any(off):
+            k = int(np.argmax(off))
+            raise DataError(
+                f"the mode of {hz[k]:.4g} Hz has the damping ratio {zeta[k]:.4g}, which is {what}",
+                where=survey.name,
+                hint=hint,
+            )
+
+
+def _check_per_cent(found: ComparedDamping, spread: np.ndarray) -> None:
+    reach = np.linalg.norm(found.slope * spread, axis=1)
+    every = np.all(np.abs(found.residual - PERCENT) < ABOUT) and np.all(found.residual > BEYOND * reach)
+    if len(reach) and every:
+        off = float(np.median(found.residual))
+        raise DataError(
+            f"the damping is {np.exp(off):.3g} times the model's: per cent in place of a ratio?",
+            where=found.survey.name,
+            hint="0.01 for 1 %; or spreads of the damping that allow for such a factor",
+        )
