@@ -76,8 +76,9 @@ def differentiate_roots(
             step = next(steps)
             for a, turned in zip(added, next(rows), strict=True):
                 step = step - 2.0 * a.stiffness * (a.row @ shapes) * (turned @ shapes) / steep
-            slope[k] += step * (1.0 if bound[k].unknown.added else parameter.value)
-            of_losses[k] += step * parameter.value * parameter.name.startswith(DAMPING)
+            step = step * (1.0 if bound[k].unknown.added else parameter.value)
+            slope[k] += step
+            of_losses[k] += step * parameter.name.startswith(DAMPING)
         for a in added:
             pushed = -a.slope[k] * (a.row @ shapes) ** 2 / steep
             slope[k] += pushed
