@@ -14,6 +14,7 @@ from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import Margins, measure_margins
 from middeck.control.analysis.rms.rms import measure_rms
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.moved_numbers import measure_known
 from middeck.control.loop.performance import Performance
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.emulation import emulate
@@ -106,3 +107,13 @@ def test_the_rms_under_a_sampled_law_in_mixed_states_is_right(seed: int) -> None
         measure_sampled_loop(plant, emulate(one, PERIOD_S), WEIGHTS, 1.0).rms for one in (law, mixed)
     )
     assert found == pytest.approx(own, rel=5e-5)
+
+
+def test_a_number_that_rounding_takes_away_is_not_silent() -> None:
+    """Beside others that stay."""
+    rng = np.random.default_rng([78, 0])
+    plant, law = _loop(rng, free=0)
+    mixed = dataclasses.replace(law, dynamics=_mixed(law.system, 1e9, rng))
+    found = iter([np.zeros(2), np.array([0.0, np.nan])])
+    with pytest.warns(UserWarning, match="numbers are uncertain"):
+        measure_known("numbers", lambda *_: next(found), lambda x: x, plant, mixed)

@@ -194,13 +194,12 @@ def _damping(damped: ComparedDamping) -> dict[str, Any]:
 def _friction(refined: RefinedFriction) -> dict[str, Any]:
     torque, angle = refined.value.tolist()
     torque_std, angle_std = (refined.value * refined.log_std).tolist()
-    degree = math.pi / 180.0
     return {
         "joint": refined.joint,
         "slip_torque_nm": torque,
         "slip_torque_deviation_nm": torque_std,
-        "slip_angle_deg": angle / degree,
-        "slip_angle_deviation_deg": angle_std / degree,
+        "slip_angle_deg": math.degrees(angle),
+        "slip_angle_deviation_deg": math.degrees(angle_std),
     }
 
 

@@ -104,10 +104,9 @@ def _farthest(
                 there = numbers(one, other)
             except NumericalError:
                 return np.inf
-        if there.shape != here.shape:
+        if there.shape != here.shape or np.any(np.isnan(there) != np.isnan(here)):
             return np.inf
-        if not np.array_equal(np.isnan(there), np.isnan(here)):
-            return np.inf
-        apart = np.nan_to_num(np.subtract(there, here, out=np.zeros_like(here), where=there != here), nan=0.0)
+        same = (there == here) | np.isnan(here)
+        apart = np.subtract(there, here, out=np.zeros_like(here), where=~same)
         most = max(most, float(np.abs(apart).max()))
     return most

@@ -13,8 +13,6 @@ from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, tables
 from middeck.updating.residuals.friction import SurveyedFriction
 
-DEGREE = np.pi / 180.0
-
 
 class FrictionForm(Form):
     """A spring and a slider in series at a joint that turns."""
@@ -41,8 +39,8 @@ def build_frictions(
         SurveyedFriction(
             joint=a.joint,
             slip_torque=named[a.joint].slip_torque_nm,
-            slip_angle=DEGREE * named[a.joint].slip_angle_deg,
-            amplitude=DEGREE * np.array(a.angle_deg * (modes if len(a.angle_deg) == 1 else 1)),
+            slip_angle=float(np.radians(named[a.joint].slip_angle_deg)),
+            amplitude=np.radians(a.angle_deg * (modes if len(a.angle_deg) == 1 else 1)),
             random=a.random,
         )
         for a in amplitudes

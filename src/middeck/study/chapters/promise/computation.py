@@ -106,8 +106,7 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
     truth = build_rig_article(article, orbit, settings)
     above = launch(truth, form, settings, plan, rng)
     response = estimate_response(above.without, band_hz=form.loop_band_hz)
-    # Dampers at joints and the loops' rates make the modes complex.
-    fit = fit_response(response, states=form.flight_states, constants="complex", cost="logarithmic")
+    fit = fit_response(response, states=form.flight_states, cost="logarithmic")
     ladder = design_ladder(refined, plan)
     by_record, without = _by_record(fit, plan, ladder)
     laws: dict[str, Compensator] = {**given, **ladder, **by_record}
