@@ -45,7 +45,7 @@ def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
     steady = W.T @ _under_window(J * np.sqrt(measured) / v, test)
     root = W @ orthogonal.root_of(steady @ steady.T)
     left = np.linalg.lstsq(root, known.fixed, rcond=None)[0]
-    root = root @ _beyond_chance(left, len(s) / test.response.alike)
+    root = root @ _beyond_chance(left, len(s) / (test.response.alike or 1.0))
     noise = moved(heard, root)
     root = root @ orthogonal.root_of(np.eye(len(noise)) + noise @ noise.T)
     root = root @ _beyond_chance(moved(apart, root), len(apart) - 1.0)

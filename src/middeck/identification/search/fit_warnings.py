@@ -121,7 +121,7 @@ def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance
             "come from what the fit leaves"
         ]
     # Blows under a window are few, and their scatter counts beside that of lines.
-    if covariance.degrees < FEW_DEGREES and measured.alike == 1.0:
+    if covariance.degrees < FEW_DEGREES and (measured.alike or 1.0) == 1.0:
         return [
             f"the noise is known from {covariance.degrees:.0f} degrees of freedom only, and so are the "
             "deviations; record more periods"

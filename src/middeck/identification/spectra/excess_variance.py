@@ -103,9 +103,9 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     degrees = line_degrees(measured)
     variance = ROUNDING * power
     if measured.variance is not None:
-        variance = variance + _smooth(by_output(measured.variance), degrees, measured.alike)
+        variance = variance + _smooth(by_output(measured.variance), degrees, measured.alike or 1.0)
     # |r|^2 / E |r|^2 scatters by one, and v, a gamma variate, by one over the root of its degrees.
-    chance = np.sqrt((1.0 + 1.0 / degrees) * measured.alike / H.size)
+    chance = np.sqrt((1.0 + 1.0 / degrees) * (measured.alike or 1.0) / H.size)
     size = np.abs(H) ** 2 if relative else power
     mean = inverse_bias(averaged_degrees(measured))
     return Spread(variance=variance, size=size, relative=relative, chance=float(chance), mean=mean)
@@ -140,7 +140,7 @@ def line_degrees(measured: FrequencyResponse) -> float:
     variance trigamma(nu) = 1 / nu + 1 / (2 nu^2) + ... Infinite for a variance that does not scatter. Lines
     that are alike do not scatter: those are compared that stand so far apart.
     """
-    lag = int(np.ceil(measured.alike))
+    lag = int(np.ceil(measured.alike or 1.0))
     if measured.variance is None or len(measured.H) <= lag:
         return float("inf")
     known = np.log(np.maximum(measured.variance[:, :, 0], np.finfo(float).tiny))
@@ -151,7 +151,9 @@ def line_degrees(measured: FrequencyResponse) -> float:
 
 def averaged_degrees(measured: FrequencyResponse) -> float:
     """Complex degrees of freedom of the variance averaged over neighbouring lines."""
-    return line_degrees(measured) * max(min(2 * NEIGHBOURS + 1, len(measured.H)) / measured.alike, 1.0)
+    return line_degrees(measured) * max(
+        min(2 * NEIGHBOURS + 1, len(measured.H)) / (measured.alike or 1.0), 1.0
+    )
 
 
 def inverse_bias(degrees: float) -> float:

@@ -146,8 +146,10 @@ def estimate_covariance(
         flat = (v.mT.reshape(-1, len(s)) for v in (assumed, noise))
         root = W @ orthogonal.root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
-        alike = orthogonal.root_of(_scores_if_alike(each, residual, W), least=0.5)
-        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least=alike)
+        least: np.ndarray | float = 0.5
+        if measured.alike is None:  # else the window is known, and `scatter_of_blows` counts it
+            least = orthogonal.root_of(_scores_if_alike(each, residual, W), least)
+        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least)
     root = np.hstack([orthogonal.canonical_root(root), np.sqrt(0.5) * free])
     return ModelCovariance(
         model=model,
@@ -225,7 +227,7 @@ def _quality(
     averaged = averaged_degrees(measured)
     z = residual / np.sqrt(noise)
     power = np.abs(z) ** 2
-    by_chance = np.sqrt((1.0 + 1.0 / line_degrees(measured)) * measured.alike / z.size)
+    by_chance = np.sqrt((1.0 + 1.0 / line_degrees(measured)) * (measured.alike or 1.0) / z.size)
     more = float(np.mean(power)) / inverse_bias(averaged) - 1.0 > CLEARLY_MORE * by_chance
     next_line = abs(float(np.sum(np.real(z[:, 1:] * z[:, :-1].conj()))))
     return 2.0 * averaged, more or next_line > CLEARLY_MORE / np.sqrt(z.size) * float(np.sum(power))
@@ -265,11 +267,13 @@ def _scores_if_alike(
     Of a peak of few lines the residual itself says too little: the fit follows them.
     """
     rho = _correlations(residual / np.sqrt(each.variance))
+    if not len(rho) or abs(rho[0]) <= CLEARLY_MORE / np.sqrt(residual.size):  # may be chance
+        return 0.5 * np.eye(W.shape[1])
     size = 2 ** int(np.ceil(np.log2(CHUNK + 2 * len(rho) + 1)))
     kernel = np.fft.fft(np.concatenate([[0.0], rho]), size)
     spread = 0.5 * np.eye(W.shape[1])
     before = dict[tuple[int, int], np.ndarray]()
-    for lines, shared in each.some_lines() if len(rho) else ():
+    for lines, shared in each.some_lines():
         for (o, i), entry in each.factors.items():
             f = each.weighted((o, i), lines, shared) * np.exp(-each.s[lines] * entry.delay_s)
             by = W[entry.place].T @ combined(entry.by, f)
