@@ -43,6 +43,9 @@ LEFT, MUCH = 0.05, 0.1
 # Deviations of a correlation with the inputs, and of a delay's step, above which what is left is no noise:
 # chance makes the largest of 1e4 four; and above which little that is left tells of a mode that lacks.
 TOLD, STEPS, CLEARLY_TOLD = 6.0, 5.0, 8.0
+# Lines taken together, over which what a model lacks has one phase to the response; and the deviations of
+# noise above which their sums are none: chance passes it once in 3e5; and the fewest sums.
+TOGETHER, TOGETHER_TOLD, FEWEST_SUMS = (20, 40), 4.5, 4
 # Deviations by which an output leads that are no chance.
 LEADS = 6.0
 # Of rates the constants are complex, which their unit tells.
@@ -108,11 +111,13 @@ def causes_of(
     lead: Float[np.ndarray, " output"],
     left: Float[np.ndarray, " output"],
     heard: Heard,
+    *,
+    late: bool,
 ) -> list[str]:
     """Warnings for a fit whose deviations do not hold; empty where they do.
 
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
-    ``left`` is what the fit leaves, over the output, in rms.
+    ``left`` is what the fit leaves, over the output, in rms. ``late``: poles stand for a delay, as is said.
     """
     size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
     white, response = run.residual(data) / size, (data.H - run.residual(data)) / size
@@ -123,6 +128,7 @@ def causes_of(
     steps = bool(np.any(np.maximum(moved, scaled) > STEPS))
     changed = {} if steps else _changed_modes(record, data, run, size, noise)
     told = np.array([_told_by_inputs(w, data) for w in white])
+    together = np.zeros(len(white)) if late else _told_together(record, data, run, white, noise)
     play = _scores_of_law(_by_direction, record, data, run, size, noise)
     # Distortion of a signal that repeats stands on the same lines in each period, and the fit counts it.
     repeats = record.periodic and record.u.shape[1] > 1
@@ -154,7 +160,10 @@ def causes_of(
             (cube[o] > max(STEPS, moved[o], scaled[o], told[o]), OF_CUBE.format(cube[o])),
             (moved[o] > STEPS, OF_DELAY.format(moved[o])),
             (scaled[o] > STEPS, OF_GAIN.format(scaled[o])),
-            (told[o] > enough, OF_INPUTS.format(told[o], at_once[o], unknown[o])),
+            (
+                told[o] > enough or together[o] > TOGETHER_TOLD,
+                OF_INPUTS.format(max(told[o], together[o]), at_once[o], unknown[o]),
+            ),
             (leads[o], OF_LEAD.format(lead[o], unknown[o])),
         )
         what = next((text for is_cause, text in scores if is_cause), "")
@@ -186,8 +195,7 @@ def heard_of(
     if noise is None or not len(noise):
         return np.zeros((*data.H.shape[:2], 0), dtype=complex)
     N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(noise.shape[1])
-    H = model_response(model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi))
-    return np.einsum("koi,pki->okp", H, N)
+    return np.einsum("koi,pki->okp", _response(record, data, run), N)
 
 
 def _left_of(
@@ -205,7 +213,8 @@ def _left_of(
 def _step_score(
     white: np.ndarray, change: np.ndarray, heard: np.ndarray, data: Data, *, uneven: bool = False
 ) -> float:
-    """Deviations by which a delay, or a gain, of the later part of a record differs from that of the earlier.
+    """Deviations by which a delay, or a gain, of the later part of a record differs from that of the earlier,
+    or that of one experiment from that of the others.
 
     The score of a delay, the residual times ``change``, the response's rate, summed up to each sample: a
     bridge for one delay (Andrews 1993). For a gain the response itself. What is left of a distorted signal is
@@ -214,23 +223,34 @@ def _step_score(
     """
     x, slope = signals(data, white), signals(data, change)
     parts = signals(data, heard)
-    information = np.cumsum(slope**2, axis=1)
-    best = 0.0
-    for score, known, noise, by in zip(x * slope, information, np.mean(x**2, axis=1), slope, strict=True):
-        own, scatter = np.cumsum(score), np.cumsum(score**2)
-        edge = max(EDGE, int(EDGE_SHARE * len(own)))
-        inner = slice(edge, len(own) - edge)
-        share = known[inner] / max(known[-1], np.finfo(float).tiny)
+    known = np.cumsum(slope**2, axis=1)
+    power = np.mean(x**2, axis=1, keepdims=True) * known
+    if uneven:
+        power = np.stack([power, np.cumsum((x * slope) ** 2, axis=1)])
+    power = power.reshape(-1, *known.shape)
+    own, best = np.cumsum(x * slope, axis=1), 0.0
+    edge = max(EDGE, int(EDGE_SHARE * x.shape[1]))
+    inner, count = slice(edge, x.shape[1] - edge), max(len(parts), 1)
+    for c, by in enumerate(slope):
+        share = known[c, inner] / max(known[c, -1], np.finfo(float).tiny)
         of_parts = np.cumsum(parts * by, axis=1)
         of_parts = of_parts[:, inner] - share * of_parts[:, -1:]
-        spread = noise * known[-1] * share * (1.0 - share)
-        if uneven:
-            spread = np.maximum(spread, (1.0 - 2.0 * share) * scatter[inner] + share**2 * scatter[-1])
-        spread = spread + np.sum(of_parts**2, axis=0) / max(len(parts), 1)
-        use = spread > 0.0
-        bridge = np.abs(own[inner] - share * own[-1])[use]
-        best = max(best, float(np.max(bridge / np.sqrt(spread[use]), initial=0.0)))
-    return best
+        spread = _bridged(power[:, c, inner], share, power[:, c, -1:]) + np.sum(of_parts**2, axis=0) / count
+        best = max(best, _largest(own[c, inner] - share * own[c, -1], spread))
+    ends = power[..., -1] + np.sum((parts @ slope.T) ** 2, axis=0) / count
+    share = known[:, -1] / max(known[:, -1].sum(), np.finfo(float).tiny)
+    between = own[:, -1] - share * own[:, -1].sum()
+    return max(best, _largest(between, _bridged(ends, share, ends.sum(axis=1, keepdims=True))))
+
+
+def _bridged(some: np.ndarray, share: np.ndarray, whole: np.ndarray) -> Float[np.ndarray, " place"]:
+    """Variance of a part of a sum less its share of the whole, the larger by both rows."""
+    return np.max((1.0 - 2.0 * share) * some + share**2 * whole, axis=0)
+
+
+def _largest(bridge: Float[np.ndarray, " place"], spread: Float[np.ndarray, " place"]) -> float:
+    use = spread > 0.0
+    return float(np.max(np.abs(bridge[use]) / np.sqrt(spread[use]), initial=0.0))
 
 
 def _changed_modes(
@@ -264,7 +284,7 @@ def _scores_of_law(
     input, dry friction and a cubic spring of the motion, and their force moves the article as an input does.
     What a linear model makes of that, and noise, does not know it.
     """
-    H = model_response(model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi))
+    H = _response(record, data, run)
     left, of_inputs = run.residual(data), [law(u, data) for u in np.moveaxis(data.U, 1, 0)]
     found = np.zeros(len(left))
     for o, r in enumerate(left):
@@ -310,6 +330,44 @@ def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> fl
         told = np.fft.irfft(cross, 2 * len(cross)) * len(cross)
         best = max(best, float(np.abs(told).max() / max(deviation, np.finfo(float).tiny)))
     return best
+
+
+def _told_together(
+    record: Record,
+    data: Data,
+    run: RecordRun,
+    white: Complex[np.ndarray, "output line column"],
+    heard: Heard,
+) -> Float[np.ndarray, " output"]:
+    """Deviations of noise by which sums of what is left, turned by the response to an input, are too large.
+
+    What a model lacks has much the same phase to the response on some lines beside each other, a gain that is
+    not the same at all frequencies among it; noise has any. Squares of sums over those of their terms are
+    exponential variates. Noise that is ``heard`` counts as it is.
+    """
+    at = slice(None) if data.driven is None else data.driven
+    parts = _response(record, data, run)[..., None] * data.U[:, None]
+    unit = np.exp(1j * np.angle(parts))[at]
+    turned = white.swapaxes(0, 1)[at, :, None] * unit.conj()
+    known = heard.swapaxes(0, 1)[at, :, None, :, None] * unit.conj()[..., None, :]
+    found = np.zeros(len(white))
+    for width in TOGETHER:
+        count = len(turned) // width
+        if count < FEWEST_SUMS:
+            continue
+        blocks = turned[: count * width].reshape(count, width, *turned.shape[1:])
+        own = np.sum(np.abs(blocks) ** 2, axis=(1, -1))
+        forced = known[: count * width].reshape(count, width, *known.shape[1:]).sum(axis=1)
+        own += np.sum(np.abs(forced) ** 2, axis=(-1, -2)) / max(known.shape[-2], 1)
+        over = np.abs(np.sum(blocks, axis=(1, -1))) ** 2 / np.maximum(own, np.finfo(float).tiny)
+        # A mean of exponential variates is a gamma variate (Wilson and Hilferty 1931).
+        z = 3.0 * np.sqrt(count) * (np.cbrt(over.mean(axis=0)) - 1.0 + 1.0 / (9.0 * count))
+        found = np.maximum(found, z.max(axis=1))
+    return found
+
+
+def _response(record: Record, data: Data, run: RecordRun) -> Complex[np.ndarray, "line output input"]:
+    return model_response(model_of(run, record.inputs, record.outputs), data.omega / (2.0 * np.pi))
 
 
 def signals(

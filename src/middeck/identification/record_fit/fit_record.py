@@ -318,11 +318,14 @@ def _result(
         wrong += doubted_deviations.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
-    wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard)
-    said += [*wrong, *doubts_of_lines(fit.lines)]
     phase = _pairs_for_a_delay(model, covariance, data, run)
-    standing = standing_of(lines, covariance, holds=not wrong, phase=phase[0])
-    poles = poles_instead(data, run, fitted, standing) if covariance.structure.with_delay else None
+    late = bool(len(phase[0]))
+    wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard, late=late)
+    said += [*wrong, *doubts_of_lines(fit.lines)]
+    alone, standing = (
+        standing_of(lines, covariance, holds=holds, phase=phase[0]) for holds in (True, not wrong)
+    )
+    poles = poles_instead(data, run, fitted, alone) if covariance.structure.with_delay else None
     if poles is not None:
         said.append(poles.doubt())
         if poles.shorter:
