@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.contradictions import CONTRADICT
+from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.own_errors import HALF, sorts_of
 from middeck.updating.refinement.posterior import errors_shown
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
@@ -71,7 +73,20 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *_of_responses(refined),
         *_of_damping(refined),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
+        *_of_other_pairs(refined),
     )
+
+
+def _of_other_pairs(refined: Refined) -> Iterator[str]:
+    several = itertools.groupby(other_pairs(refined), lambda pair: pair.survey)
+    for survey, (first, *more) in several:
+        others = f" (so may {len(more)} more of its modes be others)" if more else ""
+        yield (
+            f"{survey}: the measured mode of {first.measured_hz:.4g} Hz was taken for the model's of "
+            f"{first.paired_hz:.4g} Hz and may as well be that of {first.other_hz:.4g} Hz{others}: shapes do "
+            "not tell them apart, the priors allow either, and if it is, all that is stated is wrong. "
+            "Measured shapes, modes that are missing, or narrower spreads would tell"
+        )
 
 
 def _mixing(compared: Compared, some: Sequence[tuple[float, float]]) -> str:
