@@ -6,9 +6,11 @@ import forked_case as case
 import numpy as np
 import pytest
 
+from middeck.errors import ConfigError
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats
 
 HOLES = (6, 7, 9, 10, 11, 13, 14)  # flexible modes, of which a test missed two
@@ -56,3 +58,11 @@ def test_no_wrong_pair_is_silent():
     assert silent == 0
     # A third of them is in doubt and comes out right.
     assert said <= 0.5 * SEEDS
+
+
+def test_a_parameter_that_two_patterns_name_is_refused():
+    """It would move twice as far as its fellows."""
+    _, modes, rng = case.drawn(0)
+    both = Unknown(name="u", parameters=("member.a-b.EI_*", "member.a-b.EI_y"), spread=0.1)
+    with pytest.raises(ConfigError, match="EI_y is named twice"):
+        refine(case.fork(), [case.survey(modes, range(8), rng)], [both])

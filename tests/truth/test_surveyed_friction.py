@@ -267,6 +267,10 @@ def test_friction_that_cannot_be():
         refine(case.article(), [elsewhere], case.UNKNOWNS)
     with pytest.raises(ConfigError, match="states a joint's friction and amplitudes"):
         refine(case.article(), [dataclasses.replace(survey, friction=())], [*case.UNKNOWNS, *SLIPS])
+    twice = dataclasses.replace(stated, slip_torque=2.0 * stated.slip_torque)
+    other = dataclasses.replace(survey, name="other", friction=(twice,))
+    with pytest.raises(ConfigError, match="two slip torques or slip angles of joint 'p'"):
+        refine(case.article(), [survey, other], case.UNKNOWNS)
     with pytest.raises(ConfigError, match="could make it negative"):
         dataclasses.replace(SLIPS[0], added=True)
 

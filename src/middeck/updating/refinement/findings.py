@@ -172,6 +172,13 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
 
 
 def _of_responses(refined: Refined) -> Iterator[str]:
+    for c in refined.compared:
+        if c.survey.friction and c.survey.response is not None:
+            yield (
+                f"{c.survey.name}: the response is compared with shapes of joints that swing freely; a "
+                "joint that sticks makes others: leave the response out, or take friction out of the record "
+                "before the fit (identify --friction)"
+            )
     for heard in refined.responses:
         if heard.miss > MISSED:
             yield (

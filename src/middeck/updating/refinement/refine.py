@@ -341,6 +341,15 @@ def _places(
         set_up_static(structure, t.environment, t.settings, t.load_case, t.since_unloaded, unknowns)
         for t in statics
     ]
+    stated: dict[str, tuple[float, float]] = {}
+    for friction in (f for s in surveys for f in s.friction):
+        sizes = friction.slip_torque, friction.slip_angle
+        if stated.setdefault(friction.joint, sizes) != sizes:
+            raise ConfigError(
+                f"surveys state two slip torques or slip angles of joint {friction.joint!r}",
+                where="friction",
+                hint="one joint has one; what it may be is the spread of an unknown",
+            )
     for k, unknown in enumerate(unknowns):
         heard = [s.response.ports for s in surveys if s.response is not None]
         rubbed = [f for s in surveys for f in s.friction]
@@ -368,14 +377,14 @@ def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
 
 def _moved(places: _Places, x: np.ndarray, step: np.ndarray, lossy: bool) -> tuple[np.ndarray, _At]:
     """A step, shorter where the article has no rest state at its end, or damping ratios that cannot be."""
+    why = ""
     for _ in range(HALVINGS):
         try:
             return x + step, places.solve(x + step, lossy)
-        except (ConfigError, NumericalError):
-            step = 0.5 * step
+        except (ConfigError, NumericalError) as error:
+            step, why = 0.5 * step, error.what
     raise NumericalError(
-        "the article has no equilibrium, or a mode a damping ratio of one and more, at the values towards "
-        "which the refinement moves the unknowns",
+        f"there is no such article at the values towards which the refinement moves the unknowns: {why}",
         where="refinement",
         hint="narrower spreads, or fewer unknowns",
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from middeck.updating.residuals.pairing import at_channels
@@ -22,39 +24,68 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
     if not measured.node:
         return ()
     ours = compared.pairs[:, 1]
-    read, std = real_shapes(measured)[:, ours], shape_deviations(compared.modes, measured)[:, ours]
-    size = np.maximum(np.linalg.norm(read, axis=1), TINY)
-    noise = NOISE * np.linalg.norm(std, axis=1) / size
-    kept, found = np.ones(len(read), dtype=bool), []
+    shapes = _Shapes(
+        real_shapes(measured)[:, ours], shape_deviations(compared.modes, measured)[:, ours],
+        at_channels(compared.modes, measured), compared.paired.column,
+        neighbours(compared.modes, compared.paired.column) | np.eye(len(ours), dtype=bool),
+    )  # fmt: skip
+    kept = np.ones(len(shapes.read), dtype=bool)
     while True:
-        moved = _as_the_model_moves(compared, read, std, kept)
+        moved = shapes.moved(kept)
         if moved is None:
             return ()
-        left = np.where(kept, np.linalg.norm(read - moved, axis=1) / size, 0.0)
-        worst = int(np.argmax(np.where(left > noise, left, 0.0)))
-        if not left[worst] > max(WRONG, noise[worst]):
+        wrong = shapes.left(moved) > np.maximum(WRONG, shapes.noise)
+        if not np.any(kept & wrong):
             break
-        kept[worst] = False
-        found.append(worst)
-    if len(found) > FEW * len(read) or float(np.median(left[kept])) > RIGHT:
+        # One that dominates the fit makes others look wrong: the one without which they agree best.
+        kept[min(np.flatnonzero(kept), key=lambda r: shapes.left_without(kept, r))] = False
+        if np.count_nonzero(~kept) > FEW * len(kept):
+            return ()
+    if float(np.median(shapes.left(moved)[kept])) > RIGHT:
         return ()
-    return tuple(_said(compared, r, read[r], moved[r]) for r in found)
+    return tuple(_said(compared, r, shapes.read[r], moved[r]) for r in np.flatnonzero(~kept & wrong))
 
 
-def _as_the_model_moves(
-    compared: Compared, read: np.ndarray, std: np.ndarray, kept: np.ndarray
-) -> np.ndarray | None:
-    """At all channels, of the modes that fit the kept ones best, each with its neighbours."""
-    motion, column = at_channels(compared.modes, compared.survey.measured), compared.paired.column
-    near = neighbours(compared.modes, column) | np.eye(len(column), dtype=bool)
-    out = np.empty_like(read)
-    for k, own in enumerate(near):
-        basis = motion[:, column[k, own]]
-        if np.count_nonzero(kept) < 2 * basis.shape[1] + 1:
-            return None
-        parts = np.linalg.lstsq(basis[kept] / std[kept, k, None], read[kept, k] / std[kept, k], rcond=None)[0]
-        out[:, k] = basis @ parts
-    return out
+class _Shapes(NamedTuple):
+    """Measured shapes, their deviations, motion of the model, its paired modes, and which are close."""
+
+    read: np.ndarray
+    std: np.ndarray
+    motion: np.ndarray
+    column: np.ndarray
+    near: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """What each channel reads in all modes."""
+        return np.maximum(np.linalg.norm(self.read, axis=1), TINY)
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Of that, what may be noise."""
+        return NOISE * np.linalg.norm(self.std, axis=1) / self.size
+
+    def left(self, moved: np.ndarray) -> np.ndarray:
+        """Of that, what does not agree."""
+        return np.linalg.norm(self.read - moved, axis=1) / self.size
+
+    def left_without(self, kept: np.ndarray, row: int) -> float:
+        """In squares, of the other kept channels where one is left out."""
+        others = kept & (np.arange(len(kept)) != row)
+        moved = self.moved(others)
+        return np.inf if moved is None else float(np.sum(self.left(moved)[others] ** 2))
+
+    def moved(self, kept: np.ndarray) -> np.ndarray | None:
+        """At all channels, of the modes that fit the kept ones best, each with its neighbours."""
+        out = np.empty_like(self.read)
+        for k, own in enumerate(self.near):
+            basis = self.motion[:, self.column[k, own]]
+            if np.count_nonzero(kept) < 2 * basis.shape[1] + 1:
+                return None
+            weight = 1.0 / self.std[kept, k]
+            parts = np.linalg.lstsq(weight[:, None] * basis[kept], weight * self.read[kept, k], rcond=None)[0]
+            out[:, k] = basis @ parts
+        return out
 
 
 def _said(compared: Compared, row: int, read: np.ndarray, moved: np.ndarray) -> str:
@@ -67,7 +98,7 @@ def _said(compared: Compared, row: int, read: np.ndarray, moved: np.ndarray) -> 
     elif abs(by + 1.0) < WRONG:
         what = "reads with the other sign. The"
     else:
-        what = f"reads {by:.3g} times what the model moves there: its calibration or unit? The"
+        what = f"reads {by:.2g} times what the model moves there: its calibration or unit? The"
     return (
         f"{compared.survey.name}: {channel} {what} other channels agree with the model; correct it or "
         "leave it out, for it shifts and widens all that is stated"
