@@ -301,3 +301,30 @@ def test_a_promise_draws_the_friction_that_was_refined():
     np.testing.assert_array_equal(np.ptp(slips.slip_angle, axis=0) > 0.0, [True, True])
     k = len(case.UNKNOWNS)
     np.testing.assert_allclose(log, n @ found.estimate.root[k], atol=1e-12)
+
+
+def test_friction_of_a_slide_is_in_newtons_and_metres():
+    """A proof mass that sticks at a mast's tip; the truth has a spring in its place."""
+
+    def mast(stiffness: float) -> Structure:
+        nodes = [build.node("a", (0, 0, 0)), build.node("b", (1, 0, 0), build.body(0.5, inertia=(1e-3,) * 3))]
+        slide = build.joint(
+            "p", "b", (0, 1, 0), build.body(0.1), angle=0.0, stiffness=stiffness, target=0.0, slides=True
+        )
+        made = build.structure(nodes, [build.member("a", "b", case.TUBE, 4)], [slide])
+        return dataclasses.replace(made, damping=Damping(flexible=0.01, suspension=0.01))
+
+    held = Environment(title="held", gravity=np.zeros(3), suspension=None, clamps=(Clamp(node="a"),))
+    stiffness, off = 20.0, 0.5  # N/m, and the logarithm of what the truth has in its place
+    true = md.solve_modes(md.solve_equilibrium(mast(5.0 + stiffness * np.exp(off)), held))
+    noise = MeasurementNoise(frequency=1e-4, shape=1e-3)
+    measured = measure_modes(true, chosen=range(6), noise=noise, rng=np.random.default_rng(0))
+    stated = SurveyedFriction(
+        joint="p", slip_torque=1e-3 * stiffness, slip_angle=1e-3, amplitude=np.full(6, 1e-4)
+    )
+    survey = Survey(name="s", measured=measured, environment=held, friction=(stated,), damping_std=0.1)
+    found = refine(mast(5.0), [survey], SLIPS[:1])
+    assert found.compared[0].unpaired == ()
+    assert abs(found.x[0] - off) < 3.0 * found.estimate.x_std[0] < 0.003
+    (friction,) = found.friction()
+    np.testing.assert_allclose(friction.value, [1e-3 * stiffness * np.exp(off), 1e-3], rtol=2e-3)
