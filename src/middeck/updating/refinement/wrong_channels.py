@@ -9,7 +9,7 @@ import numpy as np
 from middeck.updating.residuals.pairing import at_channels
 from middeck.updating.residuals.surveys import Compared, neighbours, real_shapes, shape_deviations
 
-# Of what a channel reads in all modes: what is left of one that is wrong, of the middle one of the others.
+# Of what a channel reads in all modes: what is left of one that is wrong, of the others in the mean (rms).
 WRONG, RIGHT = 0.5, 0.15
 # Of the channels: more that are wrong are another article.
 FEW = 0.25
@@ -41,7 +41,7 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
         kept[min(np.flatnonzero(kept), key=lambda r: shapes.left_without(kept, r))] = False
         if np.count_nonzero(~kept) > FEW * len(kept):
             return ()
-    if float(np.median(shapes.left(moved)[kept])) > RIGHT:
+    if float(np.sqrt(np.mean(shapes.left(moved)[kept] ** 2))) > RIGHT:
         return ()
     return tuple(_said(compared, r, shapes.read[r], moved[r]) for r in np.flatnonzero(~kept & wrong))
 
