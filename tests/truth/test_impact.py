@@ -12,8 +12,8 @@ from middeck.identification.impact.averaged_blows import average_blows, exponent
 from middeck.identification.impact.blows import locate_blows
 from middeck.identification.impact.fit_of_blows import fit_impact, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-from middeck.identification.record_fit.doubted_deviations import doubts_of_folding
 from middeck.identification.record_fit.fit_record import fit_record
+from middeck.identification.record_fit.folded_blows import doubts_of_folding
 from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.systems.plants.response import FrequencyResponse

@@ -19,8 +19,8 @@ from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.structure.model.environment import Environment
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.promise import slip_run, slip_time

@@ -23,6 +23,6 @@ from .records import (
     write_response as write_response,
 )
 from .records.columns import name_columns as name_columns
-from .records.together import split_periods as split_periods
+from .records.experiments_and_periods import split_periods as split_periods
 
 __all__: list[str]

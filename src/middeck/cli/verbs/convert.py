@@ -12,7 +12,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -77,7 +77,7 @@ def verb(
     in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
     --set takes units, mass_formulation and subcase.
     """
-    from middeck.cli.given.option_settings import ConvertSettings, settle
+    from middeck.cli.given.checked_options import ConvertSettings, settle
     from middeck.cli.shown.mass_and_attitude import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
 

@@ -75,7 +75,7 @@ def verb(
     With --model and --noise it says how well a test of so many periods would identify that model.
     --set takes the names of the options, with units: band_hz, period_s, sample_hz.
     """
-    from middeck.cli.given.option_settings import settle
+    from middeck.cli.given.checked_options import settle
     from middeck.cli.work.design_excitation import ExciteSettings, design, expect
     from middeck.files.records.commands import write_command
 

@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, deviation_words, show
 from middeck.errors import NumericalError
 
@@ -116,7 +116,7 @@ def verb(
     --set takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants,
     delay, rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
     """
-    from middeck.cli.given.option_settings import FitSettings, settle
+    from middeck.cli.given.checked_options import FitSettings, settle
     from middeck.cli.shown.progress import status
     from middeck.cli.work.fit_records import identify
     from middeck.files.records import require_record

@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -37,7 +37,7 @@ def verb(
 
     COMPARISONs of many promises, as this verb writes them, are scored together.
     """
-    from middeck.files.disk.looks import COMPARED, looks_like
+    from middeck.files.disk.kind_of_content import COMPARED, looks_like
     from middeck.files.json.output import write_json
     from middeck.files.promises.scores import score_document
 

@@ -10,12 +10,12 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.updating.promise.blocks import Measured
+    from middeck.updating.promise.blocks_of_draws import Measured
     from middeck.updating.promise.plan import Plan
     from middeck.updating.refinement.refine import Refined
 

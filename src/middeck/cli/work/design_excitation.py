@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model
 from middeck.files.toml.form import Band, Form, Positive, whole, within

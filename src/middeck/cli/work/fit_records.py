@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from middeck.cli.given.option_settings import FitSettings
-from middeck.cli.shown.blame import reading
+from middeck.cli.given.checked_options import FitSettings
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults.detect import detect_faults

@@ -28,8 +28,8 @@ from middeck.files.laws.compensators import (
     with_applied,
 )
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import name_ports
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports, remove_delays
+from middeck.systems.plants.plant_from_matrices import name_ports
 from middeck.systems.sampling.delayed_sampling import split_delays
 
 GROUPS = ("w", "u", "z", "y")

@@ -10,8 +10,8 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import name_ports
 from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.plant_from_matrices import name_ports
 from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace, StateSpace, System
 
 Exchangeable = LinearSystem | Plant | Compensator

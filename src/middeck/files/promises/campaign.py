@@ -14,7 +14,7 @@ from middeck.campaign.executors import Progress, run_campaign
 from middeck.errors import DataError, NumericalError
 from middeck.files.promises.documents import hash_files, versions
 from middeck.files.promises.plans import load_plan
-from middeck.updating.promise.blocks import (
+from middeck.updating.promise.blocks_of_draws import (
     BLOCK,
     Measured,
     Site,

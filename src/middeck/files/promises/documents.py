@@ -19,16 +19,16 @@ from middeck.files.promises.form import PROMISE
 from middeck.structure.gravity.budget import EFFECTS
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
-from middeck.updating.orbit.removed import removed_terms
+from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.orbit.shapes import promised_shapes
 from middeck.updating.promise.draws import LoopSpread
-from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
 from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept
 from middeck.updating.promise.slip_time import SlipTime
+from middeck.updating.promise.stability_probability import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, RefinedFriction
 

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from middeck.errors import DataError
 from middeck.files.disk.digest import sha256_of
-from middeck.files.disk.looks import OUTCOME
+from middeck.files.disk.kind_of_content import OUTCOME
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.promises.documents import few, versions

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import PLAN
+from middeck.files.disk.kind_of_content import PLAN
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.setups import article_files, find_document, load_setup, load_structure

@@ -15,7 +15,7 @@ from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
 from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
-from middeck.files.records.layout import build_raw, contents_of, is_own
+from middeck.files.records.own_layout import build_raw, contents_of, is_own
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault, raw_matrix
 from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, mean_step, open_share, rate_of
 from middeck.signals.fault import Fault

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import CANDIDATES
+from middeck.files.disk.kind_of_content import CANDIDATES
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from middeck.errors import DataError
-from middeck.files.disk.looks import ARTICLE, REFINEMENT, SCHEMAS, looks_like
+from middeck.files.disk.kind_of_content import ARTICLE, REFINEMENT, SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted, load_standing
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.refinements.friction_form import (

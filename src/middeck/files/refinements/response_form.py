@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import SCHEMAS, looks_like
+from middeck.files.disk.kind_of_content import SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted
 from middeck.files.records import load_response
 from middeck.files.toml.form import Form, NotNegative, Positive

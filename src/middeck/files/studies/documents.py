@@ -12,7 +12,7 @@ from middeck.files.articles.checks import article_findings
 from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names
 from middeck.files.disk.digest import sha256_of
-from middeck.files.disk.looks import STUDY
+from middeck.files.disk.kind_of_content import STUDY
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment
 from middeck.files.setups import article_files, build_article, join_findings

@@ -21,8 +21,8 @@ from middeck.identification.fit.mode_trust import (
     standing_of,
     standing_of_delays,
 )
+from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
-from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.fit.unneeded_modes import parted, tidied
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response

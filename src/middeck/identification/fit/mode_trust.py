@@ -146,7 +146,7 @@ def doubts_of_delays(standing: Sequence[Standing], excess: float) -> list[str]:
 
 
 def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
-    """A warning for the pairs that stand for a delay (`stands_for_delay`)."""
+    """A warning for the pairs that stand for a delay (`modes_that_stand_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)
     places = ", ".join(f"{f[m]:.4g} Hz ({zeta[m]:.0%})" for m in sorted(phase, key=lambda m: f[m]))
     if not places:

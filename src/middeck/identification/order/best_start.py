@@ -6,7 +6,7 @@ import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.exchanged_modes import exchanges
+from middeck.identification.order.add_or_exchange_modes import exchanges
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start

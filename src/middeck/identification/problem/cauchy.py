@@ -60,7 +60,7 @@ class Kernel(NamedTuple):
 def cauchy_gram(
     layout: Layout, poles: Complex[np.ndarray, " mode"], parts: Fractions, weight: np.ndarray
 ) -> Float[np.ndarray, "weight function function"]:
-    """Re sum conj(f) weight g of functions of poles (`factors`) and 1, for each ``weight`` [weight, line]."""
+    """Re sum conj(f) weight g of `basis_functions` of poles and 1, for each ``weight`` [weight, line]."""
     sums = _sums(parts, weight)
     conjugate = _sums(parts, weight.conj()) if np.iscomplexobj(weight) else sums
     first, second = (_of_kernel(layout, poles, of, weight) for of in (conjugate, sums))

@@ -1,7 +1,7 @@
 """One evaluation of the fit from small Gram matrices: the numbers of a QR factorisation with less work.
 
-All columns and slopes of an output are real combinations of few functions (`factors`). Their inner products
-need the Gram matrices of these functions only, one for each weight, as sums over the lines (`cauchy`). Normal
+All columns and slopes of an output are real combinations of few `basis_functions`. Their inner products need
+the Gram matrices of these functions only, one for each weight, as sums over the lines (`cauchy`). Normal
 equations square the condition; but the residual is formed explicitly, corrects the solution until it is
 orthogonal to the columns (corrected seminormal equations, Bjorck 1987) and gives the gradient. Only the Gram
 matrix of theta, which merely steers the search, has the squared condition's rounding. Where that is too large
@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.problem.factors import column_factors, slope_factors
+from middeck.identification.problem.basis_functions import column_factors, slope_factors
 from middeck.identification.problem.gram_blocks import Functions, Weighted, on_functions
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.terms import linear_of_terms

@@ -15,8 +15,8 @@ from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.sensor_or_force_noise import covering_variance
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 
 
 def record_covariance(

@@ -21,7 +21,6 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
 from middeck.identification.uncertainty.parameter_deviations import (
@@ -29,6 +28,7 @@ from middeck.identification.uncertainty.parameter_deviations import (
     modal_constant,
     uncertainty_of,
 )
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.signal import Excitation
 from middeck.signals.record import Record

@@ -6,7 +6,7 @@ neighbouring lines of a response were estimated from common samples (local model
 residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
 former. A is never formed: what is inverted is an orthogonal factor of J (`orthogonal`). Noise that entries of
-H have in common is counted (`entry_factors`).
+H have in common is counted (`response_derivatives`).
 """
 
 from __future__ import annotations
@@ -25,20 +25,19 @@ from middeck.identification.spectra.excess_variance import (
     line_degrees,
 )
 from middeck.identification.uncertainty import orthogonal
-from middeck.identification.uncertainty.entry_factors import (
-    EntrySlopes,
-    common_noise,
-    common_scores,
-    entry_factors,
-    entry_slopes,
-    shared_functions,
-)
+from middeck.identification.uncertainty.common_noise import common_noise, common_scores
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     Places,
     places_of,
     ties,
     unknowns_of,
+)
+from middeck.identification.uncertainty.response_derivatives import (
+    EntrySlopes,
+    entry_factors,
+    entry_slopes,
+    shared_functions,
 )
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

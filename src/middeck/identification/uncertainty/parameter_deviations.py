@@ -11,8 +11,8 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import Places
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.ports import port_indices
 from middeck.values import record
 

@@ -14,8 +14,8 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.uncertainty.covariance import ModelCovariance, draw_errors
-from middeck.identification.uncertainty.entry_factors import EntrySlopes, entry_slopes
 from middeck.identification.uncertainty.parameter_deviations import check_level, joint_factor, quantile
+from middeck.identification.uncertainty.response_derivatives import EntrySlopes, entry_slopes
 from middeck.values import record
 
 # Deviations from zero beyond which magnitude and phase are as good as linear in the response: their curvature

@@ -27,7 +27,7 @@ from middeck.structure.assembly.places import (
 )
 from middeck.structure.assembly.redundant_constraints import NEARLY, Closing, close_rows
 from middeck.structure.elements.frames import Configuration, move_carried
-from middeck.structure.elements.since_drawn import summed, uncarried
+from middeck.structure.elements.motion_since_drawn import summed, uncarried
 from middeck.structure.model.article import JointState
 from middeck.structure.model.connectivity import some_names
 

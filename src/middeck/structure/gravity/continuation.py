@@ -19,7 +19,7 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.followed_branch import rest_beside
 from middeck.structure.rest.imbalance import STANDARD_GRAVITY, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import TOLERANCE
-from middeck.structure.rest.whole_steps import deformation, move_whole, stride
+from middeck.structure.rest.rigid_and_deforming_steps import deformation, move_whole, stride
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does

@@ -18,7 +18,7 @@ from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid

@@ -14,7 +14,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.tracking import Spectrum, spectrum_of
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.as_drawn import fit_rotation
+from middeck.structure.rest.motion_as_a_whole import fit_rotation
 
 
 def turn_modes(modes: Spectrum, roots: int, R: Float[np.ndarray, "3 3"]) -> Spectrum:

@@ -33,7 +33,7 @@ from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.assembly.places import transport
 from middeck.structure.assembly.strain import strain_energies
 from middeck.structure.elements.frames import Configuration, placed, rigid_columns
-from middeck.structure.elements.since_drawn import carried_by, carried_step
+from middeck.structure.elements.motion_since_drawn import carried_by, carried_step
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import WAYS, Component, require_component

@@ -13,7 +13,7 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.modes.eigenproblem.left_out_stiffness import component_warnings

@@ -18,16 +18,16 @@ from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.assembly.wheel_forces import check_speeds
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
+from middeck.structure.elements.motion_since_drawn import whole_motion
 from middeck.structure.elements.rotations import rotation_log
-from middeck.structure.elements.since_drawn import whole_motion
 from middeck.structure.elements.trees import Poses
 from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
-from middeck.structure.rest.as_drawn import face_as_drawn
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
+from middeck.structure.rest.motion_as_a_whole import face_as_drawn
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
 from middeck.structure.rest.slack_cables import refuse_slack_cables

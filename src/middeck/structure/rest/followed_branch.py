@@ -17,8 +17,8 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import own_law
 from middeck.structure.assembly.strain import predict_forces
 from middeck.structure.elements.frames import Configuration, move_carried, placed
+from middeck.structure.elements.motion_since_drawn import SinceDrawn
 from middeck.structure.elements.rotations import skew, turn_of
-from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import (
     LONGEST_STEP,
@@ -29,7 +29,7 @@ from middeck.structure.rest.rest_criteria import (
     holding,
     is_stable,
 )
-from middeck.structure.rest.whole_steps import stride, unmoved
+from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20

@@ -25,7 +25,7 @@ from middeck.structure.rest.rest_criteria import (
     TOLERANCE,
     Settled,
 )
-from middeck.structure.rest.whole_steps import stride, unmoved
+from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
 
 MIXED_ITERATIONS = 100
 # Of the least damping that holds what grows: taken, and to what it is found.

@@ -15,7 +15,7 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.rest.damped_descent import MAX_ITERATIONS
 from middeck.structure.rest.followed_branch import CONTRACTION
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale

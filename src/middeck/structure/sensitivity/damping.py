@@ -26,7 +26,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
-from middeck.structure.sensitivity.softened import soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 
 
 def differentiate_ratios(

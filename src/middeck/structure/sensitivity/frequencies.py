@@ -28,7 +28,7 @@ from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
 
@@ -71,9 +71,9 @@ def differentiate_frequencies(
 ) -> FrequencySensitivities:
     """Derivatives of the lowest ``count`` frequencies (all by default) in every parameter.
 
-    Exact to rounding: no differences are taken. Beside a member too stiff for that they are those of the same
-    article with the member softer, to 1e-5 (`softened`). Raises `NumericalError` where the rest state itself
-    has no derivative, or where a softer member changes one of these frequencies.
+    Exact to rounding: no differences are taken. With a member too stiff for that, they are those of the same
+    article with the member softer, to 1e-5 (`stiff_member_derivatives`). Raises `NumericalError` where the
+    rest state itself has no derivative, or where a softer member changes one of these frequencies.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = group_modes(modes, count)

@@ -40,8 +40,8 @@ from middeck.structure.sensitivity.patches import (
     spread_gradients,
 )
 from middeck.structure.sensitivity.reactions import differentiate_support
-from middeck.structure.sensitivity.softened import soften_rest
 from middeck.structure.sensitivity.static_solver import StaticSolver
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_rest
 from middeck.values import record
 
 NO_LOAD = np.zeros(6)
@@ -97,8 +97,8 @@ class MovedRest(NamedTuple):
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
     """Derivatives of the rest state and of what holds it, the tuning of its suspension included.
 
-    Beside a member too stiff for matrices in W they are those with the member softer, to 1e-5 (`softened`).
-    Raises `NumericalError` where a parameter drives a motion that nothing holds.
+    With a member too stiff for matrices in W, they are those with the member softer, to 1e-5
+    (`stiff_member_derivatives`). Raises `NumericalError` where a parameter drives an unrestrained motion.
     """
     softer = soften_rest(rest)
     found = _differentiated(softer.rest, softer.parameters(parameters))

@@ -37,7 +37,7 @@ from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
 from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import Softened, soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import Softened, soften_modes
 from middeck.values import record
 
 

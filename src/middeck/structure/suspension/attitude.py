@@ -10,8 +10,8 @@ from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.modes.motions.rigid_motions import centre_of_mass
-from middeck.structure.rest.as_drawn import FLAT, fit_rotation, split_rotation
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
+from middeck.structure.rest.motion_as_a_whole import FLAT, fit_rotation, split_rotation
 from middeck.values import record
 
 SPANS = ("point", "line", "plane", "space")

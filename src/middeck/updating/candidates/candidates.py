@@ -15,7 +15,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
-from middeck.updating.candidates.foreseen import Foreseen, foresee
+from middeck.updating.candidates.refinement_after_one_test import Foreseen, foresee
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import There, predict_at, solve_there
 from middeck.updating.refinement.refine import Refined
@@ -86,8 +86,8 @@ def rank_tests(
 
     Promised are the lowest ``count`` modes that are not rigid, in each of the ``environments``, and what
     ``readings`` gives of a refinement, such as `predict_deflections` with load cases and gauges. A static
-    test is a `StaticTest` whose values are not looked at. Each candidate is refined on in thought, see
-    `middeck.updating.candidates.foreseen.foresee`, which holds for the article as it is now thought to be.
+    test is a `StaticTest` whose values are not looked at. Each candidate is evaluated by
+    `refinement_after_one_test.foresee`, which assumes that the article is as the refinement estimates it.
 
     Raises `ConfigError` for no candidate, nothing promised, a gauge that reads no more than its deviation,
     names given twice, and as `foresee`, which raises `NumericalError` too.

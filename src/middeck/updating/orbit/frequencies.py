@@ -15,7 +15,7 @@ from middeck.structure.model.umbilical import umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.refinement.mesh_and_shear import left_out
-from middeck.updating.refinement.own_errors import HALF, OwnErrors, sorts_of
+from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.complex_roots import LogRoots, roots_of_lowest

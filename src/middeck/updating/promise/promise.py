@@ -19,15 +19,27 @@ from middeck.structure.modes.solve import Modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
-from middeck.updating.promise.blocks import Measured, Site, blocks, join_blocks, measure_block, seen_by
+from middeck.updating.promise.blocks_of_draws import (
+    Measured,
+    Site,
+    blocks,
+    join_blocks,
+    measure_block,
+    seen_by,
+)
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
-from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
 from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.promise.slip_run import join_slips
 from middeck.updating.promise.slip_time import SlipTime
+from middeck.updating.promise.stability_probability import (
+    Outlook,
+    highest_promised,
+    look_ahead,
+    with_friction,
+)
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.contradictions import CONTRADICT
-from middeck.updating.refinement.own_errors import HALF, sorts_of
+from middeck.updating.refinement.model_errors import HALF, sorts_of
 from middeck.updating.refinement.posterior import errors_shown
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of

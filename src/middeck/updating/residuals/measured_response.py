@@ -7,7 +7,7 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 

@@ -21,7 +21,7 @@ from middeck.files.nastran.masses_and_springs.bodies import (
     read_scalar_masses,
     scalar_masses,
 )
-from middeck.files.nastran.masses_and_springs.direct import direct_masses, direct_ties
+from middeck.files.nastran.masses_and_springs.direct_matrices import direct_masses, direct_ties
 from middeck.files.nastran.masses_and_springs.scalars import (
     WAY,
     Element,
@@ -30,7 +30,7 @@ from middeck.files.nastran.masses_and_springs.scalars import (
     scalar_points,
     tie_terms,
 )
-from middeck.files.nastran.masses_and_springs.ties import Tie, read_ties
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie, read_ties
 from middeck.files.nastran.members.members import Bar, read_bars
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component

@@ -23,7 +23,7 @@ from middeck.realtime.engine.interface.commands import (
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.engine.interface.shared_file import SharedFile
-from middeck.realtime.engine.process.adopted import AdoptedEngine
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 

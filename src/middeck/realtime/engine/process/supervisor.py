@@ -32,7 +32,7 @@ from middeck.realtime.engine.interface.shared_file import (
     pretrip_records,
     take_records,
 )
-from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
 from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.folder_lock import locked

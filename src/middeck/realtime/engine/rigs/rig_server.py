@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
-from middeck.realtime.engine.rigs.rig_session import HOLD, RigSession
+from middeck.realtime.engine.rigs.udp_replies import HOLD, RigSession
 
 LOOPBACK = socket.inet_ntoa(socket.INADDR_LOOPBACK.to_bytes(4, "big"))
 LARGEST = 1 << 16

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "hold.h"
+#include "hold_loops.h"
 #include "kernel.h"
 
 enum { RAMPS = 5, COASTS = 4 }; /* the safe state has taken over after so many of its ramps, and of the longest coast */

@@ -28,7 +28,7 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.elements.frames import FrameTree, rigid_columns
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.model.article import JointState
 from middeck.structure.modes.eigenproblem.eigen import all_cost_less, count_zero, solve_all, solve_lowest
 from middeck.structure.modes.eigenproblem.repeated import repeated, turn_apart

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.beam_curve import beam_curve
+from middeck.structure.elements.beam_centre_line import beam_curve
 from middeck.structure.elements.frames import PosePoints, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState

@@ -31,10 +31,10 @@ from middeck.study.chapters.promise.flight import Flown, fly, launch
 from middeck.study.chapters.promise.ground import KnownBefore, run_ground_tests
 from middeck.study.shared import find_modes
 from middeck.systems.delay.delay_approximation import approximate_delays
-from middeck.updating.promise.outlook import LEVELS
 from middeck.updating.promise.plan import Plan, weights_of
 from middeck.updating.promise.promise import Promise, design_ladder, design_on, promise
 from middeck.updating.promise.score import Score, Scored, Verdict, judge, score
+from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record

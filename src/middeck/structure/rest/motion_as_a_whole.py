@@ -18,7 +18,7 @@ from middeck.structure.elements.frames import Configuration, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import Settled
-from middeck.structure.rest.whole_steps import turn_whole
+from middeck.structure.rest.rigid_and_deforming_steps import turn_whole
 
 # Of the largest extent of the attach points: what is thinner is a line or a point to an engineer.
 FLAT = 1e-6

@@ -16,7 +16,7 @@ from middeck.files.nastran.components.direct_input import Lone
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.masses_and_springs.bodies import Mass, mass_of_matrix
-from middeck.files.nastran.masses_and_springs.ties import Tie
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.toml.faults import Fault
 
 # Of the roots of two diagonals: printed digits of matrices that others assembled.

@@ -1,4 +1,4 @@
-#include "hold.h"
+#include "hold_loops.h"
 
 #include <math.h>
 #include <string.h>

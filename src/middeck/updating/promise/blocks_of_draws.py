@@ -18,11 +18,11 @@ from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.promise.draws import Drawing, DrawnPlants
-from middeck.updating.promise.outlook import LoopNoise
 from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.updating.promise.refined_slips import spread_refined
 from middeck.updating.promise.slip import draw_slips
 from middeck.updating.promise.slip_run import Slipped, SlipRun, run_slips, set_run
+from middeck.updating.promise.stability_probability import LoopNoise
 from middeck.values import record
 
 BLOCK = 25
