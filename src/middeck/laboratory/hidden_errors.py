@@ -148,7 +148,11 @@ def hide_in_suspension(environment: Environment, hidden: HiddenErrors) -> Enviro
 def spread_damping(damping: Damping, modes: Modes, drawn: np.ndarray, count: int) -> Damping:
     """Each mode's own ratio times its factor; numbered, since names may repeat."""
     if count > len(drawn):
-        raise ConfigError(f"damping drawn for {len(drawn)} modes of {count}", where="HiddenErrors")
+        raise ConfigError(
+            f"damping drawn for {len(drawn)} modes of {count}",
+            where="HiddenErrors",
+            hint="draw_hidden_errors with as many modes as the plant keeps",
+        )
     if damping.table is not None or damping.dampers or damping.loss_factor or damping.by_mode:
         raise ConfigError(
             "hidden damping is for ratios by kind of mode", where="damping", hint="leave the others out"

@@ -99,7 +99,7 @@ def _places(
     from middeck.structure.gravity.gravity_levels import GravityLevel, find_place, tilt_place
 
     if through is not None and tilt is not None:
-        raise ConfigError("--through or --tilt: one of them, not both")
+        raise ConfigError("--through or --tilt: one of them, not both", hint="leave one of them out")
     if tilt is not None:
         start = GravityLevel(environment.title, environment.gravity)
         return start, tilt_place(start, float(np.radians(tilt[0])), np.array(tilt[1:]))

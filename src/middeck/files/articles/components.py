@@ -124,7 +124,10 @@ def _arrays(path: Path) -> dict[str, Any]:
 def _real(arrays: Mapping[str, Any], key: str) -> np.ndarray:
     array = np.asarray(arrays[key])
     if array.dtype.kind not in "fiub" or array.ndim != 2:
-        raise ConfigError(f"{key} is no real matrix: {array.dtype} of shape {array.shape}")
+        raise ConfigError(
+            f"{key} is no real matrix: {array.dtype} of shape {array.shape}",
+            hint="a two-dimensional array of real numbers",
+        )
     return array.astype(float)
 
 

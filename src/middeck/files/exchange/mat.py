@@ -248,6 +248,7 @@ def _ports(
         raise DataError(
             f"{len(names)} names and {len(units)} units for {len(default)} {side.lower()}s",
             where=f"{where}, {side}Name",
+            hint=f"one name, and one unit and channel or none, for each {side.lower()}",
         )
     place = f"{where}, {side}Channel"
     return tuple(
@@ -262,7 +263,11 @@ def _channel(text: str, where: str) -> Any:
     try:
         return build_channel(json.loads(text), where)
     except json.JSONDecodeError:
-        raise DataError(f"{text!r} is no table", where=where) from None
+        raise DataError(
+            f"{text!r} is no table",
+            where=where,
+            hint="write the file again with `write_mat`, or remove the entry",
+        ) from None
 
 
 def _texts(found: Mapping[str, np.ndarray], name: str) -> tuple[str, ...]:

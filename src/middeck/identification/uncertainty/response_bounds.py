@@ -139,7 +139,10 @@ def _bands(
 def _entries(covariance: ModelCovariance, frequency_hz: np.ndarray) -> Iterator[tuple[int, int, EntrySlopes]]:
     f = np.asarray(frequency_hz, dtype=float)
     if f.ndim != 1 or not np.isfinite(f).all() or (f <= 0.0).any():
-        raise ConfigError("frequencies of bounds must be a list of positive numbers of Hz")
+        raise ConfigError(
+            "frequencies of bounds must be a list of positive numbers of Hz",
+            hint="a one-dimensional array, finite and > 0 Hz",
+        )
     outputs, inputs = covariance.model.direct.shape
     for o in range(outputs):
         for i in range(inputs):

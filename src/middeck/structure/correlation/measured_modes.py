@@ -134,14 +134,20 @@ def _check_channels(node: tuple[str, ...], direction: tuple[str, ...], rows: int
 def _check_numbers(measured: MeasuredModes) -> None:
     optional = ("frequency_std_hz", "damping_std", "shape_std")
     if not len(measured.frequency_hz):
-        raise DataError("no modes", where="measured modes")
+        raise DataError("no modes", where="measured modes", hint="at least one measured mode")
     for name in ("frequency_hz", "damping", "shape", *optional, "position_m"):
         value = getattr(measured, name)
         # A damping that no one stated is not a number.
         if value is not None and not (np.isfinite(value) | ((name == "damping") & np.isnan(value))).all():
-            raise DataError(f"{name} holds a number that is not finite", where="measured modes")
+            raise DataError(
+                f"{name} holds a number that is not finite",
+                where="measured modes",
+                hint="leave the mode or channel out, or repair its number",
+            )
         if name in optional and value is not None and np.any(value < 0.0):
-            raise DataError(f"{name} holds a negative number", where="measured modes")
+            raise DataError(
+                f"{name} holds a negative number", where="measured modes", hint="standard deviations are >= 0"
+            )
     if np.any(measured.frequency_hz <= 0.0):
         raise DataError(
             f"a frequency of {measured.frequency_hz.min()} Hz",
@@ -150,7 +156,11 @@ def _check_numbers(measured: MeasuredModes) -> None:
         )
     still = np.flatnonzero(~np.any(measured.shape, axis=0))
     if len(still) and len(measured.shape):
-        raise DataError(f"the shape of mode {still[0]} is zero", where="measured modes")
+        raise DataError(
+            f"the shape of mode {still[0]} is zero",
+            where="measured modes",
+            hint="leave the mode out, or add a channel at which it moves",
+        )
 
 
 def measure_modes(

@@ -343,9 +343,17 @@ class DampingTable:
         f, zeta = self.frequency_hz, self.zeta
         ordered = len(f) > 0 and bool(np.all(np.isfinite(f)) and f[0] > 0.0 and np.all(np.diff(f) > 0.0))
         if not ordered:
-            raise ConfigError("a damping table needs positive, ascending frequencies", where="damping.table")
+            raise ConfigError(
+                "a damping table needs positive, ascending frequencies",
+                where="damping.table",
+                hint="at least one frequency > 0 Hz, each higher than the one before",
+            )
         if not np.all((zeta >= 0.0) & (zeta < 1.0)):
-            raise ConfigError("a damping table holds ratios from 0 to below 1", where="damping.table")
+            raise ConfigError(
+                "a damping table holds ratios from 0 to below 1",
+                where="damping.table",
+                hint="1 % of critical is 0.01",
+            )
 
 
 @record(kw_only=True)
@@ -382,12 +390,18 @@ class Damping:
             )
         ratios = (self.flexible, self.suspension, self.rigid, *(zeta for _, zeta in self.by_mode))
         if not all(0.0 <= np.real(zeta) < 1.0 for zeta in ratios):
-            raise ConfigError("a damping ratio must be >= 0 and < 1", where="damping")
+            raise ConfigError(
+                "a damping ratio must be >= 0 and < 1", where="damping", hint="1 % of critical is 0.01"
+            )
         if not all(
             0.0 <= np.real(x) < np.inf
             for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))
         ):
-            raise ConfigError("a loss factor or damper is negative or not finite", where="damping")
+            raise ConfigError(
+                "a loss factor or damper is negative or not finite",
+                where="damping",
+                hint="zero or positive; a loss factor is about twice the damping ratio",
+            )
 
 
 @record(kw_only=True)

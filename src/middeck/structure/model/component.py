@@ -355,5 +355,9 @@ def require_component(component: Component) -> Component:
     """The component; raises `ConfigError` with all that is wrong with it."""
     faults = [*component_faults(component)]
     if faults:
-        raise ConfigError("; ".join(faults), where=f"component {component.name!r}")
+        raise ConfigError(
+            "; ".join(faults),
+            where=f"component {component.name!r}",
+            hint="correct its matrices and places, or export it again",
+        )
     return component

@@ -74,7 +74,11 @@ class Device:
             )
         for this, that in (("stiffness", "bounce_hz"), ("cable_length", "anchor")):
             if (getattr(self, this) is None) == (getattr(self, that) is None):
-                raise ConfigError(f"{this} or {that}: one of them, not both", where=where)
+                raise ConfigError(
+                    f"{this} or {that}: one of them, not both",
+                    where=where,
+                    hint="remove one of the two, or give the one that is missing",
+                )
         if (self.force is None) != bool(self.held):
             raise ConfigError(
                 "pinned directions are for a tuned device, and a tuned device needs them",

@@ -142,7 +142,11 @@ class SetUp(NamedTuple):
         """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
         equilibrium = solve_equilibrium(*change(*self, x))
         if not equilibrium.converged:
-            raise NumericalError("the article has no rest state", where="refinement")
+            raise NumericalError(
+                "the article has no rest state",
+                where="refinement",
+                hint="narrower priors, or a suspension that holds the article in this survey",
+            )
         return solve_modes(equilibrium)
 
 

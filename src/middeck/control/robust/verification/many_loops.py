@@ -109,4 +109,7 @@ def _check(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
         shapes = ", ".join(f"{k} {M.shape}" for k, M in stacks.items())
         raise ConfigError(f"stacks of {shapes}", hint="A (loop, n, n), B (loop, n, w), C (loop, z, n)")
     if not all(np.isfinite(M).all() for M in stacks.values()):
-        raise ConfigError("a stack of loops holds a number that is not finite")
+        raise ConfigError(
+            "a stack of loops holds a number that is not finite",
+            hint="drop unstable or failed designs from the stack first",
+        )

@@ -130,7 +130,8 @@ def _require_ports(plant: Plant, compensator: Compensator) -> None:
     if reads != plant.y or drives != plant.u:
         raise ConfigError(
             f"the compensator reads {', '.join(reads)} and drives {', '.join(drives)}; the plant's groups y "
-            f"and u are {', '.join(plant.y)} and {', '.join(plant.u)}"
+            f"and u are {', '.join(plant.y)} and {', '.join(plant.u)}",
+            hint="design the compensator on a plant with the same groups, in the same order",
         )
 
 
