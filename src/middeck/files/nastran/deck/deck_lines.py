@@ -126,7 +126,7 @@ class Lines:
                     self.ended = True
                     continue
             lines.append((text, file, number))
-        if not self.ended and lines and lines[-1][1:] == (file, len(texts)):  # cut off: a number may be another
+        if not self.ended and lines and lines[-1][1:] == (file, len(texts)):
             raise_at(lines[-1], "", "the file ends within this line", hint=f"{WHOLE} if it is, end the line")
 
     def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
