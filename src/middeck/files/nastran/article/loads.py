@@ -17,8 +17,10 @@ from middeck.files.toml.faults import Fault
 from middeck.structure.model.connectivity import some_names
 
 # Along a line of two grids, or across two such lines.
-BY_GRIDS = {"FORCE1": ("g1", "g2"), "MOMENT1": ("g1", "g2")}
-BY_GRIDS |= dict.fromkeys(("FORCE2", "MOMENT2"), ("g1", "g2", "g3", "g4"))
+BY_GRIDS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("FORCE1", "MOMENT1"), ("g1", "g2")),
+    **dict.fromkeys(("FORCE2", "MOMENT2"), ("g1", "g2", "g3", "g4")),
+}
 DIRECT = ("FORCE", "MOMENT", *BY_GRIDS)
 TAKEN = (*DIRECT, "PLOAD1", "GRAV")
 LEAST_SINE = 1e-9  # of the angle between two lines that say what is across both
