@@ -12,7 +12,7 @@ from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
-# MSC Nastran, Quick Reference Guide, CORD2R, remark 1: the continuation must be present.
+# NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
 CORD2_LINES = 2
 
 
