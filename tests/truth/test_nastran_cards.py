@@ -193,7 +193,9 @@ def test_continuations(name):
     [
         ("+A,1.\nGRID,1", "a continuation of nothing"),
         ("PBAR,1,2,3.\nGRID,1\n+A,1.", "a continuation 'A' of no card"),
-        ("PBAR,1,2,3.,,,,,,+A\nGRID,1", "the continuation 'A' is missing"),
+        ("PBAR,1,2,3.,,,,,,+A\nGRID,1", "the continuation '+A' is missing"),
+        ("PBAR,1,2,3.,,,,,,+\nGRID,1", "the continuation '+' is missing"),
+        (f"{'PBAR*':<72}*\nGRID,1", "the continuation '*' is missing"),
         ("PBAR,1,2,3.,,,,,,+A\nGRID,1\n+A,1.\nGRID,2\n+A,2.", "a second continuation 'A'"),
         ("GRID,1,,0.,0.,0.,0,,,,5", "more than 8 fields"),
         ("GRID,1,,0", "a.dat:1: GRID 1 field 4 (X1) = 0: must be a real number"),
@@ -505,7 +507,7 @@ def test_a_deck_of_three_files_and_sections(tmp_path):
         "include 'gone.v9'\nSOL 103\nCEND\nMPC = 701\nSPC=5\nBEGIN BULK\n"
         "INCLUDE 'sub/\n  b.blk'\nENDDATA\nrubbish\n"
     )
-    (tmp_path / "sub/b.blk").write_text("GRID,1\ninclude c.blk $ beside\nGRID,2")
+    (tmp_path / "sub/b.blk").write_text("GRID,1\ninclude c.blk $ beside\nGRID,2\n")
     (tmp_path / "sub/c.blk").write_bytes(b"GRID,3\r\n$ \xe9t\xe9\r\nMPC,702,1,1,1.,2,1,-1.\r\n")
     deck = read_deck(tmp_path / "a.dat")
     assert [entry.id for entry in deck.entries.of("GRID")] == [1, 3, 2]

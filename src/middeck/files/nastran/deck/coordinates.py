@@ -12,6 +12,8 @@ from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
+# NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
+CORD2_LINES = 2
 
 
 class System(NamedTuple):
@@ -155,6 +157,9 @@ class _Resolver:
         if entry.name[4] == "1":
             a, b, c = (self.grids[entry[key]] for key in ("g1", "g2", "g3"))
         else:
+            if len(entry.card.lines) < CORD2_LINES:
+                self._refuse(entry.fault("its second line is missing, with the third point", "c1"))
+                return False
             based = self.systems[entry["rid"]]
             a, b, c = (
                 based.to_basic(np.array([entry[f"{p}1"], entry[f"{p}2"], entry[f"{p}3"]])) for p in "abc"

@@ -19,8 +19,7 @@ _BAR_ENDS = (
 )
 # Loads of load sets that are no forces on grids; RFORCE and ACCEL depend on masses.
 _OTHER_LOADS = """
-PLOAD PLOAD2 PLOAD4 PLOADX1 SLOAD SPCD DEFORM RFORCE RFORCE1 ACCEL ACCEL1 FORCE1 FORCE2 MOMENT1 MOMENT2 QVOL
-TEMP TEMPD TEMPRB LSEQ
+PLOAD PLOAD2 PLOAD4 PLOADX1 SLOAD SPCD DEFORM RFORCE RFORCE1 ACCEL ACCEL1 QVOL TEMP TEMPD TEMPRB LSEQ
 """
 OTHER_LOADS = tuple(_OTHER_LOADS.split())
 
@@ -72,6 +71,8 @@ FORMATS: dict[str, str] = {
     "GRAV": "sid:n cid:i=0 a:r n1:r=0 n2:r=0 n3:r=0 mb:i=0",
     "FORCE": _FORCE,
     "MOMENT": _FORCE,
+    **dict.fromkeys(("FORCE1", "MOMENT1"), "sid:n g:n f:r g1:n g2:n"),
+    **dict.fromkeys(("FORCE2", "MOMENT2"), "sid:n g:n f:r g1:n g2:n g3:n g4:n"),
     "PLOAD1": "sid:n eid:n type:t scale:t x1:r p1:r x2:r= p2:r=",
     "LOAD": "sid:n s:r +rest:a",
     "DMIG": "name:t +rest:a",
