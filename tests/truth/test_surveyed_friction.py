@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import pairwise
 
 import lossy_case as case
 import numpy as np
 import pytest
 from scipy.integrate import quad, trapezoid
+from scipy.special import erfc, gammainc
 from test_promise_friction import asked
 
 from middeck.errors import ConfigError
@@ -44,30 +46,49 @@ def first_harmonic(amplitude: float, torque: float, angle: float, points: int = 
 @pytest.mark.parametrize("random", [False, True])
 def test_the_equivalent_of_a_mode_and_its_slopes(random: bool):
     """Sines by an integral over a cycle, narrow-band random motion by the mean over amplitudes."""
-    amplitude = np.array([1e-4, 5e-4, 1e-3, 1e-2])
+    amplitude = ANGLE * np.array([0.25, 1.25, 2.5, 25.0])
     one = SurveyedFriction(
         joint="p", slip_torque=TORQUE, slip_angle=ANGLE, amplitude=amplitude, random=random
     )
     value, slopes = equivalent(one, TORQUE, ANGLE)
-    for k, a in enumerate(amplitude):
-        if random:
-            law = Friction(slip_torque=TORQUE, stiffness=TORQUE / ANGLE)
-
-            def weighted(u: float, a: float = a, law: Friction = law) -> complex:
-                at = law.describing_function(np.array([a * np.sqrt(2.0 * u)]))
-                return u * np.exp(-u) * complex(at.stiffness[0], at.loss[0])
-
-            edge = ANGLE**2 / (2.0 * a**2)
-            parts = [(0.0, min(edge, 60.0)), (min(edge, 60.0), 60.0)]
-            exact = sum(quad(weighted, low, high, complex_func=True)[0] for low, high in parts)
-            # 40 points over a function with a bend where it begins to slip.
-            assert value[k] == pytest.approx(exact, abs=3e-3 * TORQUE / ANGLE)
-        else:
-            assert value[k] == pytest.approx(first_harmonic(a, TORQUE, ANGLE), abs=1e-6 * TORQUE / ANGLE)
+    if not random:
+        by_cycle = [first_harmonic(a, TORQUE, ANGLE) for a in amplitude]
+        np.testing.assert_allclose(value, by_cycle, atol=1e-6 * TORQUE / ANGLE)
     h = 1e-5
     for row, (t, s) in zip(slopes, ((h, 0.0), (0.0, h)), strict=True):
         up, down = (equivalent(one, TORQUE * np.exp(f * t), ANGLE * np.exp(f * s))[0] for f in (1.0, -1.0))
         np.testing.assert_allclose(row, (up - down) / (2.0 * h), atol=1e-6 * TORQUE / ANGLE)
+
+
+def mean_stiffness(rms: float) -> float:
+    """Over what sticks, of a random motion of ``rms`` over the slip angle, by adaptive quadrature.
+
+    With u = (A/rms)^2/2 amplitudes have the weight u exp(-u); u = edge + v^2 takes the root out of the bend.
+    """
+    edge = 0.5 / rms**2
+    law = Friction(slip_torque=1.0, stiffness=1.0)
+
+    def slipping(v: float) -> float:
+        u = edge + v**2
+        at = law.describing_function(np.array([rms * np.sqrt(2.0 * u)]))
+        return 2.0 * v * u * np.exp(-u) * float(at.stiffness[0])
+
+    stops = sorted({0.0, *(n * np.sqrt(edge) for n in (1.0, 5.0, 25.0) if n**2 * edge < 40.0), 7.0})
+    some = (quad(slipping, *way, epsabs=1e-15, epsrel=1e-13)[0] for way in pairwise(stops))
+    return float(gammainc(2.0, edge)) + sum(some)
+
+
+def test_random_motion_of_any_size_about_the_slip_angle():
+    """The loss in closed form, 2 sqrt(edge/pi) erfc(sqrt(edge)); the stiffness by adaptive quadrature."""
+    rms = np.geomspace(1e-3, 1e3, 61)
+    one = SurveyedFriction(joint="p", slip_torque=1.0, slip_angle=1.0, amplitude=rms, random=True)
+    value, slopes = equivalent(one, 1.0, 1.0)
+    edge = 0.5 / rms**2
+    np.testing.assert_allclose(value.imag, 2.0 * np.sqrt(edge / np.pi) * erfc(np.sqrt(edge)), rtol=1e-12)
+    np.testing.assert_allclose(value.real, [mean_stiffness(r) for r in rms], rtol=1e-11)
+    # k_eq and k_loss are torque over angle times a function of angle over rms.
+    rise = np.sqrt(edge / np.pi) * (2.0 * erfc(np.sqrt(edge)) - 4.0 * np.sqrt(edge / np.pi) * np.exp(-edge))
+    np.testing.assert_allclose((slopes[1] + value).imag, rise, atol=1e-14)
 
 
 def rubbed(

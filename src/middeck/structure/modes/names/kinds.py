@@ -218,7 +218,7 @@ def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
     model = equilibrium.model
     free = dynamic_freedom(model, model.rest)
     if _in_one_piece(model):
-        whole = rigid_columns(model.tree, model.rest, np.zeros(3))
+        whole = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
         return allowed_motions(model.held, whole).shape[1] + sum(
             joint.state is JointState.FREE for joint in model.structure.joints
         )
