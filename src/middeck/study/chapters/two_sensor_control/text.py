@@ -70,8 +70,8 @@ def figure_11(figures: Numbers) -> str:
     numbers = figures["figure_11"]
     *_, bare, lead = numbers["reach"]
     return (
-        f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead around"
-        f" the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the payload's rms"
+        f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead"
+        f" around the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the payload's rms"
         f" angle by {changed(numbers['payload'])}, and is {held(numbers['payload'])}."
     )
 
@@ -81,9 +81,9 @@ def figure_12a(figures: Numbers) -> str:
     numbers = figures["figure_12"]
     above, deeper = numbers["payload_db_above_10_hz"]["both"], numbers["payload_deeper_db_7_to_9_hz"]
     return (
-        f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}. The loop"
-        f" is {held(numbers['both'])}. Above 10 Hz the angle is {_apart(above)} in open loop; at 7-9 Hz (shaded)"
-        f" it is {_apart(deeper)} under the payload penalty alone."
+        f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}."
+        f" The loop is {held(numbers['both'])}. Above 10 Hz the angle is {_apart(above)} in open loop; at"
+        f" 7-9 Hz (shaded) it is {_apart(deeper)} under the payload penalty alone."
     )
 
 
