@@ -28,12 +28,12 @@ EXAMPLES = """\
 @click.argument("candidates", metavar="CANDIDATES")
 @options.printing
 def verb(article: str, candidates: str, as_json: bool) -> None:
-    """Rank tests by what they would tell.
+    """Rank tests by how much they would narrow the predictions.
 
-    ARTICLE is refined on the tests that were made; each of CANDIDATES, a test that may be made, is then
-    added in thought: docs/reference/files.md. The answer is by how much each narrows what is promised,
-    frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
-    is optimised.
+    ARTICLE is refined on the tests already made. For each test in CANDIDATES (docs/reference/files.md) the
+    refinement is then computed as if that test had been made too. The tests are ranked by how much they
+    narrow the promised frequencies and gauge readings, the widest interval first. Each is judged alone and as
+    it stands; none is optimised.
     """
     from middeck.files.refinements.candidates import load_candidates
     from middeck.files.setups import find_document

@@ -37,9 +37,9 @@ def verb(
 ) -> None:
     """Mass, size and plausibility of ARTICLE.
 
-    Mass, centre of mass, inertia and size come first, then warnings about units and mesh. With an ENVIRONMENT
-    (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
-    nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
+    Prints mass, centre of mass, inertia and size, then warnings about units and mesh. With an ENVIRONMENT
+    (orbit, lab, or a file) it also examines the rest state: attitude, unrestrained attach points and
+    directions, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.given.cases import apply_case, read_case
     from middeck.cli.shown.mass_and_attitude import (

@@ -98,7 +98,7 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Judge the modes of ARTICLE by measured ones.
+    """Compare the modes of ARTICLE with measured ones, by criteria.
 
     MODES is JSON, a universal file (.unv, .uff) or CSV; a survey of frequencies alone is judged by frequency.
 

@@ -35,8 +35,12 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.load_case
 @options.count
 @click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
-@click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
-@click.option("--authority", type=options.POSITIVE, help="1/rho.  [default: 10]")
+@click.option(
+    "--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; may be repeated."
+)
+@click.option(
+    "--authority", type=options.POSITIVE, help="1/rho, the inverse weight of control.  [default: 10]"
+)
 @click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
 @click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)

@@ -66,11 +66,10 @@ def verb(
 ) -> None:
     """Test whether an article has changed between two records.
 
-    BEFORE and AFTER are records as identify takes them; both are fitted with one order, and every mode's
-    move is judged by the deviations of both fits. Where both have two periods or more, their responses are
-    compared line by line as well. BEFORE may be a MODEL.json of identify: has the article left the model?
-    AFTER is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set
-    takes what it takes of identify.
+    BEFORE and AFTER are records as identify takes them. Both are fitted with one order, and the change of
+    every mode is compared with the standard deviations of both fits. If both have two periods or more, their
+    responses are also compared line by line. BEFORE may be a MODEL.json of identify; AFTER is then fitted
+    with the model's options. A model without a covariance counts as exact. --set takes the keys of identify.
     """
     from middeck.cli.given.checked_options import FitSettings, settle
 

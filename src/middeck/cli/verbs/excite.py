@@ -39,8 +39,10 @@ EXAMPLES = """\
 @click.option("--inputs", type=int, help="Number of inputs, separated over as many experiments.")
 @click.option("--realisations", type=int, help="Independent sets of experiments.")
 @click.option("--periods", type=int, help="Periods of each experiment.  [default: 1]")
-@click.option("--seed", type=int, help="Of all that is random.  [default: 0]")
-@click.option("--model", "model_file", metavar="MODEL.json", help="What is thought to be there: identify -o.")
+@click.option("--seed", type=int, help="Seed of the random numbers.  [default: 0]")
+@click.option(
+    "--model", "model_file", metavar="MODEL.json", help="Model of the article, as identify -o writes it."
+)
 @click.option(
     "--noise",
     "noise_rms",
@@ -72,7 +74,7 @@ def verb(
 ) -> None:
     """Design a test signal within limits, as large as they allow.
 
-    With --model and --noise it says how well a test of so many periods would identify that model.
+    --model and --noise add the accuracy with which such a test would identify that model.
     --set takes the names of the options, with units: band_hz, period_s, sample_hz.
     """
     from middeck.cli.given.checked_options import settle

@@ -66,16 +66,20 @@ def _each(flag: str, name: str, help: str) -> Any:
     help="Form of the law; auto is modal where its poles are far enough apart.  [default: auto]",
 )
 @click.option("--unstable", is_flag=True, help="Declare poles on or outside the unit circle.")
-@click.option("--without-applied", is_flag=True, help="Estimate from the command asked for.")
+@click.option(
+    "--without-applied",
+    is_flag=True,
+    help="Let the estimator use the commanded outputs, not the applied ones.",
+)
 @click.option("--single", is_flag=True, help="Single precision, with a proved bound of its error.")
 @click.option("--name", metavar="NAME", help="Name of the package.  [default: that of LAW]")
 @options.printing
 def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) -> None:
-    """A controller package of a compensator, and its C.
+    """Write a compensator as controller package and C code.
 
-    A package is data: the law, its ports, limits and test vectors, known by its hash. The same bits come out
-    of the C here, on a small processor and in the reference. LAW is a compensator (at --rate, if it is
-    continuous), or a package, which is written anew or in single precision.
+    A package is data, identified by its hash: the law, its ports, limits and test vectors. The C code gives
+    the same bits as the Python reference on every processor. LAW is a compensator (--rate samples a
+    continuous one), or a package to write again or in single precision.
     """
     from middeck.files.laws.packages import write_package
 

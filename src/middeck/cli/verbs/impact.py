@@ -74,8 +74,8 @@ def verb(
 ) -> None:
     """Find the blows of a hammer test, average and fit them.
 
-    RECORDs hold one force and the responses to it, of one blow or several each. Double hits, overloads, weak
-    blows, blows cut short and those struck while the article still rings are listed with their reason and
+    Each RECORD holds one force and the responses to it, with one or several blows. Double hits, overloads,
+    weak blows, blows cut short, and blows struck while the article still rings are listed with the reason and
     left out. --set takes states and band_hz.
     """
     from middeck.cli.given.checked_options import ImpactSettings, settle

@@ -28,12 +28,12 @@ EXAMPLES = """\
 def verb(
     files: tuple[str, ...], date: str | None, target: str | None, figure_file: str | None, as_json: bool
 ) -> None:
-    """Compare what came with a promise, or score many.
+    """Compare a measured outcome with its promise, or score many.
 
-    OUTCOME has frequencies, shapes and decibels as they came: docs/reference/files.md. Modes are paired with
-    promised ones by shape where OUTCOME names a survey, else by name or number, and what this leaves open is
-    said. The comparison is a document of its own, which names the promise by its hash; a promise that was
-    changed is refused, and a file beside it that it was made of and that was changed is named.
+    OUTCOME holds the measured frequencies, shapes and decibels (docs/reference/files.md). Modes are paired
+    with promised ones by shape if OUTCOME names a survey, otherwise by name or number; ambiguous pairs are
+    marked. The comparison names the promise by its hash. A changed promise is refused; a changed input file
+    of the promise is reported.
 
     COMPARISONs of many promises, as this verb writes them, are scored together.
     """

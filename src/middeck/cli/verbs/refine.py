@@ -45,7 +45,9 @@ EXAMPLES = """\
     "--count", type=click.IntRange(min=1), default=10, show_default=True, help="How many modes to predict."
 )
 @click.option(
-    "--choose", is_flag=True, help="Weigh the unknowns and stop: which the surveys see, which alike."
+    "--choose",
+    is_flag=True,
+    help="Only rate the unknowns: which the surveys determine, and which have the same effect.",
 )
 @options.written("-o", "--output", "target", endings=(".toml",), help="Write the refined article.")
 @options.printing
@@ -60,9 +62,9 @@ def verb(
 ) -> None:
     """Refine ARTICLE on ground tests; predict orbit.
 
-    REFINEMENT names the surveys, the parameters that may change, and how well these are known before:
-    docs/reference/files.md. The answer is the most probable article, with the deviations of its numbers; the
-    refined article is the old one with a table of factors.
+    REFINEMENT names the surveys, the parameters that may change, and their standard deviations before the
+    tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
+    its parameters. The refined article is the given one with a table of factors.
     """
     from middeck.cli.given.cases import find_case
     from middeck.files.disk.atomic import write_text

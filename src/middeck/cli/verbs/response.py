@@ -64,9 +64,9 @@ def verb(
 ) -> None:
     """Frequency responses of ARTICLE between named ports.
 
-    From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. With
-    --static the residual flexibility of the modes beyond --count is added, and its part of the gain at low
-    frequency is shown.
+    From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. --static
+    adds the residual flexibility of the modes beyond --count and prints its share of the gain at low
+    frequency.
     """
     import numpy as np
 

@@ -83,7 +83,12 @@ def promise_claims(numbers: Numbers) -> list[Claim]:
     near_rest = turned and law["growth_hz"] <= NEAR_REST_HZ
     return [
         at_most("rms error of the first flexible 0-g frequencies, refined in 1-g [%]", refined, PERCENT, "%"),
-        above("so many times less than the sheet's", sheet / refined, LEAST_TIMES, "times"),
+        above(
+            "rms error of those frequencies as drawn over that as refined; ratio",
+            sheet / refined,
+            LEAST_TIMES,
+            "times",
+        ),
         row(
             "outcomes within their 95 % intervals [%]",
             100.0 * numbers["score"]["coverage"] >= COVERED,
@@ -92,12 +97,12 @@ def promise_claims(numbers: Numbers) -> list[Claim]:
             "%",
         ),
         at_most(
-            "promised median against the rig in 0-g, median of the compensators [dB]",
+            "promised median and rig in 0-g differ, in the median of the compensators, by [dB]",
             median_error_db(numbers),
             WITH_FRICTION_DB,
         ),
         at_most(
-            f"refined in 1-g behind a 0-g record, where both reach {-ENOUGH_DB:g} dB; most [dB]",
+            f"design refined in 1-g behind one on a 0-g record, if both reach {-ENOUGH_DB:g} dB; most [dB]",
             route_gap_db(numbers),
             ROUTES_DB,
         ),
