@@ -14,13 +14,13 @@ from jaxtyping import Float
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.elements.beam_centre_line import beam_curve
 from middeck.structure.elements.frames import PosePoints, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
-from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.motions.strain_shares import part_energy
 from middeck.structure.modes.results.component_outputs import inner_points
 from middeck.structure.modes.solve import Modes
