@@ -145,13 +145,10 @@ def catch_interrupts() -> Callable[[], bool]:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             sys.__unraisablehook__(lost)
             return
-        import threading
+        # No thread: one that still raises while Python ends is a fatal error of Python.
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
 
-        timer = threading.Timer(AGAIN_S, signal.raise_signal, [signal.SIGINT])
-        timer.daemon = True
-        timer.start()
-
-    signal.signal(signal.SIGINT, interrupt)
-    signal.signal(signal.SIGTERM, interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, interrupt)
     sys.unraisablehook = dropped
     return lambda: bool(seen)
