@@ -32,8 +32,7 @@ SEGMENTS, FINE = 6, 16
 SPOKE = 5  # points of a line of a component, so that its colour changes along it
 # Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
-# Sections show torsion; in an article of more members than this, or more than so many cells of one, they would
-# hide it.
+# Sections show torsion; more members than this, or cells of one, would hide it.
 MOST_SECTIONED, CELLS = 60, 6
 # The twelve edges of a box in one stroke, by the binary digits of its corners.
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
@@ -240,7 +239,7 @@ def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
 def _sections(model: Model, size: float) -> Iterator[_Stroke]:
     """A diamond in the own axes of a member at ends of its elements, so that torsion is seen."""
     members = model.structure.members
-    if len(members) > MOST_SECTIONED:
+    if not 0 < len(members) <= MOST_SECTIONED:
         return
     shown = np.concatenate([np.arange(m.elements) % -(-m.elements // CELLS) == 0 for m in members])
     for e, ends in enumerate(model.element_ends):
