@@ -61,6 +61,7 @@ def test_the_deck_is_sound(tmp_path):
         ("RBE1,20,4,123456\n,UM,4,1", "independent and dependent at once: component 1 of grid 4"),
         ("RBE2,20,4,123,1,4", "RBE2 20 field 5 (GM) = 1: grid 4 follows itself"),
         ("RBAR,20,4,4,123456,,,12", "grid 4 follows itself"),
+        ("GRID,9,,1.,,,-1", "GRID 9 field 7 (CD) = -1: there is no coordinate system -1"),
         ("CORD2R,5,,0.,0.,1.,0.,0.,2.", "CORD2R 5 field 12 (C1): its second line is missing"),
         ("RBAR,20,4,1,123,45", "5 independent components that do not say how a rigid body moves"),
         ("RBAR,20,4,1,123,156", "6 independent components that do not say how a rigid body moves"),

@@ -204,6 +204,10 @@ def test_continuations(name):
         ("GRID,-3", "must be an integer > 0"),
         ("GRID,1,,1.0.", "field 4 (X1) = 1.0."),
         ("GRID,1,,,,,,7", "components"),
+        ("GRID,1,,,,,,10", "components"),
+        ("RBE2,1,2,0,3", "field 4 (CM) = 0: must be components"),
+        ("RBE2,1,2,12340,3", "field 4 (CM) = 12340: must be components"),
+        ("RBE3,1,,2,0,1.,123,3", "field 5 (REFC) = 0: must be components"),
         ("CONM2,1,2,,1.,,,,5.", "field 9 = 5.: must be blank"),
         ("GRDI,1", "did you mean 'GRID'?"),
         ("GRID 1 0 0. 0. 0.", "columns of eight, or commas"),
@@ -295,6 +299,25 @@ def test_directions_of_components_are_gradients_of_coordinates():
         np.testing.assert_allclose(
             system.axes_at(system.to_basic(place)), np.stack(columns, axis=1), atol=1e-9
         )
+
+
+@pytest.mark.parametrize("kind", ["C", "S"])
+@pytest.mark.parametrize("along", [-7.3, 0.0, 1e-3, 30.0])
+def test_directions_on_the_polar_axis_are_those_of_zero_degrees(kind, along):
+    """Whatever rounding leaves of a place on it: the origin is far, and the axes are askew."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        axes[:, 2] *= np.linalg.det(axes)
+        system = System(kind, 1e3 * rng.standard_normal(3), axes)
+        x, y, z = axes.T
+        if kind == "C":
+            place, expected = [0.0, 0.0, along], [x, y, z]
+        else:
+            place = [abs(along), 180.0 if along < 0.0 else 0.0, 0.0]
+            expected = [-z, -x, y] if along < 0.0 else [z, x, y]
+        found = system.axes_at(system.to_basic(np.array(place)))
+        np.testing.assert_allclose(found, np.stack(expected, axis=1), atol=1e-6)
 
 
 def moments(inside, half):

@@ -1,9 +1,10 @@
 """What stands in which field of the cards that are read, and which other cards there are.
 
 A format names the fields in their order, each as ``name:kind``: n a positive integer, i an integer, r a
-real, g a grid (integer) or a real, c components (digits 1 to 6), t text, a anything; ``-`` must be blank and
-``*`` is not looked at. ``=`` gives the default of a blank field, or none; a field without it is required. A
-last name with ``+`` takes all that follows. After MSC and NX Nastran, Quick Reference Guides.
+real, g a grid (integer) or a real, c components (digits 1 to 6, or 0 for none), d some of them, t text, a
+anything; ``-`` must be blank and ``*`` is not looked at. ``=`` gives the default of a blank field, or none; a
+field without it is required. A last name with ``+`` takes all that follows. After MSC and NX Nastran, Quick
+Reference Guides.
 """
 
 from __future__ import annotations
@@ -57,8 +58,8 @@ FORMATS: dict[str, str] = {
     "PELAS": "pid:n k:r ge:r=0 s:r=0",
     "CBUSH": "eid:n pid:n= ga:n gb:n= x1:g= x2:r= x3:r= cid:i= s:r=0.5 ocid:i=-1 s1:r= s2:r= s3:r=",
     "PBUSH": "pid:n +rest:a",
-    "RBE2": "eid:n gn:n cm:c +gm:a",
-    "RBE3": "eid:n - refgrid:n refc:c +rest:a",
+    "RBE2": "eid:n gn:n cm:d +gm:a",
+    "RBE3": "eid:n - refgrid:n refc:d +rest:a",
     "RBAR": "eid:n ga:n gb:n cna:c= cnb:c= cma:c= cmb:c= alpha:r=0",
     "RBE1": "eid:n +rest:a",
     "MPC": "sid:n +terms:a",
