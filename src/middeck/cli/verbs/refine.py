@@ -206,7 +206,7 @@ def _friction(refined: RefinedFriction) -> dict[str, Any]:
 
 
 def _deviation(predicted: Prediction) -> Float[ndarray, " mode"]:
-    """Of the predicted damping ratios; nothing of a refined one is unseen."""
+    """Standard deviations of the predicted damping ratios."""
     return predicted.damping * predicted.damping_std(0.0)
 
 

@@ -67,7 +67,7 @@ def _numbers(outcome: SampledOutcome) -> Float[np.ndarray, " number"]:
 def measure_held(
     plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
-    """As `measure_sampled_loop`, rounding apart."""
+    """`measure_sampled_loop` without its check of rounding."""
     held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
     stable = decide_stability(plant, compensator).stable

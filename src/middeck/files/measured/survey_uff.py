@@ -241,7 +241,7 @@ def _turn(table: np.ndarray, axes: np.ndarray, node: int, path: Path) -> np.ndar
 
 
 def _once(shapes: list[Shape]) -> list[Shape]:
-    """Of a mode and its complex conjugate the one that turns forward; of what stands twice the first."""
+    """The shapes, each once: of a complex pair the forward one, of duplicates the first."""
 
     def again(k: int, shape: Shape) -> bool:
         back = shape.root.imag < 0.0 and any(_close(s.root, shape.root.conjugate()) for s in shapes)

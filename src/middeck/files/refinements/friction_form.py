@@ -33,7 +33,7 @@ class AmplitudeForm(Form):
 def build_frictions(
     amplitudes: Sequence[AmplitudeForm], frictions: Sequence[FrictionForm], modes: int
 ) -> tuple[SurveyedFriction, ...]:
-    """Of one survey with so many measured modes; every joint of ``amplitudes`` is one of ``frictions``."""
+    """Frictions of a survey of ``modes`` modes; every joint of ``amplitudes`` is one of ``frictions``."""
     named = {f.joint: f for f in frictions}
     return tuple(
         SurveyedFriction(

@@ -68,7 +68,7 @@ class Study:
 
     @property
     def seed(self) -> int:
-        """Of all that is drawn."""
+        """Seed of all random numbers."""
         return self.form.seed
 
     @property

@@ -89,7 +89,7 @@ def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
 
 
 def _ends_of_items(lines: list[str]) -> list[int]:
-    """For each item of an array over several ``lines``, but for those on the last one, where it ends."""
+    """Where each item of an array over several ``lines`` ends, but for those on the last line."""
     ends: list[int] = []
     pending: list[str] = []
     head = ""

@@ -334,7 +334,7 @@ def _pairs_for_a_delay(
     best: Polished,
     followed: Spread,
 ) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Of a model without delays, pairs that stand for one."""
+    """Pairs that stand for a delay in a model without delays."""
     if covariance.structure.with_delay:
         return np.array([], dtype=int), 0.0
     s, inputs = 2j * np.pi * measured.frequency_hz, len(measured.inputs)

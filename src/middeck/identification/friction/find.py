@@ -273,4 +273,8 @@ def _check(
                 hint="do torque and angle point the same way?",
             )
     if not after <= before:
-        raise FitError("no friction makes the experiments agree", where="friction", hint="another law?")
+        raise FitError(
+            "no friction makes the experiments agree",
+            where="friction",
+            hint="another kind of friction, or other joints?",
+        )

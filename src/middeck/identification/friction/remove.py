@@ -35,7 +35,7 @@ def without_friction(record: Record, found: JointFriction) -> Record:
 
 
 def _to_one_noise(record: Record) -> np.ndarray:
-    """Of each experiment; ones where periods do not tell the noise."""
+    """A factor for each experiment that makes their noise equal; ones where periods do not show the noise."""
     if record.y.shape[1] < 2:
         return np.ones(len(record.y))
     noise = record.y.std(axis=1, ddof=1).mean(axis=1)

@@ -67,7 +67,7 @@ def without_window(fit: FitResult, window_s: float) -> FitResult:
     model = fit.model
     if np.any(double_pole(model)) or model.integral is not None or model.path_delay_s is not None:
         raise ConfigError(
-            "an exponential window turns poles at zero into others, and delays of paths into unlike sizes",
+            "an exponential window moves poles at zero, and scales paths of different delay differently",
             hint="no residuals, rigid modes, integrators or delays of paths; or window_s=inf",
         )
     moved = model.poles + 1.0 / window_s
@@ -98,7 +98,7 @@ def without_window(fit: FitResult, window_s: float) -> FitResult:
 def _moved(
     covariance: ModelCovariance, bare: MeasurementModel, window_s: float, gain: np.ndarray
 ) -> ModelCovariance:
-    """By the derivatives of the bare unknowns: logarithms of decay rates, output vectors, constants."""
+    """The covariance without the window, by derivatives of log decay rates, output vectors and constants."""
     at = covariance.at
     x = unknowns_of(bare, covariance.structure)
     J = np.eye(at.size)

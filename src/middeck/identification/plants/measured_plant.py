@@ -54,7 +54,7 @@ def state_names(model: MeasurementModel) -> tuple[str, ...]:
 
 
 def _at_rest(modes: StateSpace, double: np.ndarray, single: np.ndarray) -> StateSpace:
-    """With double / s^2 + single / s in parallel, of the McMillan degree rank [single, double; double, 0].
+    """The system with double / s^2 + single / s in parallel, of degree rank [single, double; double, 0].
 
     q1' = q2 + into u, q2' = psi u and y = phi q1 + out q2 give phi psi / s^2 + (phi into + out psi) / s: of
     ``single`` all but its part beside both phi and psi needs no state of its own.
@@ -75,7 +75,7 @@ def _at_rest(modes: StateSpace, double: np.ndarray, single: np.ndarray) -> State
 
 
 def _beside(modes: StateSpace, residue: np.ndarray, drift: np.ndarray) -> StateSpace:
-    """With a residue at zero in parallel, as many chains ``drift`` of integrators as it has rank.
+    """The system with a residue at zero in parallel: the integrator chain ``drift``, once for each rank.
 
     q'' = psi u and y = phi q, or q' = psi u.
     """

@@ -23,13 +23,13 @@ CLEAR, NOTHING = 8.0, 1e-9
 
 
 def _folded_share(record: Record) -> Float[np.ndarray, " input"]:
-    """Of each input, what is left at half the rate of its largest line; zero for one that is no blows."""
+    """Spectrum of each input at half the rate over its largest line; zero for an input without blows."""
     u = record.u.reshape(len(record.u), -1, record.u.shape[3])
     return np.array([_share(u[..., i]) for i in range(u.shape[2])])
 
 
 def _share(x: Float[np.ndarray, "run sample"]) -> float:
-    """Of all blows together, each in a smooth window: what rings below half the rate stays there."""
+    """The share of all blows of an input together, each under a smooth window against ringing."""
     force = x - np.median(x, axis=1, keepdims=True)
     on = np.abs(force) > BLOW * np.abs(force).max()
     if np.mean(on) > SPARSE:
@@ -51,11 +51,11 @@ def _share(x: Float[np.ndarray, "run sample"]) -> float:
 
 
 def doubts_of_folding(record: Record) -> list[str]:
-    """Inputs whose blows reach beyond half the sampling rate."""
+    """Warnings for inputs whose blows reach beyond half the sampling rate."""
     return [
         f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
-        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
-        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
+        "line, and the rest is folded back: no anti-alias filter, or too low a rate; the stated standard "
+        "deviations do not hold, least of all that of a delay; sample faster, or strike with a softer tip"
         for port, share in zip(record.inputs, _folded_share(record), strict=True)
         if share > FOLDED
     ]

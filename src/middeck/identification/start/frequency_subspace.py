@@ -140,7 +140,7 @@ def _missed(
     blocks: Sequence[Sequence[int] | Int[np.ndarray, " own"]],
     free: Sequence[int],
 ) -> Float[np.ndarray, " block"]:
-    """By how much the squares rise without each block, the others solved for again."""
+    """Rise of the squares without each block, the others solved for again."""
     columns = [int(c) for block in blocks for c in block] + list(free)
     inverse = np.linalg.pinv(gram[np.ix_(columns, columns)], hermitian=True)
     x = inverse @ right[columns]

@@ -232,7 +232,7 @@ class _Work:
             self._take_lag_as_drift(m)
 
     def _take_lag_as_drift(self, m: int) -> None:
-        """Of the frequency: what its lag asks for, the damping's corrections are full of."""
+        """Correct the frequency alone for its lag: corrections of damping contain the lag too."""
         most = 0.0 if self._is_astray() else self.followed.drift.frequency_jump
         lag.take_as_drift(self.lag, m, most)
         self.lag[:, self.modes + m] = 0.0

@@ -155,7 +155,7 @@ def is_lost(products: Float[np.ndarray, " lag"], weight: float) -> bool:
 
 
 def opening(tries: int) -> float:
-    """In jumps, after so many tries."""
+    """Size, in jumps, to which deviations of a lost mode are opened after so many tries."""
     return OPENINGS[tries % len(OPENINGS)]
 
 

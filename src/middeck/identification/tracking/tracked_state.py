@@ -224,7 +224,7 @@ def start_tracking(
 
 
 def motion_deviation(followed: Followed, loudness: Float[np.ndarray, " input"]) -> Float[np.ndarray, " mode"]:
-    """Of the modal states, where only the mean square of what moves them is known."""
+    """Standard deviation of the modal states under a force of which only the mean square is known."""
     # z' = lambda z + b u under white u, rms^2 T: E|z|^2 = |b|^2 rms^2 T / (2 sigma).
     power = np.abs(followed.participation) ** 2 @ loudness * followed.T / (-2.0 * np.real(followed.poles))
     return MORE_IN_BAND * np.sqrt(power)
@@ -233,7 +233,7 @@ def motion_deviation(followed: Followed, loudness: Float[np.ndarray, " input"]) 
 def _parameter_deviation(
     model: MeasurementModel, known: Uncertainty | None
 ) -> Float[np.ndarray, " parameter"]:
-    """Of log frequency, log damping and gains at the start."""
+    """Standard deviations of log frequency, log damping and gains at the start."""
     modes = len(model.poles)
     f = FIRST_FREQUENCY if known is None else known.natural_hz / natural_hz(model)
     z = FIRST_DAMPING if known is None else known.damping / damping_ratio(model)

@@ -284,7 +284,7 @@ def zero_deviation(
 
 
 def _without_delay(model: MeasurementModel) -> MeasurementModel:
-    """Of the same zeros: exp(-s tau) is a factor of both derivatives, and beyond all floats at a far zero."""
+    """The model without delays, with the same zeros: exp(-s tau) overflows at a far zero."""
     path = None if model.path_delay_s is None else np.zeros_like(model.path_delay_s)
     return dataclasses.replace(model, delay_s=np.zeros_like(model.delay_s), path_delay_s=path)
 

@@ -100,7 +100,7 @@ def shared_functions(
 def entry_factors(
     model: MeasurementModel, structure: ModelStructure, at: Places, output: int, input: int
 ) -> EntryFactors:
-    """Of H_oi, for unknowns at their places."""
+    """Factors of H_oi, for unknowns at their places."""
     modes = len(model.poles)
     rows: list[tuple[Int[np.ndarray, " unknown"], Float[np.ndarray, "unknown function"]]] = []
 

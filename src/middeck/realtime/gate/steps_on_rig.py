@@ -178,7 +178,7 @@ def _beyond(
 
 
 def check_shadow_run(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> GateStep:
-    """In standby on the sensors of a rig, its outputs discarded: what it wants stays within its limits."""
+    """Run it in standby on the rig's sensors, outputs discarded: its commands must keep its limits."""
     try:
         trial = _on(bench, package, (Stage("standby", trials.shadow_s),))
     except NOT_DECIDED as error:

@@ -177,7 +177,7 @@ def link_state(
     since: tuple[Inexact[np.ndarray, "end 3"], Inexact[np.ndarray, "end 3 3"]],
     turned: Inexact[np.ndarray, " coordinate"],
 ) -> LinkState:
-    """At poses ``world`` with the Jacobian J.
+    """The state of links at poses ``world`` with the Jacobian J.
 
     ``since`` are the shift and the turn less the identity of the ``ends``, in their order, since drawn, and
     ``turned`` what the coordinates of joints have changed by.

@@ -70,7 +70,7 @@ class BushingState(NamedTuple):
         return BushingState(*(part[rows] for part in self))
 
     def turned(self, R: Inexact[np.ndarray, "bushing 3 3"]) -> BushingState:
-        """In other axes of the poses, to which ``R`` turns."""
+        """The state in other axes of the poses, to which ``R`` turns."""
         out = np.zeros((len(R), 12, 12), R.dtype)
         for start in range(0, 12, 3):
             out[:, start : start + 3, start : start + 3] = R

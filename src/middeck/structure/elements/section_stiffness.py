@@ -74,7 +74,7 @@ class ElementForms(NamedTuple):
 
 
 def element_forms(forms: SectionForms, length: Array) -> ElementForms:
-    """Of elements with one of the sections each; analytic.
+    """Forms of elements with one of the sections each; analytic.
 
     With the mean m of the end rotations against the chord, u = m - TURNS P e of the mean strains e, and D the
     bending stiffness at no axial force and no torque, the linear part of the curvature is 6/L (1 + Phi)^-1 u.

@@ -57,7 +57,7 @@ class StabilityLimit:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The limit in words."""
         return f"{self.name!r} loses stability at {self.joint} = {np.degrees(self.angle):.6g} deg"
 
 

@@ -50,7 +50,7 @@ class GravityEvent:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The event in words."""
         at = f"at g = {np.linalg.norm(self.gravity):.6g} m/s^2"
         names = " and ".join(repr(n) for n in self.name)
         match self.kind:

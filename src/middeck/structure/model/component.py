@@ -242,7 +242,7 @@ def _unsymmetric(component: Component, what: str, matrix: np.ndarray, size: np.n
 
 
 def _no_body(component: Component) -> Iterator[str]:
-    """As one body it must have the mass matrix of one."""
+    """Faults of a component whose mass matrix is not that of one body."""
     rigid = rigid_mass(component)
     m = float(np.trace(rigid[:3, :3])) / 3.0
     if not m > 0.0:

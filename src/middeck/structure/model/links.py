@@ -179,7 +179,7 @@ def _equation_faults(link: Equation, joints: set[str]) -> Iterator[str]:
 def fitted_body(
     link: Interpolation, arms: Inexact[np.ndarray, "share 3"]
 ) -> Inexact[np.ndarray, "share row 6"]:
-    """Of each share, the factors that its shift and turn in W enter the motion of ``link`` with.
+    """Factors with which shift and turn in W of each share enter the motion of ``link``.
 
     ``arms`` are the places of the shares less that of the frame. One row for each letter that follows, along
     and then about. (MSC Nastran, Linear Static Analysis User's Guide, RBE3.)
@@ -223,7 +223,7 @@ def fitted_body(
 
 
 def _inverse(fit: np.ndarray, loose: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Of what the shares determine; analytic."""
+    """Inverse on the motions that the shares determine; analytic."""
     own = turn[:, ~loose]
     return own @ np.linalg.inv(own.T @ fit @ own) @ own.T
 

@@ -89,7 +89,7 @@ class GyroscopicModes:
 
     @property
     def parts(self) -> Modes:
-        """For drawings: the real parts of the shapes, then the imaginary ones, as modes."""
+        """The real parts of the shapes, then the imaginary ones, as modes for drawings."""
         called = [f"{name}, {way}" if way else name for name, way in zip(self.name, self.sense, strict=True)]
         none = np.zeros(2 * len(called))
         return dataclasses.replace(
@@ -244,7 +244,7 @@ def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarr
 
 
 def _part_rigid(g: np.ndarray, spin: Spin, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the rigid modes those that no momentum joins, and the others in circling pairs."""
+    """The rigid modes that no momentum joins, and the others in circling pairs."""
     sizes = np.linalg.norm(spin.momentum, axis=1) @ np.sum(turn.reshape(len(spin.momentum), -1) ** 2, axis=1)
     rate, pairs = np.linalg.eigh(1j * g)
     free = pairs[:, np.abs(rate) <= JOINED * sizes]
@@ -272,7 +272,7 @@ def _refined(
 
 
 def _residual(modes: Modes, spin: Spin, basis: np.ndarray, d: np.ndarray, found: Whirls) -> np.ndarray:
-    """In the coordinates that move."""
+    """Residuals of the modes in the moving coordinates."""
     at = modes.equilibrium
     free = dynamic_freedom(at.model, at.config, in_world=True)
     K, M = assemble(at.model, at.config, at.loads).tangent, modes.mass

@@ -158,7 +158,7 @@ def solve_equilibrium(
 def _clamp_reactions(
     model: Model, environment: Environment, config: Configuration, gradient: np.ndarray
 ) -> tuple[Reaction, ...]:
-    """At rest dE/dq of a held coordinate is the force that holds it."""
+    """Reactions of clamps: at rest dE/dq of a held coordinate is the force that holds it."""
     taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
     held = dict.fromkeys(clamp.node for clamp in environment.clamps)

@@ -144,7 +144,7 @@ def support_slopes(
     gradient: Float[np.ndarray, "coordinate cause"],
     pushed: Sequence[Float[np.ndarray, "bushing 6"]],
 ) -> Float[np.ndarray, "reaction 6 cause"]:
-    """Of clamps from the derivatives of the energy's ``gradient``, then ``pushed`` of bushings to the ground,
+    """Derivatives of clamp forces by the energy's ``gradient``, then ``pushed`` of bushings to the ground,
     one a cause: in the order of ``reactions``."""
     free = static_freedom(rest.model, rest.config, in_world=True)
     taken = columns([free.beyond(own) for own in gradient.T], len(gradient))

@@ -92,7 +92,7 @@ def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
 def differentiate_shapes(
     modes: Modes, article: Softened, parameters: Sequence[Parameter], count: int
 ) -> Iterator[tuple[Equilibrium, ModeSensitivity]]:
-    """For each parameter the perturbed rest state and the derivatives of modes of a softened article."""
+    """The perturbed rest state and the derivatives of modes of a softened article, by each parameter."""
     rest = modes.equilibrium
     moved = move_rest(rest, article.parameters(parameters))
     perturbed = [_perturbed(rest, moved, p) for p in range(len(parameters))]

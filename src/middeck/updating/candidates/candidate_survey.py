@@ -80,7 +80,10 @@ class Seen(NamedTuple):
 
 
 def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
-    """Without noise, its deviations stated. Raises `ConfigError` where there is nothing to be seen."""
+    """What the candidate would measure, without noise, with its stated standard deviations.
+
+    Raises `ConfigError` where there is nothing to be seen.
+    """
     low, high = candidate.band_hz
     moving = [i for i, kind in enumerate(modes.kind) if kind != "rigid"]
     chosen = [i for i in moving if low <= modes.frequency_hz[i] <= high][: candidate.count]

@@ -185,7 +185,7 @@ def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequen
 def _damping(
     refined: Refined, modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None
 ) -> dict[str, np.ndarray]:
-    """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
+    """Damping ratios by shape, not by rank: losses of a cycle add up over the parts of a shape."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
     root, nothing = np.zeros((len(index), refined.estimate.root.shape[1])), np.zeros(len(index))
     if errors is None:
@@ -207,7 +207,7 @@ def _damping(
 def _refined_damping(
     refined: Refined, roots: LogRoots, index: np.ndarray, share: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """By the refined article, and by what its ratios were off on the ground, mode by mode."""
+    """Damping ratios of the refined article, corrected by its errors on the ground, mode by mode."""
     found, slope = refined.estimate, roots.by_log_zeta[index]
     first = 1 + share.shape[1]
     own = slice(first, first + share.shape[1])

@@ -31,7 +31,7 @@ class PromisedShapes:
 
 
 def promised_shapes(refined: Refined, predicted: Prediction) -> PromisedShapes:
-    """At the channels that the surveys of ``refined`` had, and at nodes and joints of the article."""
+    """Shapes at the channels of the surveys of ``refined``, and at nodes and joints of the article."""
     modes = predicted.modes
     measured = [c.survey.measured for c in refined.compared]
     surveyed = [channel for m in measured for channel in zip(m.node, m.direction, strict=True)]
@@ -59,7 +59,7 @@ def _has(modes: Modes, channel: tuple[str, str]) -> bool:
 
 
 def _rounded(shape: np.ndarray) -> np.ndarray:
-    """With a sign and digits that hold on any machine."""
+    """The shape with a sign and digits that are equal on every machine."""
     if not shape.size:
         return shape
     size = np.abs(shape)

@@ -68,7 +68,7 @@ class LoopSpread:
 
     @property
     def most_cable_hz(self) -> float:
-        """Of the cable that frequencies of flexible modes may have, stated or not."""
+        """Highest frequency of a cable that frequencies of flexible modes allow for, stated or not."""
         return max(self.umbilical_hz, CABLE_HZ)
 
 
@@ -128,7 +128,7 @@ class Drawing:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of what is drawn, as `DrawnPlants` has them."""
+        """Names of what is drawn, as in `DrawnPlants`."""
         modes = [self.mean.modes.name[i] for i in self.mean.index]
         return (
             *(u.name for u in self.refined.unknowns),
@@ -235,7 +235,7 @@ def mean_plant(mean: Prediction, build: Callable[[Modes], Plant]) -> Plant:
 
 
 def _sensors(plant: Plant) -> tuple[str, ...]:
-    """Of each output; an angle and its rate are one sensor's."""
+    """The sensor of each output; an angle and its rate are of one sensor."""
     return tuple(port.name.removesuffix(RATE) for port in plant.outputs)
 
 

@@ -78,7 +78,10 @@ class Paired:
 
 
 def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> Paired:
-    """By name, else by number. Raises `DataError` where the promise has no such mode, or several."""
+    """Modes paired by name, else by number.
+
+    Raises `DataError` where the promise has no such mode, or several.
+    """
     where = f"outcome, mode of {came.frequency_hz:.5g} Hz in {promised.environment}"
     if came.number is not None and came.number > len(promised.name):
         raise DataError(

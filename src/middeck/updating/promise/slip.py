@@ -53,7 +53,7 @@ class DrawnSlips:
 
     @property
     def stiffness(self) -> Float[np.ndarray, "draw joint"]:
-        """Of the presliding springs [N m/rad]."""
+        """Stiffness of the presliding springs [N m/rad]."""
         return self.slip_torque / self.slip_angle
 
 

@@ -108,7 +108,7 @@ class Refined:
 
     @property
     def sorts(self) -> tuple[str, ...]:
-        """Of the model's own errors, one ``estimate.tau`` each."""
+        """Names of the model's own errors, one for each ``estimate.tau``."""
         return sort_names(bool(self.statics), bool(self.damped))
 
     @property
@@ -134,7 +134,7 @@ class Refined:
 
     @property
     def factors(self) -> dict[str, float]:
-        """Of the article's parameters by name, as the ``[factors]`` of its file take them.
+        """Factors of the article's parameters by name, as the ``[factors]`` of its file take them.
 
         What is added, and what belongs to an environment or a loop, has no place there (`left_out`).
         """
@@ -147,7 +147,7 @@ class Refined:
         return factors
 
     def friction(self) -> tuple[RefinedFriction, ...]:
-        """Of each joint whose friction the surveys state, in the order of their first."""
+        """Friction of each joint for which surveys state it, in the order of their first."""
         rows = self.estimate.root[: len(self.unknowns)]
         stated = {f.joint: f for c in self.compared for f in c.survey.friction}
         return tuple(
@@ -262,7 +262,7 @@ def compare_at_first(
 
 
 def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
-    """Of the modes that the measured ones were at first; where one was none, not a number."""
+    """Frequencies, before the refinement, of the modes paired with the measured ones; NaN without a pair."""
     hz = dict.fromkeys(compared.pairs[:, 1].tolist(), np.nan)
     hz |= {j: old.frequency_hz[i] for i, j in pair(old, compared.survey.measured).tolist() if j in hz}
     return tuple(hz[j] for j in compared.pairs[:, 1].tolist())
@@ -397,7 +397,7 @@ def problem_of(
 
 
 def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
-    """Of each survey by name, the mean of what the refined article leaves of ln f."""
+    """Each survey by name, with the mean residual of ln f in the refined article."""
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     left = problem.y - problem.J @ refined.estimate.x - problem.S @ refined.estimate.d
     first = np.cumsum([0, *(len(c.rows) for c in refined.compared)])

@@ -129,7 +129,7 @@ def _shape(
     actuators: list[Actuator],
     gain_std: float,
 ) -> tuple[Complex[np.ndarray, " channel"], Float[np.ndarray, " channel"]]:
-    """At sensors, then at actuators, the largest one of size one; deviations of real and imaginary part."""
+    """The shape at sensors, then at actuators, its largest entry one, and deviations of its two parts."""
     model, at = covariance.model, covariance.at
     pole = model.poles[m]
     read = np.array([1.0 / pole if is_rate else 1.0 for _, is_rate in sensors])
@@ -147,7 +147,7 @@ def _shape(
 
 
 def _part_std(deviation: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Of complex numbers from those of their parts; a part that was held has none."""
+    """Standard deviations of complex numbers from those of their parts; none for a part that was held."""
     return np.linalg.norm(np.where(places >= 0, deviation[places], 0.0), axis=-1)
 
 

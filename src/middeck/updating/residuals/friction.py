@@ -85,7 +85,10 @@ class Added(NamedTuple):
 
 
 def joint_coordinate(modes: Modes, name: str) -> int:
-    """Of a joint in shapes. Raises `ConfigError` for one that there is not, or that does not move."""
+    """The coordinate of a joint in shapes.
+
+    Raises `ConfigError` for one that there is not, or that does not move.
+    """
     model = modes.equilibrium.model
     joints = {j.name: (k, j.state) for k, j in enumerate(model.structure.joints)}
     number, state = joints.get(name, (0, JointState.LOCKED))
@@ -106,7 +109,7 @@ def add_friction(
     bound: Sequence[Bound],
     x: Float[np.ndarray, " unknown"],
 ) -> tuple[Added, ...]:
-    """Of every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
+    """Friction added to every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
     return tuple(_added(modes, count, f, bound, x) for f in frictions)
 
 

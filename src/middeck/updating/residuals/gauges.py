@@ -71,7 +71,7 @@ class Gauge:
 
     @property
     def unit(self) -> str:
-        """Of what it reads."""
+        """Unit of the reading."""
         return {"shift": "m", "tilt": "rad", "force": "N", "moment": "N m"}[self.kind.value]
 
     @property

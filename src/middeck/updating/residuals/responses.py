@@ -285,7 +285,7 @@ def _of_zero(beside: _Beside, zero: AntiResonance, wide: int, open_x: np.ndarray
 
 
 def _find_zero(model: ModalTransfer, path: tuple[int, int], omega: float) -> complex | None:
-    """Of one path without its delay, by Newton from the measured frequency on the axis."""
+    """Zero of one path without its delay, by Newton's method from the measured frequency on the axis."""
     s = 1j * omega
     for _ in range(STEPS):
         at = np.array([s])
@@ -307,7 +307,7 @@ def poles_of(
     damping_std: np.ndarray | None,
     zeta: np.ndarray,
 ) -> Poles:
-    """Of the lowest modes, as many as ``zeta`` has, the article's ratios: measured ones where there are."""
+    """Poles of the lowest modes, as many as ``zeta`` has, with measured ratios where there are any."""
     count = len(zeta)
     omega, ratio = modes.omega[:count].copy(), zeta.copy()
     omega_std, zeta_std = np.full(count, UNSEEN), np.full(count, UNKNOWN_DAMPING)

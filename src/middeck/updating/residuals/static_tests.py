@@ -113,7 +113,7 @@ class Loaded(NamedTuple):
         return np.sum([sign * read(rest, gauges) for sign, rest in self.states()], axis=0)
 
     def lengths(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-        """As of `lengths`."""
+        """See `lengths`."""
         return lengths(self.rest, self.unloaded, gauges)
 
     def strains(self) -> Float[np.ndarray, "state whitened"]:
@@ -256,7 +256,7 @@ class ErrorFields(NamedTuple):
 
     @staticmethod
     def of(tests: Sequence[Loaded]) -> ErrorFields:
-        """Of all their rest states, each counting as much as any other, whatever its load."""
+        """Error fields of all rest states of ``tests``, each counted equally, whatever its load."""
         strains = np.concatenate([test.strains() for test in tests]).T
         size = np.linalg.norm(strains, axis=0)
         left, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
@@ -265,7 +265,7 @@ class ErrorFields(NamedTuple):
 
     @staticmethod
     def none(at: Loaded) -> ErrorFields:
-        """Of no test, for an article at rest as it is in ``at``."""
+        """Error fields of no test, for an article at rest as in ``at``."""
         return ErrorFields(np.zeros((at.strains().shape[1], 0)), np.zeros(0))
 
     def part(self, at: Loaded) -> float:

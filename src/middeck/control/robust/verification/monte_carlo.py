@@ -90,7 +90,7 @@ def verify_robustness(
 def outcomes_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, rates_hz: Sequence[float] = ()
 ) -> tuple[PlantOutcomes, ...]:
-    """As `verify_robustness`, for a list of plants."""
+    """`verify_robustness` for a list of plants."""
     _require(plants, compensator)
     reference = np.zeros(0)
     if plants:
@@ -182,7 +182,7 @@ def which_decay(
 def _noise_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
-    """As `noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
+    """`noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
     _require(plants, compensator)
     found: list[NoiseOutcome | None] = [None] * len(plants)
     modal = [p.delayed and p.modal is not None for p in plants]

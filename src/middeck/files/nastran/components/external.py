@@ -347,7 +347,7 @@ class Punched(NamedTuple):
         return [pair for pair in found if pair[1]] + [pair for pair in found if not pair[1]]
 
     def matrices(self, boundary: Boundary, where: str) -> dict[str, np.ndarray]:
-        """As arrays in the order of ``boundary``."""
+        """The matrices as arrays in the order of ``boundary``."""
         rows = [
             (g, int(c)) for g, comps in zip(boundary.grids, boundary.components, strict=True) for c in comps
         ]

@@ -81,7 +81,7 @@ def _at_once(entry: Entry, key: str, moves: tuple[Moves, Moves], faults: list[Fa
 
 
 def _without_expansion(texts: list[str | None]) -> list[str | None]:
-    """Without a last real, the coefficient of thermal expansion."""
+    """The fields without a last real number, the coefficient of thermal expansion."""
     given = [(k, text) for k, text in enumerate(texts) if text is not None]
     return texts[: given[-1][0]] if given and real(given[-1][1]) is not None else texts
 

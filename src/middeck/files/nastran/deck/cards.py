@@ -201,7 +201,7 @@ def _joined(group: list[Row]) -> Card:
 
 
 def _filled(fields: list[str]) -> tuple[str, ...]:
-    """Without the blanks at the end."""
+    """The fields without the blanks at the end."""
     while fields and not fields[-1]:
         fields.pop()
     return tuple(fields)

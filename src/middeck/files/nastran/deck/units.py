@@ -34,7 +34,7 @@ class Units(NamedTuple):
 
     @property
     def force(self) -> float:
-        """Of force [N]."""
+        """Newtons in one unit of force."""
         return self.mass * self.length / self.time**2
 
 

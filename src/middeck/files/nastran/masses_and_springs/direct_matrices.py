@@ -145,7 +145,7 @@ def _no_sum(lone: Lone, what: str) -> Fault:
 
 
 def _few(lone: Lone, what: str) -> Fault:
-    """For what could be roundings or a spring."""
+    """The fault for an entry that could be rounding or a spring."""
     hint = "print it as 16.9E or more, and it and the grids in large fields"
     said = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"
     return lone.entry.fault(said, hint=hint)

@@ -44,12 +44,12 @@ class Element(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the bushing or the equation that it becomes."""
+        """Name of the bushing or equation that the element becomes."""
         return f"{'mass' if self.is_mass else 'spring'}{self.entry.id}"
 
     @property
     def node(self) -> str:
-        """Of the node of its own."""
+        """Name of the element's own node."""
         return f"{self.name}_node"
 
     @property

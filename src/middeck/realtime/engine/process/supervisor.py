@@ -348,7 +348,7 @@ class Supervisor(CommandedEngine):
         return np.concatenate(taken) if taken else self.file.ring[:0].copy()
 
     def _let_write(self, most: int) -> None:
-        """In lockstep there is time: no more records than ``most`` wait for a disk that works."""
+        """Wait in lockstep until no more than ``most`` records wait for a disk that works."""
         recorder, began = self.recorder, time.monotonic()
         while recorder is not None and recorder.behind > most and not recorder.faults:
             if time.monotonic() - began > PATIENCE_S:

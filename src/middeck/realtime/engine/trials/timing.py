@@ -147,7 +147,7 @@ def _random_package(
 
 
 def _settings(package: ControllerPackage, priority: int | None, processor: int | None) -> EngineSettings:
-    """Without tests that a stalled machine would trip: its lateness is what is asked."""
+    """Settings without the tests that a stalled machine would trip: the run measures its lateness."""
     return EngineSettings(
         period_s=package.period_s,
         sensors=tuple(SensorTest(port=port, range=1e6) for port in package.inputs),

@@ -133,9 +133,9 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
 
 
 def _principal(beams: BeamProperties) -> tuple[BeamProperties, Float[np.ndarray, " element"]]:
-    """In axes across each element in which its bendings are apart, and their angle [rad] from its own.
+    """The properties in axes across each element that decouple its bendings, and their angle [rad].
 
-    Zero but where a section couples them. Ends that turn alike and oppositely leave the constant bending,
+    The angle is zero unless a section couples them. Ends that turn alike and oppositely leave the constant bending,
     whose stiffness 2 D / L has no shear.
     """
     K = beams.stiffness

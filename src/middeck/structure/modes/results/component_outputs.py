@@ -103,7 +103,7 @@ def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "
 def motions_inside(
     modes: Modes, asked: Sequence[tuple[int, InnerPoint, int]]
 ) -> list[Float[np.ndarray, " coordinate"]]:
-    """Of points inside components, by component, point and one of six ways along W, per unit coordinate."""
+    """Motion per unit coordinate of points inside components, by component, point and way in W (of six)."""
     at = modes.equilibrium
     states = component_states(at.model, at.config, at.loads) if asked else []
     found: list[np.ndarray] = []

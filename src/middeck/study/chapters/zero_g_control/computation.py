@@ -108,7 +108,7 @@ def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
 
 
 def compute(study: Study, rng: np.random.Generator, comparison: ModeComparison) -> ZeroGControl:
-    """On the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
+    """The sweep on the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
     return study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, study.control)
 
 
