@@ -62,7 +62,7 @@ class NoiseForm(Form):
 
 
 class LoopForm(Form):
-    """What is not known of the loop beside the article."""
+    """Uncertainty of the loop beside that of the article."""
 
     delay_s: NotNegative = 0.0
     delay_tolerance_s: NotNegative = 0.0

@@ -45,7 +45,7 @@ LEAST, MOST = 1e-100, 1e100
 
 
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
-    """What is wrong with ``record``, worst first; empty for a clean one.
+    """Faults of ``record``, worst first; empty for a clean one.
 
     Args:
         record: Samples may be NaN where they are missing.

@@ -69,7 +69,7 @@ def average_blows(
     band_hz: tuple[float, float] | None = None,
     blow_s: float | None = None,
 ) -> ImpactTest:
-    """The response by the good blows of a record, each a block of its own.
+    """The averaged response to the good blows of a record, each in a block of its own.
 
     Args:
         record: One input, the force; one or several experiments, of one blow or several each.

@@ -56,7 +56,7 @@ def fit_impact(
 
 
 def without_window(fit: FitResult, window_s: float) -> FitResult:
-    """``fit`` of signals under exp(-t / window_s), as of the bare ones: H(s) from H(s + 1 / window_s).
+    """``fit`` corrected for the exponential window exp(-t / window_s): H(s) from H(s + 1 / window_s).
 
     Each pole moves by +1 / window_s, and an output that is delayed by tau is exp(tau / window_s) larger;
     frequencies of the damped motion, modal constants and delays are what they were. The covariance goes with

@@ -37,7 +37,7 @@ def modal_statespace(model: MeasurementModel) -> StateSpace:
 
 
 def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
-    """All of the model but its delays, with as few states at s = 0 as 1/s^2 and 1/s together need."""
+    """The model without its delays, with the fewest states at s = 0 that 1/s^2 and 1/s need."""
     if model.sample_hz is not None:
         A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
         return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)

@@ -135,7 +135,7 @@ def matrix_zeros(
 
 
 def name_zeros(zeros: Zeros) -> tuple[str, ...]:
-    """Each zero in words: its channels, frequency and damping, and its side where it is the wrong one."""
+    """Each zero in words: its channels, frequency, damping, and whether it is non-minimum-phase."""
     where = f"{', '.join(zeros.inputs)} to {', '.join(zeros.outputs)}"
     words: list[str] = []
     for hz, ratio, pair, wrong in zip(

@@ -45,7 +45,7 @@ class GateStep:
 
 @record(kw_only=True)
 class GateMargins:
-    """What the loop with a model must keep at every fade.
+    """Margins that the loop with a model must keep at every fade.
 
     Attributes:
         gain_db, phase_deg: Least gain and phase margin of each loop, the others closed.

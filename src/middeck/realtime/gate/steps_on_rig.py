@@ -28,7 +28,7 @@ NOT_DECIDED = (ConfigError, DataError, NumericalError)
 
 @record(kw_only=True)
 class GateTrials:
-    """How long a package is tried on a computer, under what, and what it must keep.
+    """Durations, disturbances and limits of a package's trials on a computer.
 
     Attributes:
         dry_s, shadow_s, engage_s: Seconds on each model, in shadow, and engaged at each of two shares.

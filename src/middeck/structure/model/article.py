@@ -358,7 +358,7 @@ class DampingTable:
 
 @record(kw_only=True)
 class Damping:
-    """Where damping comes from; a mode's ratio is its base, plus material, plus devices.
+    """Sources of damping; a mode's ratio is the sum of base, material and devices.
 
     Attributes:
         flexible, suspension, rigid: The base: of strain, of everything else that holds a mode (devices,

@@ -45,7 +45,7 @@ class RestBand:
 
 
 def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
-    """How far friction may hold the article from its frictionless rest, each number taken by itself.
+    """Largest distance from frictionless rest at which friction may hold the article, for each number alone.
 
     Every device may hold any force up to its friction, in either direction: the rest states fill K^-1 W'f,
     |f_i| <= F_i, and the largest of a row r of it is the sum of |r K^-1 w_i'| F_i. Raises `EquilibriumError`

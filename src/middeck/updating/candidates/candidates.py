@@ -82,7 +82,7 @@ def rank_tests(
     count: int = 10,
     readings: Callable[[Refined], Sequence[Deflection]] | None = None,
 ) -> Ranking:
-    """The candidates by what each, alone, leaves of the widest of what is promised, then of the median.
+    """The candidates ranked by the widest promised interval that each alone would leave, then by the median.
 
     Promised are the lowest ``count`` modes that are not rigid, in each of the ``environments``, and what
     ``readings`` gives of a refinement, such as `predict_deflections` with load cases and gauges. A static

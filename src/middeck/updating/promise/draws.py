@@ -32,7 +32,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class LoopSpread:
-    """What is not known of the loop beside the article.
+    """Uncertainty of the loop beside that of the article.
 
     Attributes:
         delay_s: Delay from command to reading of every path [s].

@@ -191,7 +191,7 @@ def refine(
     static_error: float = USUAL_STATIC,
     damping_error: float = USUAL_DAMPING,
 ) -> Refined:
-    """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
+    """The most probable unknowns, given all tests; ``structure`` is the article as drawn.
 
     ``model_error`` is what the frequencies of a model of this sort are thought to be wrong by, in parts of
     one, whatever its numbers, ``static_error`` what its members yield, ``damping_error`` its damping ratios

@@ -19,7 +19,7 @@ UPRIGHT = 1e-6
 
 
 class GaugeKind(Enum):
-    """What a gauge reads."""
+    """Kind of reading of a gauge."""
 
     SHIFT = "shift"  # how far a point of a node has moved since drawn, along a direction
     TILT = "tilt"  # how far a line of a node has turned towards a direction since drawn

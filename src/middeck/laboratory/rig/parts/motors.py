@@ -44,7 +44,7 @@ class Rotor:
 
 @record(kw_only=True)
 class Motor:
-    """What stands between a torque command and the torque [N m] (a force [N] where the input is one).
+    """Limits and dynamics between a torque command and the torque [N m] (a force [N] where the input is one).
 
     Attributes:
         torque_limit: Most that the motor gives, to either side.

@@ -135,8 +135,8 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
 def _principal(beams: BeamProperties) -> tuple[BeamProperties, Float[np.ndarray, " element"]]:
     """The properties in axes across each element that decouple its bendings, and their angle [rad].
 
-    The angle is zero unless a section couples them. Ends that turn alike and oppositely leave the constant bending,
-    whose stiffness 2 D / L has no shear.
+    The angle is zero unless a section couples them. Ends that turn alike and oppositely leave the constant
+    bending, whose stiffness 2 D / L has no shear.
     """
     K = beams.stiffness
     near, far = (K[:, [[Y1], [Z1]], [last]] for last in ([Y1, Z1], [Y2, Z2]))
