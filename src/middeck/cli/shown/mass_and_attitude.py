@@ -1,4 +1,4 @@
-"""How an article weighs, measures and hangs, in numbers and in lines."""
+"""Mass, size and attitude of an article, as numbers and as lines of text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``middeck check``: what an article weighs and measures, and what is wrong or doubtful about it."""
+"""``middeck check``: mass, size and faults of an article, and warnings about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``middeck excite``: a test signal, and what a test with it would say."""
+"""``middeck excite``: a test signal, and the accuracy of a test with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``middeck refine``: an article refined on modes measured on the ground, and what it says of orbit."""
+"""``middeck refine``: an article refined on modes measured on the ground, and its prediction for orbit."""
 
 from __future__ import annotations
 

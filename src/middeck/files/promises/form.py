@@ -1,4 +1,4 @@
-"""Form of a promise's document: a seal that fits says that nobody changed it, not that it is whole."""
+"""Form of a promise's document: an intact seal shows that it was not changed, not that it is complete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans of promises: documents that say what is promised of a refined article."""
+"""Plans of promises: documents that state what is promised of a refined article."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The even grid that printed time stamps stand for."""
+"""The even sampling grid behind printed time stamps."""
 
 from __future__ import annotations
 

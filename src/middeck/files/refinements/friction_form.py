@@ -1,4 +1,4 @@
-"""Friction of joints in refinements: what is thought of it before, and how far joints moved in a survey."""
+"""Friction of joints in refinements: its prior values, and how far joints moved in a survey."""
 
 from __future__ import annotations
 

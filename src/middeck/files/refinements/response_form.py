@@ -1,4 +1,4 @@
-"""Responses and anti-resonances of surveys in refinements: their forms, and what is built of them."""
+"""Responses and anti-resonances of surveys in refinements: their forms, and the values built of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""On which line of a TOML file a key stands; the standard reader does not say."""
+"""The line of a TOML file on which a key stands, which the standard reader does not give."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pairs of a fit that stand for a delay which its model does not have, rather than for modes.
+"""Pairs of a fit that represent a delay which its model lacks, rather than modes.
 
 A sampled model, or one of complex constants, has no delay of its own. Where the article has one, poles follow
 its phase: pairs that are heavily damped, in the midst of the band, with small deviations. They are known by

@@ -1,4 +1,4 @@
-"""Whether a delay of a fit stands for poles beyond the band, as of a filter or an actuator.
+"""Whether a fitted delay represents poles beyond the band, as of a filter or an actuator.
 
 A low-pass filter turns the phase in its pass band as a delay does, and a little more. With real constants, of
 relative degree two, only a delay can follow that, and pairs of poles are spent about each resonance on what

@@ -1,4 +1,4 @@
-"""Warnings that go with a fit: what it should not be trusted for."""
+"""Warnings of a fit: which of its numbers should not be trusted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The transient at the beginning of a repeated signal: told from noise, cut off or subtracted.
+"""The transient at the beginning of a repeated signal: detected above noise, cut off or subtracted.
 
 What repeats is the same in every period. An output minus itself a period later is therefore free motion,
 

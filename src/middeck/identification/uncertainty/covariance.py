@@ -1,4 +1,4 @@
-"""Covariance of all unknowns of a fitted model together: the Cramer-Rao value, or what the residual says.
+"""Covariance of all unknowns of a fitted model: the Cramer-Rao value, or one from the residual.
 
 With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the variance of a complex residual,
 half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, or

@@ -1,4 +1,4 @@
-"""Steps of the gate that need no rig: each looks at a package, or at its loop with a model, and says why."""
+"""Steps of the gate that need no rig: each examines a package, or its loop with a model."""
 
 from __future__ import annotations
 

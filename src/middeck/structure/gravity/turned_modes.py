@@ -1,4 +1,4 @@
-"""Modes turned with their article: two that hang in two ways are compared in the same axes of the article.
+"""Modes turned with their article, so that two attitudes are compared in the article's axes.
 
 A turn of the whole article changes none of its own modes, only the world axes in which shapes and mass are
 written.

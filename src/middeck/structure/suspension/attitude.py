@@ -1,4 +1,4 @@
-"""How an article hangs: its tilt, what each device carries, and where its weight lies under what holds it."""
+"""Attitude of a hanging article: tilt, load of each device, and the centre of mass under its supports."""
 
 from __future__ import annotations
 

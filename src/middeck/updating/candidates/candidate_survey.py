@@ -1,4 +1,4 @@
-"""A modal test that may be made, and what it would measure of an article as it is thought to be."""
+"""A modal test that may be made, and what it would measure on the article as estimated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which test would help: what each of some tests would leave of the uncertainty of what is promised.
+"""Which test would help: the uncertainty of what is promised after each candidate test.
 
 What a test tells is in the slopes of what it reads, not in the values: so the deviations after it are known
 before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).

@@ -1,4 +1,4 @@
-"""Frequencies in another environment, above all in orbit, from what was refined on the ground."""
+"""Frequencies in another environment, above all in orbit, from a refinement on the ground."""
 
 from __future__ import annotations
 

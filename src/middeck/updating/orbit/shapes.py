@@ -1,4 +1,4 @@
-"""Shapes of promised modes, by which a later test tells them apart whatever their order."""
+"""Shapes of promised modes, by which a later test identifies them in any order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What came beside what was promised, and how good many promises were."""
+"""Outcomes beside promised intervals, and the score of many promises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dry friction of joints in a promise: what is known of it, and what is drawn."""
+"""Dry friction of joints in a promise: stated values, tolerances and draws."""
 
 from __future__ import annotations
 

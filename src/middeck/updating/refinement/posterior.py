@@ -1,4 +1,4 @@
-"""Linear estimate of unknowns and of what the model cannot do, each with what is known of it before.
+"""Linear estimate of unknowns and of the model's own errors, each with its prior.
 
     y = J x + S d + e,    x ~ N(m, spread^2),  d_j ~ N(0, tau_j^2),  e ~ N(0, std^2)
 

@@ -1,4 +1,4 @@
-"""What a test measured beside its modes: responses with what is known of them, and anti-resonances."""
+"""Responses and anti-resonances that a test measured beside its modes, with their uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Static tests beside the article as it is thought to be: sag, tilt and reactions under load cases.
+"""Static tests beside the article as drawn: sag, tilt and reactions under load cases.
 
 A model's members are wrong by more than their numbers: ribs that slip, a clamp that gives. Statically that is
 a relative error of what they yield, delta e = E e of their strains e. E is d_j on each of the directions that

@@ -1,4 +1,4 @@
-"""Modes measured on the ground beside those of the article as it is thought to be."""
+"""Modes measured on the ground beside those of the article as drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a refinement may change: named parameters, alone or together, each with what is known of it before."""
+"""Unknowns of a refinement: named parameters, alone or together, each with its prior."""
 
 from __future__ import annotations
 

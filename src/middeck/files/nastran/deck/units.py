@@ -1,4 +1,4 @@
-"""Units of a deck, which states none: by names such as ``mm-kg-s-mN``, and what they may be."""
+"""Units of a deck, which states none: by names such as ``mm-kg-s-mN``, and the likeliest ones."""
 
 from __future__ import annotations
 

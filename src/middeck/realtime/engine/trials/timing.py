@@ -1,4 +1,4 @@
-"""How late this machine is, and what a step costs on it: a report, and never a test."""
+"""Lateness of this machine and cost of a step on it: a report, never a test."""
 
 from __future__ import annotations
 
