@@ -47,7 +47,7 @@ def slide(
     grown = np.exp(loops.poles * period_s)
     gain = loops.drives * (np.expm1(loops.poles * period_s) / loops.poles)[:, None]
     joints = loops.stiffness.shape[1]
-    # Of outputs at the end of a step, by the torques held in it.
+    # Response of outputs at the end of a step to torques held in it.
     at_once = np.real(np.einsum("lop,ljp->loj", loops.reads, gain))
     given = np.abs(at_once[:, :joints] * loops.stiffness[:, None]).sum(axis=2).max(initial=0.0)
     if not given <= GIVEN:

@@ -16,7 +16,7 @@ EXAMPLES = """\
   middeck check articles/mace-simple.toml
   middeck check articles/mace-simple.toml lab --require
 """
-# Of the lowest modes: what is loose or unstable is among them.
+# Number of lowest modes examined: loose and unstable ones are among them.
 COUNT = 40
 SHOWN = 26  # whose mesh is judged: those that `modes` prints
 

@@ -19,7 +19,7 @@ PROMISE = "middeck.promise/1"
 # Levels that statements are made of.
 STATED = (0.025, 0.5, 0.975, 0.99)
 Share = Annotated[float, within(least=0.0, most=1.0)]
-# Of the largest reading of a mode.
+# A reading over the largest one of its mode.
 Reading = Annotated[float, within(least=-1.0, most=1.0)]
 RISES = rule(lambda ends: ends[0] <= ends[1], "must rise")
 

@@ -40,7 +40,7 @@ LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift")
 SEVERITIES = ("unusable", "serious", "note")
 
 
-# Of the largest sample of a channel: beyond these, squares and their products are no numbers.
+# Range of the largest sample of a channel: beyond it squares and their products overflow or vanish.
 LEAST, MOST = 1e-100, 1e100
 
 

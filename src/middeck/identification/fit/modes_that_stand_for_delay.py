@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 
-# Of no less damping a pair may stand for a delay.
+# Least damping ratio of a pair that may stand for a delay.
 DAMPED = 0.1
 # Delays are tried up to so many periods of the last line, so many in each, then as many about the best.
 PERIODS, IN_PERIOD = 8, 16

@@ -27,9 +27,9 @@ from middeck.values import record as frozen
 # Slip angles that are tried first, as shares of the rms angle.
 FIRST = (0.003, 0.01, 0.03, 0.1, 0.3)
 STEPS, SMALL, HALVINGS = 12, 0.05, 6
-# Of the logarithm of a slip angle, for its derivative: friction bends at every turn of the motion.
+# Step of the logarithm of a slip angle for its derivative: friction bends at every turn of the motion.
 NUDGE = 0.02
-# Of the power of an output: a variance that is none.
+# Share of an output's power below which a variance is zero.
 ROUNDING = 1e-24
 # Step [s] for the derivative by the delay, and how near one is held that is told.
 LATER_S, TOLD_S = 2e-4, 1e-9

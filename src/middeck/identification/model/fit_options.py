@@ -136,7 +136,7 @@ def _over_seconds(twice: str, power: str) -> re.Pattern[str]:
 
 
 VELOCITY, ACCELERATION = _over_seconds("", "1¹"), _over_seconds(TWICE, "2²")
-# By name.
+# Units of rates that are known by name.
 SPEEDS = ("rpm", "rps", "ips", "mph", "dps", "mdps")
 BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug", "gal", "mgal")
 

@@ -11,8 +11,8 @@ from jaxtyping import Float
 from middeck.identification.faults.equal_runs import runs_of
 from middeck.signals.record import Record
 
-# Of the largest sample, what is a blow; samples beside it that belong to it, and as many more that fade; and
-# the most of a record that blows are.
+# Share of the largest sample that is a blow; samples beside it that belong to it, and as many more that fade;
+# and the largest share of a record that blows fill.
 BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
 # What may be left at half the rate of the largest line: so much of it folds back. Blows behind a filter that
 # ends at half the rate had 0.27 % at most of 2000, sines of two to six samples without one 0.6 % at least.
@@ -43,7 +43,7 @@ def _share(x: Float[np.ndarray, "run sample"]) -> float:
             blow = window[a:b] * f[a:b]
             top += (blow[::2].sum() - blow[1::2].sum()) ** 2
             largest += float(np.max(np.abs(np.fft.rfft(blow)) ** 2))
-        # By differences, whatever slope was taken off, from where a force window has left some.
+        # From differences where the force window has left noise, so that a removed slope has no effect.
         step = np.diff(f) - np.median(np.diff(f))
         rest = step[(window[1:] < 0.5) & (np.abs(step) > NOTHING * np.abs(f).max())]
         noise += 0.5 * float(np.mean(rest**2)) * np.sum(window**2) if len(rest) else 0.0

@@ -124,7 +124,7 @@ def prune(
     kept = list(range(len(blocks)))
     while (left := sum(states[m] for m in kept) - wanted) > 0:
         missed = _missed(gram, right, [blocks[m] for m in kept], free)
-        # By the state: a real pole is half a pair.
+        # Cost for each state: a real pole is half a pair.
         each = [
             miss / states[m] if states[m] <= left else np.inf for m, miss in zip(kept, missed, strict=True)
         ]

@@ -145,7 +145,7 @@ class _Work:
         PH = self.cov @ H.T
         before = self.cov[self.diagonal[self.logs], self.diagonal[self.logs]]
         spread = H @ PH + self.R
-        # Of one output by a root: what LAPACK is called with takes longer than all it does.
+        # One output needs a square root only: a call of LAPACK takes longer than the rest.
         whiten = 1.0 / np.sqrt(spread) if self.outputs == 1 else np.linalg.inv(np.linalg.cholesky(spread))
         news = whiten @ (y - foreseen)
         news = np.minimum(np.maximum(news, -CLIPPED), CLIPPED)

@@ -22,7 +22,7 @@ from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1,
 from middeck.structure.model.section import Section
 
 Array = np.ndarray
-# Of (extension, shear y, shear z, twist, curvature y, curvature z), the order of `Section.coupling`.
+# Places in (extension, shear y, shear z, twist, curvature y, curvature z), the order of `Section.coupling`.
 STRAINS, SHEARS = [0, 3, 4, 5], [1, 2]
 # A shear strain (y, z) turns the centre line about own (y, z) by this.
 TURNS = np.array([[0.0, -1.0], [1.0, 0.0]])

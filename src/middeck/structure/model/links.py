@@ -15,7 +15,7 @@ from middeck.values import record
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz", "angle")
 """Of a term: shift along, or rotation vector about, the axes of W; the angle or travel of a joint."""
-# Of the largest moment of weights: an interpolation that resists less than this about an axis has no turn.
+# Resistance about an axis, over the largest moment of weights, below which an interpolation has no turn.
 UNDETERMINED = 1e-10
 
 

@@ -19,7 +19,7 @@ CENTRES = ("shear_centre_y", "shear_centre_z", "mass_centre_y", "mass_centre_z")
 STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z", "coupling")
 INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
 NUMBERS = (*STIFFNESS, *INERTIA, *CENTRES)
-# Of a tube: powers of its diameters to which these go.
+# Powers of a tube's diameters in each property.
 POWERS = {2: ("EA", "GA_y", "GA_z", "rho_A"), 4: ("GJ", "EI_y", "EI_z", "rho_I_y", "rho_I_z")}
 
 

@@ -37,7 +37,7 @@ from middeck.values import record
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 # Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
 ONE_HELD = 1e-3
-# Of the frames of a bushing: at pi its law ends; beyond a right angle a fall may have passed that.
+# Largest turn of a bushing: its law ends at pi, and beyond a right angle a fall may have passed that.
 MOST_TURN, HALF_ROUND = np.radians(179.5), 0.5 * np.pi
 LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
 

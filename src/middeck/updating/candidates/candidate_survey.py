@@ -24,7 +24,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.residuals.surveys import SHAPE_STD
 from middeck.values import record
 
-# Of the largest motion in a mode: channels that have less of it do not see the mode.
+# Share of a mode's largest motion: channels with less do not measure the mode.
 SEEN = 0.01
 
 
@@ -119,7 +119,7 @@ def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequ
     most, moved = (_most(modes, one) for one in (every, own))
     large = np.any(moved > SEEN * most, axis=0)
     nodes, directions = zip(*channels, strict=True)
-    # Of a mode without any motion of a sort, rounding would be its largest part.
+    # In a mode without any motion of a sort, rounding would be the largest part.
     return large & np.any(seen(sensor_rows(modes, nodes, directions), modes)[:, list(chosen)], axis=0)
 
 

@@ -25,7 +25,7 @@ from middeck.values import record
 
 # Hz: of a cable that no model has, by which an article that floats may hang.
 CABLE_HZ = 0.03
-# Of a measured damping ratio whose deviation the test does not state, relative.
+# Relative standard deviation of a measured damping ratio for which the test states none.
 DAMPING_STD = 0.1
 # Part of a mode that need not have been seen.
 LITTLE = 0.01

@@ -12,9 +12,9 @@ from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.refinement.refine import Refined
 from middeck.values import record
 
-# Of an article with more, so many nodes in even steps: a document is to be read.
+# Largest number of nodes in a document, in even steps: it has to stay readable.
 NODES = 60
-# Of the largest reading of a mode, which is one: more would hang on the machine.
+# Decimals of readings over the largest of a mode: more would differ between machines.
 DECIMALS = 4
 # A channel that moves as much as this part of the most moving one decides the sign: not the largest, of
 # which symmetric articles have two.

@@ -21,7 +21,7 @@ from middeck.updating.residuals.pairing import WINDOW, pair_shapes
 from middeck.values import record
 
 By = Literal["shape", "name", "number"]
-# Of the MAC of its pair: a measured shape that resembles another promised one as much may be that one.
+# Share of its pair's MAC: a measured shape that resembles another promised one as much may be that one.
 AS_ALIKE = 0.8
 LISTED = 8
 

@@ -53,7 +53,7 @@ from middeck.values import record
 ELSEWHERE = (ENVIRONMENT, LOOP, FRICTION)
 # Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
 USUAL_STATIC, OF_READING = 0.02, 0.25
-# Of ln zeta: what loss factors and dampers make of a mode is thought likely to be off by this much.
+# Usual error of ln zeta that loss factors and dampers give a mode.
 USUAL_DAMPING = 0.2
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.

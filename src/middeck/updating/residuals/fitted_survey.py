@@ -23,10 +23,11 @@ from middeck.structure.correlation.measured_modes import ACTUATOR, SENSOR, Measu
 from middeck.structure.model.article import Actuator, ActuatorKind, Sensor, SensorKind, Structure
 from middeck.structure.plants.sensors_and_actuators import RATE
 
-# Of a frequency, relative: a mode that is known worse tells an article nothing, a pole that is damped more is
-# a delay's or a filter's; the least is the most that pairs of tests allow beside what a fit states.
+# Relative standard deviation of a frequency beyond which a mode says nothing of an article; damping ratio
+# beyond which a pole is a delay's or a filter's; and least relative deviation, the most that pairs of tests
+# allow beside what a fit states.
 MOST, DAMPED, LEAST = 0.01, 0.3, 3e-6
-# Of a shape's largest channel: cross-talk and axes that are not quite where they are drawn.
+# Standard deviation over a shape's largest channel: cross-talk and misaligned axes.
 CROSS = 1e-3
 # Relative, of sensors and motors: what a calibration leaves.
 GAIN_STD = 0.01

@@ -13,7 +13,7 @@ from middeck.values import record
 
 # Lines are no nearer than this part of their frequency: nearer ones tell the same of a model's error.
 SPACING = 0.005
-# Of the response: a line that is noisier has no logarithm to speak of.
+# Relative noise of a response beyond which a line has no useful logarithm.
 NOISY = 0.3
 WHERE = "response of a survey"
 

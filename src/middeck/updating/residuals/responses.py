@@ -37,8 +37,8 @@ from middeck.updating.unknowns.loop_unknowns import LoopSlopes, loop_slopes
 from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
-# Of ln zeta of a mode whose damping the survey does not state, and where it states no deviation; of ln omega
-# of a mode that it did not see.
+# Standard deviations of ln zeta of a mode whose damping the survey does not state, and where it states no
+# deviation; and of ln omega of a mode that it did not measure.
 UNKNOWN_DAMPING, DAMPING_STD, UNSEEN = 0.3, 0.1, 0.01
 # Modes kept: below so many times the top of the band, and no fewer than this.
 BEYOND, LEAST = 5.0, 26

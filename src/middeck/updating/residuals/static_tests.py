@@ -33,15 +33,15 @@ from middeck.updating.residuals.surveys import set_up
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change
 from middeck.values import record
 
-# Of the largest singular value: strains that the tests have less of are none of theirs. They see nothing of
-# the error there, and to count it as several independent ones would make it small.
+# Singular value over the largest below which strains are not those of the tests: the error cannot be seen
+# there, and several independent ones would make its estimate small.
 PRESENT = 0.01
-# Of an error, what it changes by as strains grow by a factor of e: by as much grows a relative error of a
-# wing's sag, seen as one of what its members yield, where the wing bends far.
+# Change of an error while strains grow by a factor of e: a relative error of a wing's sag, taken as one of
+# its members' yielding, grows by that where the wing bends far.
 GROWTH = 0.3
-# Of the most of a direction, less is none.
+# Share of a direction's largest part that is zero.
 ROUNDING = 1e-9
-# Of the largest stiffness of an element: less is rounding.
+# Stiffness, over an element's largest, that is rounding.
 STIFF = 1e-12
 
 

@@ -29,11 +29,11 @@ from middeck.updating.residuals.responses import (
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
-# Of a shape whose noise the test does not state, relative.
+# Relative standard deviation of a shape for which the test states none.
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
-# Of a measured shape: parts of it that are known no better are not told by the channels.
+# Relative uncertainty of parts of a measured shape beyond which the channels do not determine them.
 TOLD = 0.25
 # Shapes that differ by less than this part of themselves at all channels are one to rounding.
 SAME = 1e-10

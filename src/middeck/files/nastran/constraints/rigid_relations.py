@@ -19,7 +19,7 @@ from middeck.files.toml.faults import Fault
 
 ALL = "123456"
 LINE = 8  # fields of a line
-# Of the independent rows, lengths over the size of the element: nearer to a mechanism is refused.
+# Largest condition of the independent rows, lengths over the size of the element: beyond is a mechanism.
 WORST = 1e6
 
 Moves = tuple[tuple[int, str], ...]

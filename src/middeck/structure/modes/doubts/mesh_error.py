@@ -39,7 +39,7 @@ CLAMPED_BEAM = 500.5639  # 4.7300^4: omega^2 of its first vibration in EI / (rho
 CLAMPED_BAR = np.pi**2
 CLAMPED_COLUMN = 4.0 * np.pi**2  # its critical load in EI / L^2
 STRING = 1e-9  # EI / (N L^2) taken of a string, which has none: its tension holds it alone
-# Of omega^2 over an element's own: beyond, the mesh has no shape like the mode.
+# omega^2 over an element's own: beyond, the mesh has no shape like the mode.
 BEYOND = 0.5
 UNCOUPLED = 1e-9  # of both bending stiffnesses: the coupling below which rounding alone turns the axes
 ORDER = 0.25  # errors fall with the fourth power of the number of elements at most: those of bending

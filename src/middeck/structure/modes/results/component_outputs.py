@@ -20,7 +20,7 @@ from middeck.structure.elements.frames import points_in_world
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
 from middeck.structure.modes.solve import Modes
 
-# Of a unit translation, and of the size times a unit turn: how far outputs are off that are shifts.
+# Largest error of outputs that are shifts, over a unit translation, and over the size times a unit turn.
 APART = 1e-6
 
 

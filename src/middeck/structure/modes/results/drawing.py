@@ -30,7 +30,7 @@ from middeck.values import record
 # Segments of a member: for the S that a cubic can make, and smooth where there are few.
 SEGMENTS, FINE = 6, 16
 SPOKE = 5  # points of a line of a component, so that its colour changes along it
-# Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
+# Sizes over the article's: a section drawn around a member, a cut-off cable, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
 # Sections show torsion; in an article of more members than this they would hide it.
 MOST_SECTIONED = 60
@@ -38,7 +38,7 @@ MOST_SECTIONED = 60
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
 STEP = 1e-30  # of the complex step
-# Of the largest coordinate: what reaches less far is a point up to rounding, and is drawn this large [m].
+# Extent, over the largest coordinate, of what is a point to rounding; it is drawn this large [m].
 POINT, POINT_M = 1e-9, 1.0
 
 
