@@ -27,7 +27,7 @@ class SlidingLoops:
         poles: One of each conjugate pair [rad/s].
         drives, reads: Of each pole, the response to a torque being the real part of the sum of
             reads exp(poles t) drives. The first outputs are the joints' angles, in the order of the joints.
-        stiffness, slip_torque: Of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
+        stiffness, slip_torque: Those of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
     """
 
     poles: Complex[np.ndarray, "loop pole"]

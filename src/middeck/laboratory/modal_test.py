@@ -31,7 +31,7 @@ class ModalTest:
     Attributes:
         torque_nm: Rms of each motor's command.
         weaker: Drive of the last experiment, as a share.
-        period_s, periods: Of the multisines, and how many periods of each are recorded.
+        period_s, periods: Period of the multisines, and how many periods of each are recorded.
     """
 
     inputs: tuple[str, ...]

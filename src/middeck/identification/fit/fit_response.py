@@ -70,7 +70,7 @@ class FitResult:
         warnings: What the user should know; empty if nothing.
         standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is
             said.
-        delay_standing: Of the delay of each output, the same; "sound" where none was fitted.
+        delay_standing: The same for the delay of each output; "sound" where none was fitted.
         lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
             modes.
     """

@@ -44,7 +44,7 @@ class PolesInstead:
     """A model without delays that describes the response about as shortly, or more so.
 
     Attributes:
-        states: Of the model with complex constants and a constant term.
+        states: States of the model with complex constants and a constant term.
         shorter: Whether it is the better one beyond doubt; otherwise the response does not tell.
     """
 

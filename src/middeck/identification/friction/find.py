@@ -46,7 +46,7 @@ class JointFriction:
         slip_torque, slip_angle: Torque [N m] at which it slips, and how far [rad] it gives way before, in
             units of the record's own motors and sensors; along a slide [N] and [m].
         slip_torque_std, slip_angle_std: Standard deviations of both.
-        delay_s, band_hz: Of the record: from command to reading [s], as told or found; and as told.
+        delay_s, band_hz: Delay from command to reading [s], given or found; and given band.
         before, after: What all experiments differ by from one linear response, as a variance over that of
             the noise: without friction, and with it. One is noise alone.
     """
@@ -128,7 +128,7 @@ class _Problem:
     Attributes:
         U, Y: Of each line; Y also by the noise of each output.
         weight: One over the noise of each experiment.
-        angles: Of the joints, and ``rms`` of each.
+        angles: Angles of the joints, and ``rms`` of each.
         line, motor: Lines of the band, and the input of each joint.
         late: Delay that is told, or tried first [s]; ``told`` says which.
     """

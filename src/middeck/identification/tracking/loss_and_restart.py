@@ -41,7 +41,7 @@ class Restart:
 
     Attributes:
         time_s: When [s].
-        good_s: Of the state whose parameters it took up again.
+        good_s: Time of the state whose parameters it took up again.
         opening: Relative deviation by which its frequencies were opened.
     """
 

@@ -62,7 +62,7 @@ class Followed:
         real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j
             omega_d) goes with it.
         group: Which delay each output has, of ``whole`` samples and ``part`` of another.
-        noise_rms: Of each output's samples.
+        noise_rms: Rms of the noise on each output's samples.
     """
 
     T: float
@@ -185,7 +185,7 @@ def start_tracking(
             Frequencies, damping and the size of each mode at each output are followed; delays and the direct
             term are taken as they are.
         sample_hz: Rate of the samples that will come; inputs are held from each to the next.
-        noise_rms: Of the white noise on each output's samples.
+        noise_rms: Rms of the white noise on each output's samples.
         input_rms: Of what moved the article before the first sample, by which the unknown motion at the start
             is judged; zero for an article at rest.
         known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.

@@ -36,8 +36,8 @@ class GateTrials:
         noise: Rms of white noise at each input in a dry run, as a share of its range.
         rms: Largest rms of each input in the second half of a dry run, as a share of its range.
         peak: Largest magnitude of each command, as a share of its limit.
-        share: Of full authority, at which it engages first.
-        seed: Of the noise.
+        share: Share of full authority, at which it engages first.
+        seed: Seed of the noise.
 
     Raises `ConfigError` for times and shares out of their range.
     """
@@ -74,7 +74,7 @@ class GateRig:
     Attributes:
         rig: A linear article, one behind UDP, converters, or a rig in Python.
         settings: Ports, hold, trips.
-        real_time: By the clock, else in lockstep.
+        real_time: In real time, else in lockstep.
         program: An engine built with a driver (`build_engine`); the plain one if it is left out.
     """
 

@@ -34,8 +34,8 @@ class FrequencyComparison:
 
     Attributes:
         pairs: (mode, measured mode), one to one.
-        frequency_error: Of each pair, model over test less one.
-        findings: Of the criteria on frequencies.
+        frequency_error: Frequency error of each pair, model over test less one.
+        findings: Findings of the criteria on frequencies.
         unjudged: Criteria of the profile that need shapes.
         unpaired, unmeasured: Measured modes without a partner within an octave, and modes of the model within
             the test's band that have none.

@@ -30,7 +30,7 @@ class Link:
             a hinge about the third, for any angle. One: a universal joint, whose cross has one arm along the
             first of the two other axes, fixed in ``first``, and one along the last, fixed in ``second``.
             None: a ball.
-        offset: Of the point from the origin of ``second``, in its axes [m].
+        offset: Offset of the point from the origin of ``second``, in its axes [m].
         axes: Unit vectors of x, y and z of the link in W as drawn, as columns.
 
     So all six are a rigid link, "xyz" and "" a spherical joint, "xyz" and "xy" a hinge about z, "xy" and

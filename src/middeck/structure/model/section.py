@@ -57,7 +57,7 @@ class Section:
         rho_I_y, rho_I_z: Rotary inertia per length [kg m] about axes through the mass centre along the own
             ones; their sum is the polar one.
         GA_y, GA_z: Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
-        density: Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
+        density: Density of its material [kg/m^3], where there is one; only checked, see `summarise`.
         mass: Formulation of the mass of each element.
         coupling: The stiffness less its diagonal; zero in the row of a shear whose stiffness is infinite.
         shear_centre_y, shear_centre_z: Where the shear strains are taken [m], from the node line. What shears

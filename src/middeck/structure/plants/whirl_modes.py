@@ -55,7 +55,7 @@ class GyroscopicModes:
             positive.
         whirl: d ln omega / d ln speed, of all wheels together: positive forward, 1 for the nutation of a
             rigid body, 0 where no wheel's axis circles.
-        kind, name: Of the standstill modes with most of the energy; a mode of rigid motions that the wheels
+        kind, name: Those of the standstill modes with most energy; a mode of rigid motions that the wheels
             alone hold is "gyroscopic".
         residual: |(s^2 M + s (G + C) + K) shape| of each, C that of the ratios, over the size of its terms:
             of the whole article, whatever modes it was solved in.

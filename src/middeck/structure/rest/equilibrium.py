@@ -62,7 +62,7 @@ class Equilibrium:
         holding_torque: Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds,
             positive on the carried body.
         tension: Pull [N] of each of ``devices``.
-        reactions: Of every clamped node, then of every bushing to the ground.
+        reactions: Reaction of every clamped node, then of every bushing to the ground.
         enough: Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves
             more, and Newton's own step shows that nothing is out of place by it.
         stable: Whether nothing grows there with the free joints held: false of a column that stands upright

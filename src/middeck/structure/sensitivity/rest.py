@@ -52,9 +52,9 @@ class RestMotion:
     """How a rest state moves, one column a cause.
 
     Attributes:
-        motion: Of the frame-tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
+        motion: Motion of tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
             angles.
-        drawn: Of the same coordinates as drawn: what ``motion`` has over it has moved since.
+        drawn: Motion of the same coordinates as drawn; ``motion`` less this is the motion since.
         tension: As of `Equilibrium`.
         support: Force [N] and moment [N m] in W of every one of ``reactions``, the moment about where it is.
     """

@@ -48,7 +48,7 @@ class ModeSensitivity:
     Attributes:
         d_lambda: Phi'(dK - lambda dM) Phi [rad^2/s^2 per unit] within each group of equal frequencies, zero
             between groups: on its diagonal the derivatives of omega^2 of modes that are alone.
-        d_shapes: Of the mass-normalised shapes, in the frame-tree coordinates of the rest state as it moves.
+        d_shapes: Derivatives of mass-normalised shapes, in tree coordinates of the moving rest state.
     """
 
     parameter: Parameter

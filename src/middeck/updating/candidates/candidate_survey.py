@@ -35,7 +35,7 @@ class CandidateSurvey:
     Attributes:
         settings: As of `Survey`.
         frequency_std: Standard deviation of a frequency over the frequency.
-        shape_std: Of a channel over the rms of the mode's channels of its sort.
+        shape_std: Standard deviation over the rms of the mode's channels of that sort.
         channels: (node, direction) as of `MeasuredModes`; none for frequencies alone, None for every node's
             six directions and every joint.
         count: How many of the lowest modes of the band that move, suspension modes among them.

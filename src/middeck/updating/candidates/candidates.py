@@ -32,7 +32,7 @@ class Promised:
 
     Attributes:
         where: The environment of a mode, the load case of a gauge.
-        name: Of the mode, or of the gauge.
+        name: Name of the mode, or of the gauge.
         value: In ``unit``.
         std: Standard deviation of the logarithm of a frequency; of a reading over the largest that is
             promised of its gauge.
@@ -50,10 +50,10 @@ class Ranked:
     """What one test would leave.
 
     Attributes:
-        std: Of all that is promised, the standard deviations after the test, each as of `Promised`.
-        ratio: Of these, each over that before.
+        std: Standard deviations after the test of all that is promised, as in `Promised`.
+        ratio: Each of these over its value before.
         widest: The ratio of what is the widest before.
-        median: Of all ratios.
+        median: Median of all ratios.
         foreseen: The refinement with the test: what promises would stand on.
     """
 

@@ -36,16 +36,16 @@ class Prediction:
     """Modes as predicted, rigid ones left out.
 
     Attributes:
-        modes, index: Of the refined model, and which of its modes these are.
+        modes, index: Modes of the refined model, and which of them these are.
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
-        log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
+        log_root: Root of their shared covariance, by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the surveys measured, by what each mode has of the shapes that it saw; of the rest,
             and where the survey states none, the article's. Where damping was refined: of the refined
             article's complex modes, with the model's errors of ln zeta as far as the modes share them.
         damping_seen: Part of each damping that was measured; one where damping was refined.
         damping_spread: Standard deviation of the logarithm of what was measured, or of what each has alone.
-        damping_root: Of the covariance of the logarithms, as far as it is shared; zero where damping was not
+        damping_root: Root of the shared covariance of the logarithms; zero where damping was not
             refined.
         seen: Part of each shape that the surveys saw.
         ground_hz: The refined model's frequency of the mode on the ground that has most of each; not a number

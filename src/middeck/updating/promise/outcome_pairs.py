@@ -64,7 +64,7 @@ class Paired:
 
     Attributes:
         index, name: In the promise's order, from 0, and as it calls the mode.
-        mac: Of the two shapes, at the channels that both have; None without shapes.
+        mac: MAC of the two shapes, at the channels that both have; None without shapes.
         open: Why it may be another promised mode, in words; empty where it is clear.
     """
 

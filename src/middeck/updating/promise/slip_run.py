@@ -49,7 +49,7 @@ class Slipped:
     Attributes:
         db: What friction adds to the rms of the performance, by draw; ``inf`` where the slipping loop is
             unstable. Draws differ by as much as articles do, without what their records add.
-        variance: Of what a draw's records say, by the noise.
+        variance: Variance of a draw's result by the noise of its records.
         travel: Rms of each joint's angle [rad].
         sticks: Whether the loop with its sliders as springs does not grow.
     """

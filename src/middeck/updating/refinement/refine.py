@@ -82,8 +82,8 @@ class Refined:
         fields: Strains of the static tests, which have errors of their own; None where there are no tests.
         unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
             where the tests say little of it.
-        responses: Of the surveys that have one, beside the model.
-        damped: Of the surveys that state damping, beside the model; none where no unknown moves any.
+        responses: Responses of the surveys that have one, beside the model.
+        damped: Damping of the surveys that state it, beside the model; none if no unknown moves any.
     """
 
     structure: Structure

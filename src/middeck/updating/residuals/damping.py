@@ -36,7 +36,7 @@ class ComparedDamping:
         residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
         likeness: Part of each complex mode that is its real one.
         left_out: Paired measured modes whose ratio is zero, not stated or not determined.
-        frequency_hz: Of the complex modes of all pairs of the survey, in their order.
+        frequency_hz: Frequency of the complex modes of all pairs of the survey, in their order.
     """
 
     survey: Survey

@@ -48,7 +48,7 @@ def survey_from_fit(
     Args:
         fitted: From torques or forces to angles or travels, or to their rates; a fit, or the covariance of
             its model.
-        standing: Of each mode of the model, where no fit says it; without it the covariance alone judges.
+        standing: Standing of each mode if no fit gives it; without it the covariance decides.
         gain_std: Standard deviation of each port's gain, relative: an error that no fit can see.
 
     Raises `ConfigError` for a port that the article does not have, an accelerometer or a gain deviation that

@@ -34,8 +34,8 @@ class SurveyedFriction:
     Attributes:
         joint: Name of the joint. Unknowns are ``friction.NAME.slip_torque`` and ``friction.NAME.slip_angle``,
             factors on the next two.
-        slip_torque, slip_angle: Of a spring and a slider in series [N m], [rad]; of a slide [N], [m].
-        amplitude: Of the joint in each measured mode [rad], zero to peak; of a slide [m].
+        slip_torque, slip_angle: Spring and slider in series [N m], [rad]; for a slide [N], [m].
+        amplitude: Amplitude of the joint in each measured mode [rad], zero to peak; of a slide [m].
         random: Whether that is the rms of a narrow-band random motion instead.
 
     Raises `ConfigError` for numbers that are not positive and finite.
@@ -72,10 +72,10 @@ class Added(NamedTuple):
     """What the friction of one joint adds in each measured mode.
 
     Attributes:
-        coordinate: Of the joint in shapes.
-        row: Of the joint in the model's modes.
+        coordinate: Coordinate of the joint in shapes.
+        row: Row of the joint in the model's modes.
         stiffness: k_eq + j k_loss [N m/rad].
-        slope: Of that by each unknown.
+        slope: Its derivative by each unknown.
     """
 
     coordinate: int

@@ -33,11 +33,11 @@ class Gauge:
 
     Attributes:
         at: A node; of a force or a moment a clamped node, a bushing to the ground, or a device.
-        kind: Of the reading [m, rad, N, N m].
+        kind: Kind of the reading [m, rad, N, N m].
         direction: In W, of any length; the pull of a device needs none. A tilt is the angle of ``line`` over
             the plane across it, asin(direction . R line), less that as drawn.
-        point: Of a shift, from the node, in its axes [m].
-        line: Of a tilt, in the axes of the node.
+        point: Point of a shift, from the node, in its axes [m].
+        line: Line of a tilt, in the axes of the node.
         std: Standard deviation of a reading.
 
     Raises `ConfigError` for a direction or a line of no length, or one along the other.

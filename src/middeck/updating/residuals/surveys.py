@@ -49,7 +49,7 @@ class Survey:
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
-        friction: Of joints that were not free of it, and how far they moved.
+        friction: Friction of the joints that had any, and how far they moved.
     """
 
     name: str

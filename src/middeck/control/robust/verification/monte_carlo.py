@@ -38,7 +38,7 @@ class PlantOutcomes:
     Attributes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
         stable: By roots. A loop of infinite rms does not count as stable: a root on the axis drifts.
-        rms: Of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
+        rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
             unstable. Of a sampled loop at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
             plant is unstable without control and stable with it.

@@ -116,9 +116,9 @@ def read_external(
     Args:
         cards: Files with its cards, such as the punch file.
         matrices: Its OUTPUT4 file; None where DMIG among the cards hold them.
-        units: Of the deck.
-        number: Of the superelement, where the cards are those of several.
-        name: Of the component.
+        units: Units of the deck.
+        number: Number of the superelement, where the cards are those of several.
+        name: Name of the component.
 
     Raises `ConfigError` or `DataError` with file and line for cards or matrices that do not fit.
     """

@@ -52,7 +52,7 @@ class Motor:
         slew_limit: Most that the torque changes in a second [N m/s]; only a rotor that runs full takes it
             back faster, at once.
         resolution: One step of its converter [N m]; zero for none.
-        rotor: Of a wheel; None for a motor between two bodies.
+        rotor: Rotor of a wheel; None for a motor between two bodies.
 
     Raises `ConfigError` for limits that are not positive, or a holding torque beyond the limit.
     """

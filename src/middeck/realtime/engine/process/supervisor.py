@@ -62,7 +62,7 @@ class Supervisor(CommandedEngine):
         settings: Ports, hold, trips.
         rig: What it drives.
         waveform: Excitation of the outputs, one row a sample, which "excite" plays.
-        real_time: By the clock, else in lockstep: as fast as it can, and only as far as `run` lets it.
+        real_time: In real time, else in lockstep: as fast as it can, and only as far as `run` lets it.
         folder: Where the shared file lies; a temporary one if it is left out.
         ring: Records kept for reading.
         pretrip_s: Time before a trip that is kept until its reset.

@@ -31,7 +31,7 @@ class TimingReport:
         machine: Processor, cores, kernel, and whether its kernel preempts for real time.
         granted: Whether the system gave FIFO priority, locked memory and a processor of its own; None for one
             that was not asked for.
-        period_s, samples: Of the run.
+        period_s, samples: Sampling period and number of samples of the run.
         late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples.
         overruns: Samples later than a whole period.
         operations, bytes: Multiplications and additions of a step of the law, and the size of its numbers.

@@ -75,15 +75,15 @@ class Drawing:
     """An article as drawn and at rest, with the motion of its points in each of some shapes.
 
     Attributes:
-        title, environment: Of the article, and of what it stands in.
+        title, environment: Titles of the article and of its environment.
         gravity: In W [m/s^2].
         up: Unit vector in W that is upwards; None where the environment has none.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
         lines, marks: What is drawn of them.
-        motion: Of every point in each shape, about rest, in the scale of `Modes.shapes`.
+        motion: Motion of every point in each shape, about rest, in the scale of `Modes.shapes`.
         strain: Share of every line's member or component in the elastic energy of each shape; zero for the
             other lines.
-        number: Of each shape in the modes it is of.
+        number: Number of each shape in its modes.
         frequency_hz, kind, name: Of each shape.
         alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
     """

@@ -35,8 +35,8 @@ class Flown:
     """One compensator in orbit.
 
     Attributes:
-        db: Of the article itself, linear: rms with the compensator over that without, in the band. None where
-            it is unstable.
+        db: Decibels of the linear article: rms with the compensator over that without, in the band. None
+            where it is unstable.
         rig_db: The same measured on the rig, with friction, limits and noise; None where there is no record,
             for ``cause``.
     """
