@@ -77,7 +77,7 @@ class DrawnPlants:
     """Plants, and what was drawn for each.
 
     Attributes:
-        names: Names of the drawn numbers: unknowns, errors of each mode's frequency and damping, delay, gains.
+        names: Names of drawn numbers: unknowns, errors of each mode's frequency and damping, delay, gains.
         drawn: In deviations from its mean, those within tolerances in parts of these; a row a plant.
     """
 
