@@ -278,7 +278,7 @@ def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):
         ["--name", "b"],
         ["--ramp", "0"],
     ):
-        assert "cannot be told anew" in middeck(capfd, "generate", package, *again).err
+        assert "cannot be given again" in middeck(capfd, "generate", package, *again).err
     assert middeck(capfd, "generate", tmp_path / "none.mdk").code == 4
     with pytest.raises(MiddeckError, match=r"begins otherwise|schema"):
         load_package(law_file)

@@ -369,7 +369,7 @@ def test_the_page_says_where_it_comes_from(written, study):
     assert all(digest in text and name in text for name, digest in study.inputs)
     assert all(override in text for override in REDUCED)
     assert "CC BY 4.0" in text
-    assert "15 gave" in text
+    assert "15 of 313" in text
     assert "no dimension, mass, stiffness, gain or noise level" in text
 
 

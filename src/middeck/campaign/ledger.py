@@ -27,7 +27,7 @@ NEW = "keep it, and name another ledger"
 
 @record(kw_only=True)
 class Outcome:
-    """What became of one case: its result, or the text of its error."""
+    """The result of one case, or the text of its error."""
 
     index: int
     result: Any

@@ -52,7 +52,7 @@ def _measure(plant: Plant, compensator: Compensator, weights: LQGWeights) -> Noi
 
 
 def _measure_late_modes(plant: Plant, law: Compensator, weights: LQGWeights) -> NoiseOutcome | None:
-    """In a third of the time, for a plant with delays in modal form; None where undecided."""
+    """The outcome for a delayed plant in modal form, three times as fast; None where undecided."""
     if plant.modal is None or not plant.delayed:
         return None
     generalize(remove_delays(plant), weights, 1.0)  # refuses a plant of infinite cost

@@ -26,15 +26,15 @@ class HiddenErrors:
     """Factors by which a rig's article differs from the sheet; all one for none.
 
     Attributes:
-        modulus, strut: Of E of all members, and beside it of each member's bending stiffness.
+        modulus, strut: Factor on E of all members, and another on each bending stiffness.
         mass, inertia: Of each node's mass and each principal inertia, by node; nodes that are not named keep
             theirs.
         payload_inertia, payload_cg: Of each principal inertia, and of the distance of the centre of mass, by
             payload joint.
-        bounce, cable_length: Of the suspension.
+        bounce, cable_length: Bounce and cable length of the suspension.
         damping: Standard normal numbers, one a mode from the lowest: its ratio is multiplied with exp(0.3 d).
         delay_s: Added to the rig's total delay.
-        gain: Of each sensor, by name.
+        gain: Gain of each sensor, by name.
     """
 
     modulus: float

@@ -1,4 +1,4 @@
-"""A fit beside what it was fitted to, with the bounds of its response."""
+"""A fit beside its data, with the bounds of its response."""
 
 from __future__ import annotations
 

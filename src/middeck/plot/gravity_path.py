@@ -19,7 +19,7 @@ KIND = {
 }
 MARK = {EventKind.CROSSING: "x", EventKind.VEERING: "s"}
 WORD = {EventKind.CROSSING: "crossing", EventKind.VEERING: "veering"}
-# Of the largest gravity: a path that varies by less is drawn against the angle that gravity has turned.
+# Relative variation of gravity below which a path is drawn against the angle that gravity has turned.
 SAME_SIZE = 1e-6
 # Room between two names at the edge, in the height of the axes.
 ROOM = 0.034

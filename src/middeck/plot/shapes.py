@@ -226,7 +226,7 @@ def _scale(figure: Figure, heading: str, foot: float) -> None:
 
 
 def _entries(drawings: Sequence[Drawing]) -> list[Line2D]:
-    """Of the legend: what marks, boxes and dashed lines are."""
+    """Entries of the legend: marks, boxes and dashed lines."""
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
     entries = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
     lines = {line.what for drawing in drawings for line in drawing.lines}

@@ -37,9 +37,9 @@ class ShapePage:
     """What the page shows.
 
     Attributes:
-        title: Of the page.
+        title: Title of the page.
         drawings, sides: Drawings, and what each is called, such as "0-g".
-        rows: Of each choice of mode the shape of every drawing, None where it has none.
+        rows: The shape of every drawing for each choice of mode; None where it has none.
         headers, table: A table of all modes under the pictures.
         warnings: Sentences that stand with it.
         circling: Whether shapes are complex: real parts, then as many imaginary parts, a quarter of a period

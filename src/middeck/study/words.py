@@ -82,7 +82,7 @@ def percent(share: float, digits: int = 2) -> str:
 
 
 def signed(value: float) -> str:
-    """With its sign.
+    """The number with its sign.
 
     >>> signed(2.0)
     '+2'

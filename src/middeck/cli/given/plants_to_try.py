@@ -48,7 +48,7 @@ class Gathered:
 
     Attributes:
         hold_unknown: Those of models that do not say whether the inputs of their data were held.
-        dispersed: Of articles, the modes that a sweep shifts.
+        dispersed: Modes of articles that a sweep shifts.
         promises: Those whose plants are there.
     """
 

@@ -22,7 +22,7 @@ class Table:
 
     @property
     def flush_right(self) -> list[bool]:
-        """For each column, whether it holds numbers."""
+        """Whether each column holds numbers."""
         return [all(_is_number(row[i]) for row in self.rows) for i in range(len(self.headers))]
 
 

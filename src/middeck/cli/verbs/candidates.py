@@ -1,4 +1,4 @@
-"""``middeck candidates``: tests that may be made, ranked by what they would tell."""
+"""``middeck candidates``: tests that may be made, ranked by how much they would narrow the predictions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``middeck check``: what an article weighs and measures, and what is wrong or doubtful about it."""
+"""``middeck check``: mass, size and faults of an article, and warnings about it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EXAMPLES = """\
   middeck check articles/mace-simple.toml
   middeck check articles/mace-simple.toml lab --require
 """
-# Of the lowest modes: what is loose or unstable is among them.
+# Number of lowest modes examined: loose and unstable ones are among them.
 COUNT = 40
 SHOWN = 26  # whose mesh is judged: those that `modes` prints
 

@@ -1,4 +1,4 @@
-"""``middeck excite``: a test signal, and what a test with it would say."""
+"""``middeck excite``: a test signal, and the accuracy of a test with it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,9 @@ def verb(
 
     settings = settle(ExciteSettings, given, overrides)
     if (model_file is None) != (noise_rms is None):
-        raise ConfigError("an accuracy is expected of a model under a noise", hint="--model and --noise")
+        raise ConfigError(
+            "the expected accuracy of a test needs a model and its noise", hint="--model and --noise"
+        )
     made = design(settings)
     expected = None
     if model_file is not None and noise_rms is not None:

@@ -114,7 +114,7 @@ def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
         told = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
         if settings or told or given["unstable"]:
             raise ConfigError(
-                "a package has its name, rate, form, ranges and limits: they cannot be told anew",
+                "name, rate, form, ranges and limits are fixed in a package and cannot be given again",
                 where=law_file,
                 hint="generate from the compensator",
             )

@@ -1,4 +1,4 @@
-"""``middeck outcome``: what came, beside what was promised, and how good many promises were."""
+"""``middeck outcome``: a measured outcome beside its promise, and the score of many promises."""
 
 from __future__ import annotations
 

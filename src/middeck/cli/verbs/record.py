@@ -1,4 +1,4 @@
-"""``middeck record``: what a record file holds, what is wrong with it, and the same as another kind."""
+"""``middeck record``: contents and faults of a record file, and its conversion to another kind."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def verb(
     nodes = options.separate_names(boundary)
     if not nodes or (count is None) == (upto_hz is None):
         raise ConfigError(
-            "a reduction needs a boundary and how many modes",
+            "a reduction needs boundary nodes and a number of modes",
             hint="--boundary, and one of --modes and --upto-hz",
         )
     name = "component" if target is None else Path(target).stem

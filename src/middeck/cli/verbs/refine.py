@@ -1,4 +1,4 @@
-"""``middeck refine``: an article refined on modes measured on the ground, and what it says of orbit."""
+"""``middeck refine``: an article refined on modes measured on the ground, and its prediction for orbit."""
 
 from __future__ import annotations
 
@@ -206,7 +206,7 @@ def _friction(refined: RefinedFriction) -> dict[str, Any]:
 
 
 def _deviation(predicted: Prediction) -> Float[ndarray, " mode"]:
-    """Of the predicted damping ratios; nothing of a refined one is unseen."""
+    """Standard deviations of the predicted damping ratios."""
     return predicted.damping * predicted.damping_std(0.0)
 
 

@@ -153,7 +153,7 @@ def describe_gain(gain: StaticGainComparison) -> dict[str, Any]:
 
 
 def _share(missing: float) -> str:
-    """Of a pair that is not coupled there is none."""
+    """The share as text; "-" for a pair that is not coupled."""
     return f"{missing:.1e}" if missing == missing else "-"
 
 

@@ -21,7 +21,7 @@ from middeck.values import record
 
 HEAD = ("rate Hz", "method", "dB", "control rms", "gain dB", "phase deg", "disk")
 FORMS: tuple[Form, ...] = ("current", "predictor")
-# Of the delays in designs of finite order.
+# Pade order of delays in designs of finite order.
 PADE_ORDER = 3
 
 

@@ -26,10 +26,10 @@ class SampledOutcome:
     Attributes:
         stable: By the eigenvalues of the loop from sample to sample (`decide_stability`).
         poles: Those eigenvalues, z-plane.
-        rms: Of each output z over all time, between the samples too; ``inf`` for an unstable loop, and for
+        rms: Rms of each output z at all times, between samples too; ``inf`` for an unstable loop, and for
             one with a pole on the circle that noise drives.
         rms_at_samples: Rms at the sampling instants alone (of the plant's state, without output delays).
-        control_rms: Of each input u.
+        control_rms: Rms of each input u.
         metric: Norm of W rms: the square root of the cost's first part.
         cost: E[z' W^2 z + rho u' diag(input) u] at rho = 1 / authority.
     """
@@ -67,7 +67,7 @@ def _numbers(outcome: SampledOutcome) -> Float[np.ndarray, " number"]:
 def measure_held(
     plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
-    """As `measure_sampled_loop`, rounding apart."""
+    """`measure_sampled_loop` without its check of rounding."""
     held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
     stable = decide_stability(plant, compensator).stable

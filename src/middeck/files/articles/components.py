@@ -196,7 +196,7 @@ def _in_si(part: Component, text: str, kinds: Sequence[str]) -> Component:
 
 
 def _kinds(part: Component) -> list[str]:
-    """Of outputs that follow the component as one body as shifts and turns do; "" of all others."""
+    """Kinds of outputs that follow the component as one body (shift, turn); "" for all others."""
     if part.recovery is None:
         return []
     body = part.recovery @ rigid_vectors(part.positions, len(part.stiffness))

@@ -200,7 +200,7 @@ def _build(
 
 
 def _delays(found: Mapping[str, np.ndarray], where: str, shape: tuple[int, int]) -> np.ndarray:
-    """Of each path [s]; InputDelay one for each input, OutputDelay one for each output, or one for all."""
+    """Delay of each path [s]; InputDelay and OutputDelay have one value for each port, or one for all."""
     if "IODelay" in found and "ioDelay" in found:
         raise DataError(
             "the delays of the paths twice", where=f"{where}, IODelay", hint="ioDelay is the older name"

@@ -156,7 +156,7 @@ def _case(case: Deflection) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Of what computed a document."""
+    """Versions of the programs that computed a document."""
     return {
         "middeck": __version__,
         "python": platform.python_version(),
@@ -306,7 +306,7 @@ def _loop_row(outlook: Outlook, bound: RobustBound, plan: Plan) -> dict[str, Any
 
 
 def _swept(swept: Swept) -> dict[str, Any]:
-    """In how many cases of the sweep the loop is stable, and in which it is not."""
+    """How many cases of the sweep are stable, and which are not."""
     return {"cases": len(swept.cases), "stable": int(np.count_nonzero(swept.stable)), "lost": swept.lost}
 
 

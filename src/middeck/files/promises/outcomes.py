@@ -240,12 +240,12 @@ def promised_modes_of(promise: Mapping[str, Any]) -> dict[str, PromisedModes]:
 
 
 def name_of_mode(environment: str, number: int) -> str:
-    """As verdicts name it; numbered from 1."""
+    """The name of a mode in verdicts, numbered from 1."""
     return name_of(environment, f"mode {number}")
 
 
 def name_of(environment: str, *names: str) -> str:
-    """As verdicts name a compensator of this name, or the reading of a load case's gauge."""
+    """The name in verdicts of a compensator, or of the reading of a load case's gauge."""
     return ": ".join([environment, *names])
 
 

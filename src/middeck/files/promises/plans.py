@@ -1,4 +1,4 @@
-"""Plans of promises: documents that say what is promised of a refined article."""
+"""Plans of promises: documents that state what is promised of a refined article."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class NoiseForm(Form):
 
 
 class LoopForm(Form):
-    """What is not known of the loop beside the article."""
+    """Uncertainty of the loop beside that of the article."""
 
     delay_s: NotNegative = 0.0
     delay_tolerance_s: NotNegative = 0.0

@@ -268,7 +268,7 @@ def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.n
 
 
 def _unended(cells: list[str]) -> list[str]:
-    """Without the empty cell that a separator at the end of a line makes."""
+    """The cells without the empty one that a separator at the end of a line makes."""
     return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
 
 

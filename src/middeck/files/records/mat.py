@@ -21,7 +21,7 @@ from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, 
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
-# Of a system in state space, as `write_mat` and others write one.
+# Variables of a system in state space, as `write_mat` and other programs write it.
 SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 TIMES = ("t", "time", "Time")

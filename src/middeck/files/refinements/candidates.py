@@ -64,7 +64,7 @@ class RankedTests:
     """What `middeck.updating.candidates.candidates.rank_tests` needs, and an article with its refinement.
 
     Attributes:
-        environments: Of what is promised, by name.
+        environments: Environments in which frequencies are promised, by name.
         modes: How many of the lowest modes are promised in each.
         loads: What gauges will read, that is promised too.
     """

@@ -160,7 +160,7 @@ def load_survey_modes(path: str | Path, article: str | Path) -> MeasuredModes:
     _, covariance = load_fitted(path)
     if covariance is None:
         raise DataError(
-            "the model does not say how well it is known: no survey",
+            "the model has no covariance, so it cannot be a survey",
             where=str(path),
             hint="a model of middeck identify holds a covariance",
         )

@@ -1,4 +1,4 @@
-"""Load cases to be promised: what gauges will read under loads that nobody has tried."""
+"""Load cases to be promised: gauge readings under untested loads."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Found:
     samples: tuple[tuple[int, int], ...] = ()
 
     def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
-        """As a fault of a channel."""
+        """The finding as a fault of a channel."""
         runs = self.samples[:MOST_RUNS]
         return Fault(
             kind=self.kind,

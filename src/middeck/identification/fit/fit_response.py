@@ -70,7 +70,7 @@ class FitResult:
         warnings: What the user should know; empty if nothing.
         standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is
             said.
-        delay_standing: Of the delay of each output, the same; "sound" where none was fitted.
+        delay_standing: The same for the delay of each output; "sound" where none was fitted.
         lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
             modes.
     """
@@ -334,7 +334,7 @@ def _pairs_for_a_delay(
     best: Polished,
     followed: Spread,
 ) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Of a model without delays, pairs that stand for one."""
+    """Pairs that stand for a delay in a model without delays."""
     if covariance.structure.with_delay:
         return np.array([], dtype=int), 0.0
     s, inputs = 2j * np.pi * measured.frequency_hz, len(measured.inputs)

@@ -74,7 +74,7 @@ def shrunk(data: Data, options: FitOptions, best: Polished, spread: Spread) -> S
 
 
 def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
-    """By how much the cost rises without each mode, the other linear unknowns solved for again."""
+    """Rise of the cost without each mode, the other linear unknowns solved for again."""
     layout = best.layout
     terms = build_terms(layout, data, best.refined.theta)
     missed = np.zeros(len(layout.pair))

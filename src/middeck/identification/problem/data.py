@@ -84,7 +84,7 @@ class Data:
 
     @functools.cached_property
     def drift_and_edges(self) -> tuple[Complex[np.ndarray, "column line"], ...]:
-        """Of the transient, to the first degree and to the second."""
+        """Terms of the transient, to first and to second degree."""
         assert self.transient is not None
         return tuple(self.transient.drift_and_edges(self.s, degree) for degree in (1, 2))
 

@@ -259,7 +259,7 @@ class _Normal:
 
     @property
     def lengths(self) -> Float[np.ndarray, "group column"]:
-        """Of the columns."""
+        """Lengths of the columns."""
         return 1.0 / self._size
 
     def cosines(self, products: Float[np.ndarray, "group column"]) -> Float[np.ndarray, " group"]:

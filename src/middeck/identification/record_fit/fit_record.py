@@ -347,21 +347,21 @@ def _result(
 def _pairs_for_a_delay(
     model: MeasurementModel, covariance: ModelCovariance, data: Data, run: RecordRun
 ) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Of a model without delays, pairs that stand for one."""
+    """Pairs that stand for a delay in a model without delays."""
     if covariance.structure.with_delay:
         return np.array([], dtype=int), 0.0
     return stands_for_delay(model, data.s, data.U, run.residual(data), 1.0 / np.sqrt(run.variance))
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:
-    """Modes that do not decay within the record, or that have a sine beside them."""
+    """Warnings for modes that do not decay within the record, or that have a steady sine beside them."""
     f = natural_hz(model)
     apart = lines.frequency_hz[1] - lines.frequency_hz[0] if len(f) and len(lines.frequency_hz) > 1 else 0.0
     sines = np.array([line.hz for line in fit.lines])
     within = model.is_pair & (f >= lines.frequency_hz[0]) & (f <= lines.frequency_hz[-1])
     return [
-        f"mode at {f[m]:.4g} Hz: it does not decay within the record, or a sine goes on beside it: it is "
-        "undamped, or unstable, which is not fitted; no stated deviation holds"
+        f"mode at {f[m]:.4g} Hz: undamped or unstable, which cannot be fitted: it does not decay within the "
+        "record, or a steady sine lies beside it; the stated standard deviations do not hold"
         for m in np.flatnonzero(within)
         if -np.real(model.poles[m]) < HARDLY * LIGHTEST * apart
         or np.any(np.abs(sines - f[m]) < BESIDE * apart)
@@ -380,7 +380,7 @@ def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
 
 
 def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
-    """Of noise of the measured inputs: what does not repeat in them, or the floor of their spectra."""
+    """Variance of the noise of measured inputs: what does not repeat, or the floor of their spectra."""
     periods = record.u.shape[1]
     if record.periodic and periods > 1:
         level = record.u - record.u.mean(axis=2, keepdims=True)  # drift moves all periods alike
@@ -413,7 +413,7 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
     model = 2.0 * negative_log_likelihood(r, noise_variance(r)) + unknowns * np.log(2.0 * H.size)
     if model >= alone:
         raise FitError(
-            "the outputs are described no worse as noise: the inputs explain nothing of them",
+            "a model of noise alone describes the outputs as well: the inputs explain nothing of them",
             hint="check which channels are which, and that no delay is longer than the record; more states, "
             "a longer record or a larger excitation",
         )

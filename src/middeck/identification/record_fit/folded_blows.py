@@ -11,8 +11,8 @@ from jaxtyping import Float
 from middeck.identification.faults.equal_runs import runs_of
 from middeck.signals.record import Record
 
-# Of the largest sample, what is a blow; samples beside it that belong to it, and as many more that fade; and
-# the most of a record that blows are.
+# Share of the largest sample that is a blow; samples beside it that belong to it, and as many more that fade;
+# and the largest share of a record that blows fill.
 BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
 # What may be left at half the rate of the largest line: so much of it folds back. Blows behind a filter that
 # ends at half the rate had 0.27 % at most of 2000, sines of two to six samples without one 0.6 % at least.
@@ -23,13 +23,13 @@ CLEAR, NOTHING = 8.0, 1e-9
 
 
 def _folded_share(record: Record) -> Float[np.ndarray, " input"]:
-    """Of each input, what is left at half the rate of its largest line; zero for one that is no blows."""
+    """Spectrum of each input at half the rate over its largest line; zero for an input without blows."""
     u = record.u.reshape(len(record.u), -1, record.u.shape[3])
     return np.array([_share(u[..., i]) for i in range(u.shape[2])])
 
 
 def _share(x: Float[np.ndarray, "run sample"]) -> float:
-    """Of all blows together, each in a smooth window: what rings below half the rate stays there."""
+    """The share of all blows of an input together, each under a smooth window against ringing."""
     force = x - np.median(x, axis=1, keepdims=True)
     on = np.abs(force) > BLOW * np.abs(force).max()
     if np.mean(on) > SPARSE:
@@ -43,7 +43,7 @@ def _share(x: Float[np.ndarray, "run sample"]) -> float:
             blow = window[a:b] * f[a:b]
             top += (blow[::2].sum() - blow[1::2].sum()) ** 2
             largest += float(np.max(np.abs(np.fft.rfft(blow)) ** 2))
-        # By differences, whatever slope was taken off, from where a force window has left some.
+        # From differences where the force window has left noise, so that a removed slope has no effect.
         step = np.diff(f) - np.median(np.diff(f))
         rest = step[(window[1:] < 0.5) & (np.abs(step) > NOTHING * np.abs(f).max())]
         noise += 0.5 * float(np.mean(rest**2)) * np.sum(window**2) if len(rest) else 0.0
@@ -51,11 +51,11 @@ def _share(x: Float[np.ndarray, "run sample"]) -> float:
 
 
 def doubts_of_folding(record: Record) -> list[str]:
-    """Inputs whose blows reach beyond half the sampling rate."""
+    """Warnings for inputs whose blows reach beyond half the sampling rate."""
     return [
         f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
-        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
-        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
+        "line, and the rest is folded back: no anti-alias filter, or too low a rate; the stated standard "
+        "deviations do not hold, least of all that of a delay; sample faster, or strike with a softer tip"
         for port, share in zip(record.inputs, _folded_share(record), strict=True)
         if share > FOLDED
     ]

@@ -86,7 +86,7 @@ class _Rows:
         self.terms = Terms(run.layout, data, run.refined.theta)
 
     def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], TransientProjection]:
-        """Of one output, by the unknowns of the model, through the transients' poles also."""
+        """Rows of one output by the unknowns of the model, also through the transients' poles."""
         model, data, layout, point = self.model, self.data, self.run.layout, self.terms.point
         assert data.transient is not None
         at = places_of(model, self.structure)

@@ -55,11 +55,11 @@ def _power(data: Data, spectra: np.ndarray) -> Float[np.ndarray, "column block"]
 
 
 def doubts_of_growth(record: Record, score: np.ndarray) -> list[str]:
-    """Outputs of which more is left while they move more: what is left is no noise."""
+    """Warnings for outputs whose residual is larger while they move more."""
     return [
-        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
-        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
-        "linear or a wrong model; no stated deviation holds"
+        f"output {port.name}: the residual grows with the response ({z:.0f} standard deviations of noise), "
+        "so it is not noise: blows that scatter, a sensor that clips, a nonlinear article or a wrong "
+        "model; the stated standard deviations do not hold"
         for port, z in zip(record.outputs, score, strict=True)
         if z >= GROWS
     ]

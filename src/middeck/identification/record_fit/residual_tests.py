@@ -31,51 +31,53 @@ from middeck.signals.record import Record
 
 Heard = Complex[np.ndarray, "output line part"]
 Law = Callable[[np.ndarray, Data], tuple[np.ndarray, np.ndarray, np.ndarray]]
-# Above this share of an output's rms, what is left is looked into; above the second, and told by the inputs,
-# it makes the modes doubtful.
+# Share of an output's rms above which the residual is tested; above the second, a residual that is
+# correlated with the inputs makes the modes doubtful.
 LEFT, MUCH = 0.05, 0.1
-# Deviations of a correlation with the inputs, and of a delay's step, above which what is left is no noise:
-# chance makes the largest of 1e4 four; and above which little that is left tells of a mode that lacks.
+# Scores above which the residual is not noise: of its correlation with the inputs, and of a step in delay or
+# gain (by chance the largest of 1e4 is four); and of the correlation, if the residual is small.
 TOLD, STEPS, CLEARLY_TOLD = 6.0, 5.0, 8.0
-# Deviations by which an output leads that are no chance.
+# Standard deviations of a lead that chance does not explain.
 LEADS = 6.0
-# Of rates the constants are complex, which their unit tells.
+# Rates have complex modal constants; a rate is recognised by its unit.
 NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
-# A force moves a rate within a sample; a continuous model has it through the hold, as a filter would.
+# A held force changes a rate within the sample, as a continuous model does not.
 AT_ONCE = "a velocity or an acceleration that a held force moves within a sample (take a sampled model), "
-# A pole is moved by so much of itself for its slope.
+# Relative step of a pole for its derivative.
 SHIFT = 1e-6
-# A step of the delay is looked for so many samples, and this share of the record, from both ends.
+# Samples, and share of the record, at both ends in which no step of delay or gain is looked for.
 EDGE, EDGE_SHARE = 16, 0.01
-# Faults by which a fit is wrong in all parts of the record.
+# Kinds of faults that bias a fit as a whole.
 BIASING = ("shift", "joint", "feedback", "delay", "truncated")
 
 
-# What the first score of an output that passes its limit says of it.
+# Messages for the first score of an output above its limit.
 OF_DIRECTION = (
-    "what the fit leaves goes by the direction of motion ({:.0f} deviations of noise): play, backlash or dry "
-    "friction; no stated deviation holds; excite more, or take the play out"
+    "the residual follows the sign of the velocity ({:.0f} standard deviations of noise): play, backlash "
+    "or dry friction; the stated standard deviations do not hold; excite more, or remove the play"
 )
 OF_CUBE = (
-    "what the fit leaves goes by the cube of a force or of the motion ({:.0f} deviations of noise): an "
-    "amplifier or a sensor that saturates, or an article that is not linear; the model is of this level, and "
-    "no stated deviation holds; excite less"
+    "the residual follows the cube of a force or of the motion ({:.0f} standard deviations of noise): a "
+    "saturating amplifier or sensor, or a nonlinear article; the model is valid at this level only, and the "
+    "stated standard deviations do not hold; excite less"
 )
 OF_DELAY = (
-    "its delay is not the same throughout the record ({:.0f} standard deviations of noise): samples lost or "
-    "repeated, two runs joined, a clock that drifts, or an article that changes; no stated deviation holds"
+    "its delay changes during the record ({:.0f} standard deviations of noise): samples lost or repeated, "
+    "two runs joined, a clock that drifts, or an article that changes; the stated standard deviations do "
+    "not hold"
 )
 OF_GAIN = (
-    "its gain is not the same throughout the record ({:.0f} deviations of noise): a range that was changed, "
-    "or an article that changes; no stated deviation holds"
+    "its gain changes during the record ({:.0f} standard deviations of noise): a range that was switched, "
+    "or an article that changes; the stated standard deviations do not hold"
 )
 OF_INPUTS = (
-    "what the fit leaves still follows the inputs ({:.0f} standard deviations of noise), so that it is no "
-    "noise: {}more states, a delay, feedback{} or a fault of the record; no stated deviation holds"
+    "the residual is correlated with the inputs ({:.0f} standard deviations of noise), so it is not noise: "
+    "{}too few states, no delay, feedback{} or a fault of the record; the stated standard deviations do "
+    "not hold"
 )
 OF_LEAD = (
-    "it leads its input by {:.0f} deviations, as no article does: feedback, an input recorded late{}, or "
-    "modes the model lacks; no stated deviation holds"
+    "it leads its input by {:.0f} standard deviations, as no article does: feedback, a delayed input "
+    "channel{}, or modes that the model lacks; the stated standard deviations do not hold"
 )
 
 
@@ -109,7 +111,8 @@ def causes_of(
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
     found = [
-        f"{f.side} {f.channel}: {f.what}; so no stated deviation holds. {f.hint[0].upper()}{f.hint[1:]}"
+        f"{f.side} {f.channel}: {f.what}; the stated standard deviations do not hold. "
+        f"{f.hint[0].upper()}{f.hint[1:]}"
         for f in faults
     ]
     named = {f.channel for f in faults}
@@ -118,8 +121,8 @@ def causes_of(
     held = record.held and run.layout.options.period_s == 0.0
     at_once = [AT_ONCE if held and is_rate(port) else "" for port in record.outputs]
     found += [
-        f"mode at {hz:.4g} Hz: its frequency or damping is not the same throughout the record ({z:.0f} "
-        "deviations of noise): an article that changes; no stated deviation holds"
+        f"mode at {hz:.4g} Hz: its frequency or damping changes during the record ({z:.0f} standard "
+        "deviations of noise): an article that changes; the stated standard deviations do not hold"
         for hz, z in changed.items()
         if not faults
     ]
@@ -293,7 +296,7 @@ def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> fl
 def signals(
     data: Data, spectra: Complex[np.ndarray, "line column"], *, finer: int = 1
 ) -> Float[np.ndarray, "column sample"]:
-    """In time, on a grid just fine enough for the lines, or so many times ``finer``."""
+    """The spectra as signals in time, on the coarsest grid for the lines, or ``finer`` times as fine."""
     lines = data.lines
     full = np.zeros((spectra.shape[1], finer * (lines[-1] + 1)), dtype=complex)
     full[:, lines] = spectra.T

@@ -48,7 +48,7 @@ class LocalFit:
     """What the windows give, and how well they predict the line that they leave out.
 
     Attributes:
-        covariance: Of what is left of the outputs.
+        covariance: Covariance of the outputs' residuals.
         line_inverse_power: Inverse of the inputs' power on one line, averaged over the window.
         prediction: Mean square error of each line's outputs predicted without it (Allen 1974).
         denominator: d1 and d2 of each window, zero for polynomials.

@@ -50,8 +50,8 @@ class ExpectedAccuracy:
             zero.
         error: Expected relative complex error of each output, sqrt(sum E|dH|^2 / sum |H|^2) over
             ``scored_hz``.
-        periods: Of each experiment.
-        duration_s: Of all experiments together, without what is waited for the steady state.
+        periods: Number of periods of each experiment.
+        duration_s: Duration of all experiments together, without waiting for the steady state.
     """
 
     covariance: ModelCovariance

@@ -1,4 +1,4 @@
-"""Covariance of all unknowns of a fitted model together: the Cramer-Rao value, or what the residual says.
+"""Covariance of all unknowns of a fitted model: the Cramer-Rao value, or one from the residual.
 
 With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the variance of a complex residual,
 half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, or
@@ -61,7 +61,7 @@ class ModelCovariance:
         model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
         root: R of their covariance R R^T: deviations that come from it keep the digits that those from the
             matrix lose where unknowns are told apart badly. Lower triangular, but for what is loose.
-        inflation: Of each unknown, its variance as a multiple of what it would be if all others were known.
+        inflation: Variance of each unknown over its variance if all others were known.
         degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
         robust: True where the residual is clearly more than noise or correlated from line to line, or a
             record's weights are not those of noise, and the covariance follows the residual.

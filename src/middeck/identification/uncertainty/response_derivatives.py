@@ -100,7 +100,7 @@ def shared_functions(
 def entry_factors(
     model: MeasurementModel, structure: ModelStructure, at: Places, output: int, input: int
 ) -> EntryFactors:
-    """Of H_oi, for unknowns at their places."""
+    """Factors of H_oi, for unknowns at their places."""
     modes = len(model.poles)
     rows: list[tuple[Int[np.ndarray, " unknown"], Float[np.ndarray, "unknown function"]]] = []
 
@@ -119,7 +119,7 @@ def entry_factors(
         put(at.sigma, 2, -sigma * c * b)
         put(at.omega, 2, -2j * omega**2 * c * b)
     else:
-        # By the pole; what follows the conjugate comes with it.
+        # The derivative by the pole; that by the conjugate follows.
         z = c * b * (T * np.exp(model.poles * T) if T else 1.0)
         put(at.sigma, 2, -sigma * z)
         put(at.omega, 2, 1j * omega * z)

@@ -1,4 +1,4 @@
-"""Links at a configuration: what they leave to move, what they add to a potential, and how it stays closed.
+"""Links at a configuration: free coordinates, their part of the potential, and how they stay closed.
 
 At every configuration some coordinates follow the others (`redundant_constraints`), and every step ends with
 the links closed by those. So all that descends, balances or vibrates sees independent coordinates: the

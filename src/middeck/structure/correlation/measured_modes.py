@@ -251,7 +251,7 @@ def _port_names(node: Sequence[str], direction: Sequence[str]) -> tuple[list[str
 def sort_rms(
     straight: Bool[np.ndarray, " channel"], shape: Complex[np.ndarray, "channel mode"]
 ) -> Float[np.ndarray, "channel mode"]:
-    """At each channel the rms of its mode over the channels of its sort: translations, or rotations."""
+    """Rms of each mode over the channels of a channel's sort: translations, or rotations."""
     rms = np.zeros(shape.shape)
     for sort in (straight, ~straight):
         if np.any(sort):
@@ -310,7 +310,7 @@ def seen(rows: sp.csr_array, modes: Modes) -> Float[np.ndarray, "channel mode"]:
 
 
 def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> list[np.ndarray]:
-    """Of the channels that are ports, in their order."""
+    """Rows of the channels that are ports, in their order."""
     sensors, actuators = _port_names(node, direction)
     read = output_rows(modes.equilibrium, sensors)
     for name, position, acceleration in zip(sensors, read.position, read.acceleration, strict=True):
@@ -334,7 +334,7 @@ def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
 
 
 def _body(model: Model, name: str, way: str) -> str:
-    """Of a port the frame on which it is."""
+    """The frame of a port."""
     structure = model.structure
     parts = {SENSOR: structure.sensors, ACTUATOR: structure.actuators}.get(way, ())
     return next((part.frame for part in parts if part.name == name), name)

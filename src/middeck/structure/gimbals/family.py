@@ -57,7 +57,7 @@ class StabilityLimit:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The limit in words."""
         return f"{self.name!r} loses stability at {self.joint} = {np.degrees(self.angle):.6g} deg"
 
 
@@ -67,16 +67,16 @@ class GimbalFamily:
 
     Attributes:
         joints, grid: Swept joints, and the angles [rad] of each.
-        angle: Of the swept joints at each point [rad].
+        angle: Angle of the swept joints at each point [rad].
         holding_torque: What the motors of the swept joints hold [N m]; not a number where there is no rest
             state.
-        torque_limit: Of the swept joints' motors [N m], infinite where the article gives none.
-        name, kind: Of each branch, a mode followed over the grid, at point ``origin``.
+        torque_limit: Torque limit of the swept joints' motors [N m], infinite where the article gives none.
+        name, kind: Name and kind of each branch, a mode followed over the grid, at point ``origin``.
         omega2: omega^2 [1/s^2] of each branch, negative where it grows; not a number without a rest state.
         match: Cross-orthogonality of each branch with itself at the neighbour from which it was followed.
         rests: Rest states; None where there is none.
         plants: None where the rest state is not stable, or no ports were asked for.
-        trouble: Of each point why it has no rest state or is not stable; empty where all is well.
+        trouble: Why each point has no rest state or is not stable; empty where all is well.
         limits: Where stability is lost between neighbours.
     """
 

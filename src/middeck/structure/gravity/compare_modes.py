@@ -24,7 +24,7 @@ from middeck.values import record
 ALIKE = 0.01
 # A mode that has this part of what the partner has of a shape could be the partner.
 RIVAL = 0.5
-# Of a shape: a pair with less in common is one in name only.
+# Least common part of two shapes: a pair with less is one in name only.
 COMMON = 0.25
 
 

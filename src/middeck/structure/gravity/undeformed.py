@@ -1,4 +1,4 @@
-"""The undeformed article where the one at rest hangs: moved with it, and deformed not at all.
+"""The undeformed article in the place of the one at rest, moved with it as one body.
 
 A spring that starts unstretched lets an article sink by metres before it carries it, and a yaw may come with
 that. Neither is a deformation, and gravity does not see them; cables left behind at the drawn height would.

@@ -139,7 +139,7 @@ class Wheel:
         name: Its own name.
         frame: What carries its bearings: a node, or the body of a joint.
         axis: Unit vector of its spin, frame axes; a positive speed is by the right hand about it.
-        inertia: Of the rotor about the axis [kg m^2].
+        inertia: Inertia of the rotor about the axis [kg m^2].
 
     Only its momentum is here. Its mass and its inertia across the axis are in the frame's body; its inertia
     about the axis too if a drive holds its speed, and not if its motor leaves it free, as that of a torque
@@ -177,7 +177,7 @@ class Bushing:
     """A 6x6 stiffness between two attach points, which strains nothing as drawn.
 
     Attributes:
-        stiffness: Of the displacement [m] and the rotation vector [rad] of ``end`` as ``start`` sees it: N/m,
+        stiffness: On displacement [m] and rotation vector [rad] of ``end`` as ``start`` sees it: N/m,
             N and N m/rad; symmetric, no eigenvalue negative.
         axes: Unit vectors of its x, y and z in W as drawn, as columns; they follow the frame of ``start``.
 
@@ -358,7 +358,7 @@ class DampingTable:
 
 @record(kw_only=True)
 class Damping:
-    """Where damping comes from; a mode's ratio is its base, plus material, plus devices.
+    """Sources of damping; a mode's ratio is the sum of base, material and devices.
 
     Attributes:
         flexible, suspension, rigid: The base: of strain, of everything else that holds a mode (devices,

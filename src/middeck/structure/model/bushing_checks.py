@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.model.clamps import check_axes
 
-# Of the largest entry of a matrix brought to a unit diagonal: rounding of numbers that were printed.
+# Relative rounding of printed numbers, over the largest entry of a matrix scaled to a unit diagonal.
 ROUNDED = 1e-9
 
 

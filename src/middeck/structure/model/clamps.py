@@ -18,7 +18,7 @@ SQUARE = 1e-9
 
 @record(kw_only=True)
 class Clamp:
-    """Degrees of freedom of a node that stay where the article was drawn; all six unless it says otherwise.
+    """Degrees of freedom of a node that stay where the article was drawn; by default all six.
 
     Attributes:
         node: Name of the node.

@@ -170,7 +170,7 @@ class GroundBushing:
 
 @record(kw_only=True)
 class Environment:
-    """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
+    """Gravity vector in the world frame [m/s^2], and the supports of the article, if any.
 
     ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
     ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes

@@ -10,7 +10,7 @@ from middeck.errors import ConfigError
 
 # Rows of a 4x4 in the order of the 6x6: extension, shear y, shear z, twist, curvature y, curvature z.
 RIGID_IN_SHEAR = (0, 3, 4, 5)
-# Of a unit matrix after scaling by the diagonal: decimal input of a semidefinite one is so to rounding.
+# Rounding after scaling to a unit diagonal: decimal input of a semidefinite matrix is negative by that.
 ROUNDING = 1e-9
 
 

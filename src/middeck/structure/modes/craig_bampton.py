@@ -82,7 +82,7 @@ def reduce_structure(
         upto_hz: Or the frequency up to which they are; three times that of interest is usual.
         residual: Nodes with six residual attachment modes each.
         recover: Nodes whose motion the component's outputs give.
-        name: Of the component; by default ``component``.
+        name: Name of the component; by default ``component``.
 
     The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
     both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.

@@ -37,7 +37,7 @@ from middeck.values import record
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 # Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
 ONE_HELD = 1e-3
-# Of the frames of a bushing: at pi its law ends; beyond a right angle a fall may have passed that.
+# Largest turn of a bushing: its law ends at pi, and beyond a right angle a fall may have passed that.
 MOST_TURN, HALF_ROUND = np.radians(179.5), 0.5 * np.pi
 LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
 
@@ -62,7 +62,7 @@ class Equilibrium:
         holding_torque: Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds,
             positive on the carried body.
         tension: Pull [N] of each of ``devices``.
-        reactions: Of every clamped node, then of every bushing to the ground.
+        reactions: Reaction of every clamped node, then of every bushing to the ground.
         enough: Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves
             more, and Newton's own step shows that nothing is out of place by it.
         stable: Whether nothing grows there with the free joints held: false of a column that stands upright
@@ -158,7 +158,7 @@ def solve_equilibrium(
 def _clamp_reactions(
     model: Model, environment: Environment, config: Configuration, gradient: np.ndarray
 ) -> tuple[Reaction, ...]:
-    """At rest dE/dq of a held coordinate is the force that holds it."""
+    """Reactions of clamps: at rest dE/dq of a held coordinate is the force that holds it."""
     taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
     held = dict.fromkeys(clamp.node for clamp in environment.clamps)

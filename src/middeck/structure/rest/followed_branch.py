@@ -33,10 +33,11 @@ from middeck.structure.rest.stability import is_stable
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20
-# Of the step before, the longest that Newton's method takes on the branch that it follows (Deuflhard 2004,
-# section 2.1); and of the longest, what shows that the next, its square, is rounding.
+# Newton's steps that stay on the branch are at most this share of the step before (Deuflhard 2004, section
+# 2.1); below the second, over the longest, the next step, its square, is rounding.
 CONTRACTION, SQUARED = 0.5, 1e-7
-# Of the longest step, the last one to a state on the way; of the longest step there may be, one aimed at.
+# Share of the longest step for the last one to a state on the way; and share of the longest allowed step that
+# is aimed at.
 NEARBY, FITTING = 0.15, 0.9
 # Turn [rad] of a node in the first step of prescribed displacements, and shift over the article's size.
 PRESCRIBED_TURN = 0.1

@@ -27,8 +27,8 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
-# leaves the share of each support open. They share it alike.
+# Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
+# then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
 
 

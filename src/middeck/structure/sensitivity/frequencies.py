@@ -39,9 +39,9 @@ class FrequencySensitivities:
 
     Attributes:
         frequency_hz: The frequencies [Hz] themselves.
-        d_lambda: Of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending order,
-            whichever mode each of them belongs to: those along the parameter, of which the group's mean alone
-            is linear.
+        d_lambda: Derivatives of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending
+            order, whichever mode each of them belongs to: those along the parameter, of which only the
+            group's mean is linear.
         groups: Modes, by number, that have one frequency.
     """
 

@@ -1,4 +1,4 @@
-"""Warnings about how an environment holds an article, and about how it hangs."""
+"""Warnings about the supports of an article and about its attitude."""
 
 from __future__ import annotations
 

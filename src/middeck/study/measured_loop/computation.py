@@ -132,7 +132,7 @@ class MeasuredLoop:
 
     @property
     def survives(self) -> tuple[tuple[float, bool], ...]:
-        """For each shift of the pair [%], whether the loop stays stable."""
+        """Each shift of the pair [%], and whether the loop stays stable."""
         return tuple((loop.percent, loop.stable) for loop in self.on_rig if loop.percent)
 
 

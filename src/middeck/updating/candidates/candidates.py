@@ -1,4 +1,4 @@
-"""Which test would help: what each of some tests would leave of the uncertainty of what is promised.
+"""Which test would help: the uncertainty of what is promised after each candidate test.
 
 What a test tells is in the slopes of what it reads, not in the values: so the deviations after it are known
 before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).
@@ -32,7 +32,7 @@ class Promised:
 
     Attributes:
         where: The environment of a mode, the load case of a gauge.
-        name: Of the mode, or of the gauge.
+        name: Name of the mode, or of the gauge.
         value: In ``unit``.
         std: Standard deviation of the logarithm of a frequency; of a reading over the largest that is
             promised of its gauge.
@@ -50,10 +50,10 @@ class Ranked:
     """What one test would leave.
 
     Attributes:
-        std: Of all that is promised, the standard deviations after the test, each as of `Promised`.
-        ratio: Of these, each over that before.
+        std: Standard deviations after the test of all that is promised, as in `Promised`.
+        ratio: Each of these over its value before.
         widest: The ratio of what is the widest before.
-        median: Of all ratios.
+        median: Median of all ratios.
         foreseen: The refinement with the test: what promises would stand on.
     """
 
@@ -82,7 +82,7 @@ def rank_tests(
     count: int = 10,
     readings: Callable[[Refined], Sequence[Deflection]] | None = None,
 ) -> Ranking:
-    """The candidates by what each, alone, leaves of the widest of what is promised, then of the median.
+    """The candidates ranked by the widest promised interval that each alone would leave, then by the median.
 
     Promised are the lowest ``count`` modes that are not rigid, in each of the ``environments``, and what
     ``readings`` gives of a refinement, such as `predict_deflections` with load cases and gauges. A static

@@ -1,4 +1,4 @@
-"""What gauges will read under load cases that nobody has tried, from what was refined on those that were."""
+"""Gauge readings under untested load cases, from a refinement on tested ones."""
 
 from __future__ import annotations
 

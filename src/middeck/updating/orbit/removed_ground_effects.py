@@ -19,7 +19,7 @@ class Removed:
 
     Attributes:
         survey: Name of the survey, the first of the article as it is promised.
-        share_hz: Of suspension, stiffness and deformation (`EFFECTS`) for each mode; their sum is the
+        share_hz: Share of suspension, stiffness and deformation (`EFFECTS`) for each mode; their sum is the
             frequency there less that without gravity.
         unclear: Modes that keep less than half of their shape while effects are switched.
     """

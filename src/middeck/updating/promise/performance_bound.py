@@ -44,7 +44,7 @@ class RobustBound:
 
     Attributes:
         draws: How many plants.
-        worst_db: Of the compensator, the largest over the plants; ``inf`` where it is unstable on one.
+        worst_db: Largest of the compensator over the plants; ``inf`` where it is unstable on one.
         no_linear_law_below_db: For any linear compensator between the same ports, of any order, whose effort
             is no more on each of the plants, the largest over them is this at least; ``nan`` where no plant
             has a bound.

@@ -53,7 +53,7 @@ class Promise:
         modes: Frequencies, with their intervals.
         plants: Those drawn, inner loops closed and delays in.
         outlooks: In the order of the plan: compensators given, then those of the ladder.
-        rest_rms: Of the performance without any compensator, by draw.
+        rest_rms: Rms of the performance without any compensator, by draw.
         bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
         highest: The last of the ladder that is promised stable, and every one before it; None for none.
         swept: Plants of the sweep of the plan, around the most probable one.

@@ -1,4 +1,4 @@
-"""What came beside what was promised, and how good many promises were."""
+"""Outcomes beside promised intervals, and the score of many promises."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Statement:
     Attributes:
         kind, name: Which quantity it is, both together: a compensator may be called as a mode is.
         low, high: Its 95 % interval, in its unit; ``inf`` where it may be lost altogether.
-        probability: Of a loop, that it is stable; None for other quantities.
-        cautious: Of a loop, the decibels that it reaches with 99 %; None for other quantities.
+        probability: Probability that a loop is stable; None for other quantities.
+        cautious: Decibels that a loop reaches with 99 % probability; None for other quantities.
     """
 
     kind: Kind

@@ -49,7 +49,7 @@ class Slipped:
     Attributes:
         db: What friction adds to the rms of the performance, by draw; ``inf`` where the slipping loop is
             unstable. Draws differ by as much as articles do, without what their records add.
-        variance: Of what a draw's records say, by the noise.
+        variance: Variance of a draw's result by the noise of its records.
         travel: Rms of each joint's angle [rad].
         sticks: Whether the loop with its sliders as springs does not grow.
     """
@@ -202,7 +202,7 @@ def _with_friction(
 def _ratio_db(
     upper: Float[np.ndarray, "draw record"], lower: Float[np.ndarray, "draw record"]
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]]:
-    """Of two sums over records, and the variance of that (Cochran 1977, "Sampling techniques", chapter 6)."""
+    """Decibels of the ratio of two sums over records, and their variance (Cochran 1977, chapter 6)."""
     above, records = upper.sum(axis=1), upper.shape[1]
     ratio = above / lower.sum(axis=1)
     off = (upper - ratio[:, None] * lower) / above[:, None]
@@ -252,7 +252,7 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
 def _mean_square(
     z: Float[np.ndarray, "sample loop output"], band_hz: tuple[float, float] | None, time: SlipTime
 ) -> Float[np.ndarray, " loop"]:
-    """Of all outputs together; in a band by the lines that the noise has, half a step off zero."""
+    """Mean square of all outputs together; in a band by the noise's lines, half a step off zero."""
     if band_hz is None:
         return np.mean(np.sum(z**2, axis=2), axis=0)
     half = np.exp(-1j * np.pi * np.arange(len(z)) / len(z))[:, None, None]

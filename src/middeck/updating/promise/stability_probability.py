@@ -61,11 +61,11 @@ class Outlook:
     """One compensator on all drawn plants.
 
     Attributes:
-        stable: Of each draw; a pole on the axis is not.
+        stable: Whether each draw is stable; a pole on the axis is not.
         db: 20 log10 of the rms over the same plant's without the compensator: less is better; ``inf`` where
             unstable. With the friction of the joints where the plan states any.
-        control_rms: Of each draw; without friction.
-        unstable_mode: Of the pole that grows in most of the unstable draws; empty where none is unstable.
+        control_rms: Rms of the commands in each draw, without friction.
+        unstable_mode: Mode that grows in most unstable draws; empty if none is unstable.
         risk: What was drawn that goes most with a worse outcome, and its rank correlation with it.
     """
 

@@ -40,7 +40,7 @@ class Tests(NamedTuple):
         return np.concatenate(own)
 
     def widened(self, kind: type, by: float) -> Tests:
-        """With deviations of frequencies, or of ln zeta, so many times larger."""
+        """The tests with deviations of frequencies, or of ln zeta, so many times larger."""
         name = "compared" if kind is Compared else "damped"
         return self._replace(**{name: tuple(_widened(t, by) for t in getattr(self, name))})
 

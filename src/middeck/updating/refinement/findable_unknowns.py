@@ -1,4 +1,4 @@
-"""Which unknowns a refinement can find: how far each moves what was measured, and which move it alike.
+"""Which unknowns a refinement can determine: how far each moves the measured values, and which alike.
 
 Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
 one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it

@@ -15,11 +15,11 @@ from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
 from middeck.updating.residuals.damping import log_std
 from middeck.updating.residuals.surveys import Compared, left_open
 
-# Of the prior deviation: an unknown that keeps this much of it was not seen.
+# Share of the prior standard deviation: an unknown that keeps this much was not determined.
 KEPT = 0.9
 # Prior deviations: an unknown that ends farther away is where the prior said that it is not.
 FAR = 2.5
-# Of a direction: parameters with a smaller part of it are not named.
+# Component of a direction below which a parameter is not named.
 PART = 0.35
 # A model error this many times the noise of the test counts.
 ABOVE = 2.0

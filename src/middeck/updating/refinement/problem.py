@@ -25,12 +25,12 @@ MODAL = len(MODES)
 
 
 def sort_names(statics: bool, damped: bool) -> tuple[str, ...]:
-    """Of the model's own errors, where there are static tests or not, and rows of damping or not."""
+    """Names of the model's own errors, with or without static tests and rows of damping."""
     return (*MODES, *STATIC * statics, *(DAMPED,) * damped)
 
 
 class _Errors(NamedTuple):
-    """Of the model, in rows: what each shares of errors (`Linear.S`) and their sorts."""
+    """Errors of the model, in rows: what each shares of errors (`Linear.S`) and their sorts."""
 
     S: np.ndarray
     rest: np.ndarray

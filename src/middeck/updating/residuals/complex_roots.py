@@ -48,7 +48,7 @@ class LogRoots:
 
 
 def roots_of_lowest(modes: Modes, bound: Sequence[Bound], count: int) -> LogRoots:
-    """Of the lowest ``count`` modes, and of `SPARE` above these, without friction."""
+    """Roots of the lowest ``count`` modes, and of `SPARE` above these, without friction."""
     damped = solve_damped(modes, count=count + SPARE)
     return differentiate_roots(modes, damped, damped.s, damped.shapes, bound, ())
 
@@ -61,7 +61,7 @@ def differentiate_roots(
     bound: Sequence[Bound],
     added: Sequence[Added],
 ) -> LogRoots:
-    """Of roots in the losses of ``damped``; joints have ``added`` stiffness, one value for every root."""
+    """Derivatives of roots in the losses of ``damped``, under ``added`` joint stiffness for each root."""
     both = modes.equilibrium.model.structure, modes.equilibrium.environment
     now = [[read_parameter(*both, p) for p in b.parameters] for b in bound]
     parameters = [p for own in now for p in own]
@@ -112,7 +112,7 @@ def stiffened_roots(
 def _stiffened(
     damped: DampedModes, ours: np.ndarray, added: Sequence[Added], omega: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of the lowest ``count`` free modes alone."""
+    """Losses and stiffness of the lowest ``count`` free modes alone."""
     kept = slice(count)
     few = DampedModes(damped.s[kept], *(M[kept, kept] for M in damped[1:]))
     rows = np.array([a.row[kept] for a in added])

@@ -36,7 +36,7 @@ class ComparedDamping:
         residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
         likeness: Part of each complex mode that is its real one.
         left_out: Paired measured modes whose ratio is zero, not stated or not determined.
-        frequency_hz: Of the complex modes of all pairs of the survey, in their order.
+        frequency_hz: Frequency of the complex modes of all pairs of the survey, in their order.
     """
 
     survey: Survey
@@ -112,7 +112,7 @@ def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
 
 
 def _slower(survey: Survey, by: np.ndarray) -> Survey:
-    """With frequencies divided by so much, as accurate as they were."""
+    """The survey with its frequencies divided by ``by``, at equal accuracy."""
     measured, std = survey.measured, survey.measured.frequency_std_hz
     return dataclasses.replace(
         survey,
@@ -154,7 +154,7 @@ def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> Compar
 
 
 def log_std(survey: Survey) -> Float[np.ndarray, " measured"]:
-    """Of ln zeta; infinite where a ratio is zero, not stated, or has no deviation beside others that have."""
+    """Standard deviation of ln zeta; infinite for a ratio that is zero, not stated, or stated without one."""
     zeta, stated = np.nan_to_num(survey.measured.damping), survey.measured.damping_std
     if stated is None and survey.damping_std is None and np.any(zeta != 0.0):
         raise ConfigError(

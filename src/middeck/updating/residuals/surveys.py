@@ -1,4 +1,4 @@
-"""Modes measured on the ground beside those of the article as it is thought to be."""
+"""Modes measured on the ground beside those of the article as drawn."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from middeck.updating.residuals.responses import (
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
-# Of a shape whose noise the test does not state, relative.
+# Relative standard deviation of a shape for which the test states none.
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
-# Of a measured shape: parts of it that are known no better are not told by the channels.
+# Relative uncertainty of parts of a measured shape beyond which the channels do not determine them.
 TOLD = 0.25
 # Shapes that differ by less than this part of themselves at all channels are one to rounding.
 SAME = 1e-10
@@ -49,7 +49,7 @@ class Survey:
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
-        friction: Of joints that were not free of it, and how far they moved.
+        friction: Friction of the joints that had any, and how far they moved.
     """
 
     name: str
@@ -73,7 +73,10 @@ class Survey:
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
-        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states one."""
+        """Standard deviations of the logarithms of the frequencies.
+
+        Raises `ConfigError` where nothing states one.
+        """
         hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
         own = np.zeros(len(hz)) if stated is None else stated / hz
         std = np.where(own > 0.0, own, self.frequency_std or 0.0)
@@ -280,7 +283,7 @@ def _real_shapes(measured: MeasuredModes) -> np.ndarray:
 
 
 def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """As the test states it; where it states none or zero, `SHAPE_STD` of the mode's channels of its sort."""
+    """Stated standard deviations of shapes; otherwise `SHAPE_STD` of the mode at channels of that sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
     usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
     return usual if stated is None else np.where(stated > 0.0, stated, usual)
@@ -289,7 +292,7 @@ def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
 def _equation_slopes(
     modes: Modes, survey: Survey, bound: Sequence[Bound], pairs: np.ndarray, rows: np.ndarray, c: np.ndarray
 ) -> np.ndarray:
-    """Of each row by the unknowns: of its mode with the pair's own and its neighbours, as they mix."""
+    """Derivatives of each row by the unknowns: of its mode with the pair's own and its neighbours."""
     near = _neighbours(modes, pairs) | np.eye(len(pairs), dtype=bool)
     place = np.full(len(modes.omega), -1)
     place[pairs[:, 0]] = np.arange(len(pairs))

@@ -101,7 +101,7 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
 
 
 def _hidden(P: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """At which lines rounding hides the sensitivity of a channel."""
+    """Whether rounding hides the sensitivity of a channel, line by line."""
     own, error = (np.diagonal(part, axis1=1, axis2=2) for part in (S, spread_rounding(P, S)))
     return np.any(error > TRUSTED * (1.0 + np.abs(own)), axis=1)
 

@@ -82,7 +82,7 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
-    """As `decide_stability`, for a loop already formed."""
+    """`decide_stability` for a loop that is already formed."""
     return judge_roots(find_roots(loop), loop.period_s)
 
 

@@ -30,10 +30,10 @@ class ManyLoops:
 
     Attributes:
         stable: As `middeck.systems.poles.stability.is_stable` decides each.
-        rms: Of each output under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
+        rms: Rms of outputs under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
             pole does not decay.
-        error: Of each rms, relative, about: |A X + X A' + B B'| trace(O) / (2 rms^2) with the observability
-            Gramian O of this output, and the rounding of c X c'. From one on no digit is known.
+        error: Relative error of each rms, about |A X + X A' + B B'| trace(O) / (2 rms^2) with the
+            observability Gramian O of this output, and the rounding of c X c'. From one on no digit is known.
         residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms, the first as a few fixed
             vectors see it, of all but the last, small terms of X; ``nan`` where the rms is infinite.
         alone: Loops that were decided one by one.

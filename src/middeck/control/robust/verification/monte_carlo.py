@@ -38,7 +38,7 @@ class PlantOutcomes:
     Attributes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
         stable: By roots. A loop of infinite rms does not count as stable: a root on the axis drifts.
-        rms: Of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
+        rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
             unstable. Of a sampled loop at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
             plant is unstable without control and stable with it.
@@ -90,7 +90,7 @@ def verify_robustness(
 def outcomes_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, rates_hz: Sequence[float] = ()
 ) -> tuple[PlantOutcomes, ...]:
-    """As `verify_robustness`, for a list of plants."""
+    """`verify_robustness` for a list of plants."""
     _require(plants, compensator)
     reference = np.zeros(0)
     if plants:
@@ -182,7 +182,7 @@ def which_decay(
 def _noise_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
-    """As `noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
+    """`noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
     _require(plants, compensator)
     found: list[NoiseOutcome | None] = [None] * len(plants)
     modal = [p.delayed and p.modal is not None for p in plants]

@@ -199,7 +199,7 @@ def _invert(A: np.ndarray, way: Way, wide: np.ndarray) -> tuple[np.ndarray, Floa
 
 
 def _feigned(moved: np.ndarray, turned: np.ndarray, way: Way) -> Float[np.ndarray, " loop"]:
-    """By how much rounding has changed M, as `PROBES` vectors see it, twice."""
+    """Twice the change of M by rounding, as `PROBES` vectors see it."""
     inverse, columns = turned.swapaxes(1, 2), way.probes.T
     gap = inverse @ (moved @ (inverse @ columns) - columns)
     return EPS * moved.shape[1] + 4.0 * way.pole * _sizes(gap) / math.sqrt(PROBES)

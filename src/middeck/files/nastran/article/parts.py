@@ -122,7 +122,7 @@ def grids_named(entry: Entry) -> list[int]:
     return [entry["gn"], *(n for n in map(integer, filter(None, entry["gm"])) if n)]
 
 
-# Of a place, from sums of such places.
+# Relative rounding of a place that is computed as a sum.
 ROUNDING = 1e-12
 
 

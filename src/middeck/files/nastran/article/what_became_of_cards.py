@@ -1,4 +1,4 @@
-"""What became of the cards: which were converted, which left out and why, and what is doubtful."""
+"""The report on the cards: which were converted, which left out and why, and which are doubtful."""
 
 from __future__ import annotations
 

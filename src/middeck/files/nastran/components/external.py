@@ -116,9 +116,9 @@ def read_external(
     Args:
         cards: Files with its cards, such as the punch file.
         matrices: Its OUTPUT4 file; None where DMIG among the cards hold them.
-        units: Of the deck.
-        number: Of the superelement, where the cards are those of several.
-        name: Of the component.
+        units: Units of the deck.
+        number: Number of the superelement, where the cards are those of several.
+        name: Name of the component.
 
     Raises `ConfigError` or `DataError` with file and line for cards or matrices that do not fit.
     """
@@ -347,7 +347,7 @@ class Punched(NamedTuple):
         return [pair for pair in found if pair[1]] + [pair for pair in found if not pair[1]]
 
     def matrices(self, boundary: Boundary, where: str) -> dict[str, np.ndarray]:
-        """As arrays in the order of ``boundary``."""
+        """The matrices as arrays in the order of ``boundary``."""
         rows = [
             (g, int(c)) for g, comps in zip(boundary.grids, boundary.components, strict=True) for c in comps
         ]

@@ -24,8 +24,8 @@ from middeck.files.nastran.output4.text import TextSource
 
 Source = BinarySource | TextSource
 SQUARE = 1
-# Of the geometric mean of the two diagonals, and of the largest entry: what a determinate boundary has of
-# stiffness is rounding of what it was condensed from.
+# Largest asymmetry over the geometric mean of the two diagonals, and over the largest entry: a determinate
+# boundary has only rounding as stiffness.
 UNEQUAL = {False: (1e-5, 1e-5), True: (1e-8, 1e-7)}
 
 

@@ -124,7 +124,7 @@ class ReferenceLoop:
 
 
 class _Limits(NamedTuple):
-    """Of outputs: size to either side, and change in a sample."""
+    """Limits of outputs: magnitude to either side, and change in a sample."""
 
     lower: np.ndarray
     upper: np.ndarray

@@ -29,8 +29,8 @@ class Wording(NamedTuple):
 UNCLEAR = 0.25  # of two bendings: in one plane, or across, to less than this; else half, as at 45 degrees
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LOCAL, BENDING = "local: ", "bending"
-# Of the kinetic energy: makes a mode one of the article as a beam. Of the strain energy, in what is appended
-# to the beam: makes it none.
+# Share of the kinetic energy that makes a mode one of the article as a beam; share of the strain energy in
+# appended parts that makes it none.
 WHOLE = 0.6
 TIES = 4  # the last of `PARTS` are no members
 TINY = float(np.finfo(float).tiny)

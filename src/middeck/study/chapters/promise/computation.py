@@ -150,7 +150,7 @@ def _by_record(
 
 
 def _falling(model: MeasurementModel) -> MeasurementModel:
-    """Without its constant, which stands for modes above the band: no noise may pass it."""
+    """The model without its constant, which stands for modes above the band: it would pass all noise."""
     return dataclasses.replace(model, direct=np.zeros_like(model.direct))
 
 
@@ -176,7 +176,7 @@ def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> FlexibleHz:
 
 
 def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Scored]:
-    """Of what was promised: modes that can be paired, and compensators."""
+    """Outcomes of what was promised: modes that can be paired, and compensators."""
     said, index = {o.name for o in promised.outlooks}, promised.modes.index
     true = _true_pairs(promised.modes.modes, truth, index)
     modes = [

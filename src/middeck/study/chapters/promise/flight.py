@@ -35,8 +35,8 @@ class Flown:
     """One compensator in orbit.
 
     Attributes:
-        db: Of the article itself, linear: rms with the compensator over that without, in the band. None where
-            it is unstable.
+        db: Decibels of the linear article: rms with the compensator over that without, in the band. None
+            where it is unstable.
         rig_db: The same measured on the rig, with friction, limits and noise; None where there is no record,
             for ``cause``.
     """
@@ -111,7 +111,7 @@ def fly(orbit: Orbit, laws: Mapping[str, Compensator], rng: np.random.Generator)
 
 
 def _rms(taken: Record, plan: Plan) -> float:
-    """Of the plan's weighted performance, in its band."""
+    """Rms of the plan's weighted performance, in its band."""
     y = taken.y[0].mean(axis=0)[:, port_indices(taken.outputs, plan.performance, "output")]
     hz = np.fft.rfftfreq(len(y), 1.0 / taken.sample_hz)
     low, high = plan.band_hz or (0.0, np.inf)

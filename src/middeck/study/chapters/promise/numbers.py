@@ -138,7 +138,7 @@ def median_error_db(numbers: Numbers) -> float | None:
 
 
 def route_gap_db(numbers: Numbers) -> float | None:
-    """By how much the worst refined design is behind the one on the record, where both are good."""
+    """Largest loss of a refined design against the one on the record, where both are good."""
     came = _came_db(numbers)
     pairs = [(came[name], came[MEASURED.format(name)]) for name in came if MEASURED.format(name) in came]
     gaps = [a - b for a, b in pairs if a is not None and b is not None and max(a, b) <= ENOUGH_DB]

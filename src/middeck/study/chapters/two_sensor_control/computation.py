@@ -54,7 +54,7 @@ class TwoSensorControl:
         without_lead, with_lead: Reach of the payload's design on the fit.
         payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and
             bus).
-        bus_db: Of both loops, the measured bus in 7-9 Hz over that of the open loop.
+        bus_db: Measured bus angle of both loops in 7-9 Hz over that of the open loop.
         above_db: The payload above 10 Hz, likewise.
         above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the
             bus.

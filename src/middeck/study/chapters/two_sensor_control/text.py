@@ -71,8 +71,8 @@ def figure_11(figures: Numbers) -> str:
     *_, bare, lead = numbers["reach"]
     return (
         f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead"
-        f" around the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the payload's"
-        f" rms angle by {changed(numbers['payload'])}, and is {held(numbers['payload'])}."
+        f" around the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the"
+        f" payload's rms angle by {changed(numbers['payload'])}, and is {held(numbers['payload'])}."
     )
 
 

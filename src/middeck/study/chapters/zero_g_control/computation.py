@@ -49,7 +49,7 @@ class SubModelSweep:
     Attributes:
         reference_db_lab_pd: The lab metric under PD alone, over the orbit one.
         first_instability: In the lab, searched beyond the plotted range; None if there is none.
-        mode_frequency_hz, mode_kind: Of the lab mode that leads it, in the lab without any control.
+        mode_frequency_hz, mode_kind: Those of the leading mode in the lab without any control.
         unstable_pairs, unstable_real: Numbers of complex pairs and of real poles, which diverge, past the
             stability limit there.
         quadrature_error: Largest relative difference of the closed-form metric from adaptive quadrature, over
@@ -108,7 +108,7 @@ def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
 
 
 def compute(study: Study, rng: np.random.Generator, comparison: ModeComparison) -> ZeroGControl:
-    """On the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
+    """The sweep on the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
     return study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, study.control)
 
 
