@@ -190,7 +190,7 @@ def _points(section: BarSection, edges: Array) -> tuple[Array, Array, Array]:
     Towards stations the pieces are ever shorter: a beam may end in a point, where its flexibility is large.
     """
     near = section.knots[:, None] + np.outer([-1.0, 1.0], NEAR / (len(edges) - 1)).ravel()
-    ends = np.unique(np.clip(np.concatenate([edges, section.knots, near.ravel()]), 0.0, 1.0))
+    ends: Array = np.unique(np.clip(np.concatenate([edges, section.knots, near.ravel()]), 0.0, 1.0))
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     points, weights = np.polynomial.legendre.leggauss(6)
     x, weight = middle[:, None] + half[:, None] * points, half[:, None] * weights
