@@ -12,17 +12,22 @@ from scipy.integrate import quad, trapezoid
 from scipy.special import erfc, gammainc
 from test_promise_friction import asked
 
+import middeck as md
+import structure_builders as build
 from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
-from middeck.structure.model.article import Actuator
+from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
+from middeck.structure.model.article import Actuator, Body, Damping, Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise.refined_slips import spread_refined, with_refined
 from middeck.updating.promise.slip import JointSlip, draw_slips
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.residuals.damping import compare_with_damping, solve_damped_near
 from middeck.updating.residuals.friction import SurveyedFriction, equivalent
-from middeck.updating.residuals.surveys import Survey
+from middeck.updating.residuals.surveys import Survey, set_up
 from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats
 
@@ -132,6 +137,83 @@ def test_slip_torque_and_slip_angle_are_recovered_beside_damping():
     assert held >= (0.9 if len(errors) == SEEDS else 0.7)
     if len(errors) == SEEDS:
         assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def stuck(x: np.ndarray, slip: np.ndarray, stiffness: float, rng: np.random.Generator) -> Survey:
+    """So small a swing that the joint sticks in every mode: the lowest modes of one other article."""
+    sticks = complex(stiffness * np.exp(slip[0] - slip[1]))
+    stated = SurveyedFriction(
+        joint="p", slip_torque=stiffness * ANGLE, slip_angle=ANGLE, amplitude=np.full(case.MODES, 0.2 * ANGLE)
+    )
+    return dataclasses.replace(
+        case.survey(case.truth(x, True, friction=sticks), rng), friction=(stated,), name=f"{stiffness:g}"
+    )
+
+
+def beside(survey: Survey, x: np.ndarray, article: Structure | None = None, unknowns=None):
+    """Frequencies and damping of a survey beside the model with the unknowns at ``x``."""
+    made = case.article() if article is None else article
+    place = set_up(made, survey.environment, (), [*case.UNKNOWNS, *SLIPS] if unknowns is None else unknowns)
+    modes = place.solve(x)
+    return compare_with_damping(modes, solve_damped_near(modes, survey), survey, place.bound, x)
+
+
+@pytest.mark.parametrize("stiffness", repeats([50.0, 5.0, 300.0]))
+def test_slopes_of_modes_that_a_stuck_joint_makes(stiffness: float):
+    """By differences: the modulus bends modes that no free one is. Shapes have no noise."""
+    none = np.zeros(len(case.SPREAD) + 2)
+    noisy = stuck(none[:-2], none[-2:], stiffness, np.random.default_rng(4))
+    shape = case.truth(none[:-2], True, friction=complex(stiffness)).shapes[:, : case.MODES]
+    survey = dataclasses.replace(noisy, measured=dataclasses.replace(noisy.measured, shape=shape))
+    found = beside(survey, none)
+    assert len(found[0].pairs) == case.MODES
+    h = 1e-5
+    for k in range(len(none)):
+        step = np.where(np.arange(len(none)) == k, h, 0.0)
+        ends = zip(beside(survey, step), beside(survey, -step), found, strict=True)
+        for up, down, at in ends:
+            slope = (down.residual - up.residual)[: case.MODES] / (2.0 * h)
+            np.testing.assert_allclose(at.slope[: case.MODES, k], slope, atol=2e-3)
+
+
+@pytest.mark.parametrize("stiffness", repeats([50.0, 20.0, 300.0], 2))
+def test_a_joint_that_sticks_hides_no_mode_and_loses_no_accuracy(stiffness: float):
+    """Every mode is paired; the modulus is as well known as without friction, within what is stated."""
+    rng = np.random.default_rng([7, 29])
+    x, slip = case.SPREAD * rng.standard_normal(len(case.SPREAD)), 0.4 * rng.standard_normal(2)
+    found = refine(case.article(), [stuck(x, slip, stiffness, rng)], [*case.UNKNOWNS, *SLIPS])
+    assert found.converged
+    assert found.compared[0].unpaired == ()
+    assert found.estimate.x_std[0] < 5e-4
+    errors = (found.x - np.concatenate([x, slip])) / found.estimate.x_std
+    assert np.sqrt(np.mean(errors**2)) < 1.5
+    # Of the slips their ratio alone, the stiffness that sticks.
+    assert np.linalg.norm(found.estimate.root[-2] - found.estimate.root[-1]) < 0.2
+
+
+def crossed(stiffness: float) -> Structure:
+    """A mast of two nearly equal bendings; across both the axis of a disc with inertia about it."""
+    tube = dataclasses.replace(case.TUBE, EI_y=100.0, EI_z=100.3, GA_y=np.inf, GA_z=np.inf)
+    axis = np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)
+    disc = Body(0.6, np.zeros(3), 5e-3 * np.outer(axis, axis), rotors_excluded=True)
+    nodes = [build.node("a", (0, 0, 0)), build.node("b", (1, 0, 0), build.body(0.5, inertia=(1e-3,) * 3))]
+    joint = build.joint("p", "b", axis, disc, angle=0.0, stiffness=stiffness, target=0.0)
+    made = build.structure(nodes, [build.member("a", "b", tube, 4)], [joint])
+    return dataclasses.replace(made, damping=Damping(flexible=0.01, suspension=0.01))
+
+
+def test_two_close_modes_that_a_stuck_joint_mixes_are_two():
+    """Either has most of the one in which the joint stands still. The truth has a spring in the joint."""
+    held = Environment(title="held", gravity=np.zeros(3), suspension=None, clamps=(Clamp(node="a"),))
+    true = md.solve_modes(md.solve_equilibrium(crossed(1.25), held))
+    stated = SurveyedFriction(joint="p", slip_torque=1.2e-3, slip_angle=1e-3, amplitude=np.full(6, 1e-4))
+    noise = MeasurementNoise(frequency=1e-4, shape=1e-3)
+    measured = measure_modes(true, chosen=range(6), noise=noise, rng=np.random.default_rng(3))
+    survey = Survey(name="s", measured=measured, environment=held, friction=(stated,), damping_std=0.1)
+    compared, _ = beside(survey, np.zeros(1), crossed(0.05), SLIPS[:1])
+    assert compared.pairs[:, 1].tolist() == list(range(6))
+    assert len(set(compared.paired.labels.tolist())) == 6
+    np.testing.assert_allclose(compared.residual[:6], 0.0, atol=5e-4)
 
 
 def test_without_friction_its_stiffness_and_loss_go_elsewhere():
