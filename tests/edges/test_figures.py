@@ -18,11 +18,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.files.exchange.vtu import vtu_text
+from middeck.plot.gravity_path import gravity_path_figure
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
+from middeck.structure.gravity.path_events import EventKind, GravityEvent
 from middeck.structure.modes.results.drawing import build_mode_drawing
-from structure_builders import TUBE, straight_beam
+from structure_builders import TUBE, body, on_cables, straight_beam, tube_bus
 from trusses import truss
 
 Capture = pytest.CaptureFixture[str]
@@ -312,3 +314,22 @@ def test_up_without_anything_to_turn(capfd, tmp_path):
     assert middeck(capfd, *ask, "--figure", tmp_path / "a.svg").code == 0
     compared = middeck(capfd, "compare", *ask[1:2], "--up", "x")
     assert (compared.code, "--figure" in compared.err) == (2, True)
+
+
+@pytest.mark.parametrize("share", [0.999, 0.001])  # of the way from the full weight to none
+def test_the_end_of_a_path_is_written_towards_the_middle_of_the_axes(share: float) -> None:
+    bus = tube_bus([2.0, 4.0, 2.0], (0.0, -0.03, 0.0), (0.01,) * 3, body(1.0, (0.0, -0.1, 0.0), (0.01,) * 3))
+    path = md.follow_gravity(bus, on_cables(3.0, 0.4), count=8)
+    s = float(share * path.s[-1])
+    slack = GravityEvent(
+        kind=EventKind.SLACK, s=s, gravity=np.zeros(3), branch=(), name=("a",), frequency_hz=0.0, gap_hz=0.0
+    )
+    figure = gravity_path_figure(dataclasses.replace(path, events=(slack,)))
+    figure.draw_without_rendering()
+    drawn = FigureCanvasAgg(figure).get_renderer()
+    for axes in figure.axes:
+        (text,) = (t for t in axes.texts if "slack" in t.get_text())
+        box, (low, high) = text.get_window_extent(drawn), axes.get_window_extent(drawn).intervalx
+        at = axes.transData.transform((path.size[0] * (1.0 - share), 0.0))[0]
+        assert (box.x0 > at) is (at < 0.5 * (low + high))
+        assert low < box.x0 < box.x1 < high
