@@ -239,7 +239,11 @@ def test_single_precision_of_several_outputs_is_shown(tmp_path, capfd):
     done = middeck(capfd, "generate", file, "--range", "0.1", "--limit", "0.25,0.5", "--single")
     assert done.code == 0, done.err
     package = to_single(package_law(load_compensator(file), "two", input_range=0.1, limit=(0.25, 0.5)))
-    shown = [float(line.split()[-1]) for line in done.out.splitlines() if line.startswith(package.outputs[0].name[:1])]
+    shown = [
+        float(line.split()[-1])
+        for line in done.out.splitlines()
+        if line.startswith(package.outputs[0].name[:1])
+    ]
     assert [float(f"{bound:g}") for bound in package.error_bound] == shown[-2:]
 
 

@@ -1,4 +1,4 @@
-"""A joint whose arm hangs on a link: turned by a spring it is the arm drawn at that angle; else it is refused."""
+"""An arm on a link: a spring turns it to the arm drawn at that angle; a joint drawn anew is refused."""
 
 from __future__ import annotations
 

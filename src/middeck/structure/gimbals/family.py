@@ -157,8 +157,9 @@ def sweep_gimbals(
     angles are followed over the grid, with points between where shapes change fast. With ``inputs`` and
     ``outputs`` each stable point has the plant of `build_plant`.
 
-    Raises `ConfigError` for an unknown or sprung joint, for one that carries links that fit as drawn, and for angles that do not ascend or lie outside its
-    travel, and `UnstableEquilibriumError` where no point is stable.
+    Raises `ConfigError` for an unknown or sprung joint, for one whose links would be drawn anew, and for
+    angles that do not ascend or lie outside its travel, and `UnstableEquilibriumError` where no point is
+    stable.
     """
     joints = _checked(structure, angles)
     grid = tuple(tuple(map(float, angles[j.name])) for j in joints)

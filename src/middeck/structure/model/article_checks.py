@@ -46,7 +46,11 @@ def check_structure(structure: Structure) -> None:
     ]
     joints = {joint.name for joint in structure.joints}
     faults = faults or [f for link in structure.links for f in link_faults(link, joints)]
-    faults = faults or [*_members(structure), *_parts(structure), *_commands(structure)]  # these need the names to be right
+    faults = faults or [
+        *_members(structure),
+        *_parts(structure),
+        *_commands(structure),
+    ]  # these need the names to be right
     if faults:
         raise ConfigError(
             "; ".join(faults),

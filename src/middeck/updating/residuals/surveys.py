@@ -157,8 +157,9 @@ def set_up(
     settings: Sequence[tuple[str, float]],
     unknowns: Sequence[Unknown],
 ) -> SetUp:
-    """The article with ``settings``. Raises `ConfigError` for a setting of no parameter, for an angle that only
-    draws links anew, and as `bind`.
+    """The article with ``settings``.
+
+    Raises `ConfigError` for a setting of no parameter, for an angle that only draws links anew, and as `bind`.
     """
     both = structure, environment
     for name, value in settings:
