@@ -159,7 +159,7 @@ def set_up(
 ) -> SetUp:
     """The article with ``settings``.
 
-    Raises `ConfigError` for a setting of no parameter, for an angle that only draws links anew, and as `bind`.
+    Raises `ConfigError` for a setting of no parameter, for an angle that draws links anew, and as `bind`.
     """
     both = structure, environment
     for name, value in settings:
