@@ -11,7 +11,8 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, sort_rms, straight_channels
 from middeck.structure.correlation.unit_slips import doubt_survey_units
-from middeck.structure.model.article import Structure
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
@@ -191,10 +192,17 @@ def set_up(
     settings: Sequence[tuple[str, float]],
     unknowns: Sequence[Unknown],
 ) -> SetUp:
-    """The article with ``settings``. Raises `ConfigError` for a setting of no parameter, and as `bind`."""
+    """The article with ``settings``.
+
+    Raises `ConfigError` for a setting of no parameter, for an angle that draws links anew, and as `bind`.
+    """
     both = structure, environment
     for name, value in settings:
         (parameter,) = find_parameters(*both, [name])
+        for joint in both[0].joints if value != parameter.value else ():
+            drawn = f"joint.{joint.name}." + ("target" if joint.state is JointState.DRIVEN else "angle")
+            if name == drawn and (redrawn := turned_by_redrawing(both[0], joint.name)):
+                raise ConfigError(redrawn, where=f"set {name}", hint=REDRAW)
         both = set_parameter(*both, parameter, value)
     return SetUp(*both, bind(unknowns, *both))
 
