@@ -273,5 +273,5 @@ def test_closed_form_rms_agrees_with_quadrature_without_actuator_noise():
     """The filter of a noiseless actuator has poles that nearly coincide: where a pole sum fails first."""
     study = load_study("studies/mace-1993.toml", ["control.actuator_noise_ratio=0", "control.levels=5"])
     modes = {env: find_modes(*study.case("simple", env)) for env in ("orbit", "lab")}
-    sweeps = study_zero_g_control(modes, study.control).sweeps
+    sweeps = study_zero_g_control(modes, study).sweeps
     assert all(sweep.quadrature_error < 1e-10 for _, sweep in sweeps)

@@ -15,7 +15,7 @@ from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import Margins, measure_margins
 from middeck.control.analysis.rms.rms import measure_rms
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.performance import Performance
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.emulation import emulate

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.sampled.sampled_loop import measure_held

@@ -14,9 +14,6 @@ from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-    from numpy import ndarray
-
     from middeck.updating.orbit.frequencies import Prediction
     from middeck.updating.refinement.findable_unknowns import Choice
     from middeck.updating.refinement.refine import Refined, RefinedFriction
@@ -94,6 +91,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     from middeck.updating.refinement.findings import findings
 
     found = refined.estimate
+    damping_std = predicted.damping * predicted.damping_std(0.0)
     return {
         "schema": "middeck.refine/1",
         "article": refined.structure.title,
@@ -134,7 +132,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             "interval_95_hz": predicted.interval_hz,
             "of_the_refined_model_hz": predicted.modes.frequency_hz[predicted.index],
             "damping": predicted.damping,
-            **({"damping_deviation": _deviation(predicted)} if refined.damped else {}),
+            **({"damping_deviation": damping_std} if refined.damped else {}),
             "seen": predicted.seen,
         },
         "not_in_the_article": [u.name for u in refined.left_out],
@@ -203,11 +201,6 @@ def _friction(refined: RefinedFriction) -> dict[str, Any]:
         "slip_angle_deg": math.degrees(angle),
         "slip_angle_deviation_deg": math.degrees(angle_std),
     }
-
-
-def _deviation(predicted: Prediction) -> Float[ndarray, " mode"]:
-    """Standard deviations of the predicted damping ratios."""
-    return predicted.damping * predicted.damping_std(0.0)
 
 
 def _static(refined: Refined, k: int) -> dict[str, Any]:

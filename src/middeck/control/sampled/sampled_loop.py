@@ -10,7 +10,7 @@ from jaxtyping import Complex, Float
 
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, arrange_ports
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant

@@ -16,7 +16,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
-from middeck.files.exchange.named import Exchangeable, as_compensator, exchanged, matrices_of
+from middeck.files.exchange.named_system import Exchangeable, as_compensator, exchanged, matrices_of
 from middeck.files.exchange.transfer_functions import real_matrix, settle_period
 from middeck.files.json.channels import build_channel
 from middeck.files.json.output import json_text

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.files.exchange.named import Exchangeable, exchanged, matrices_of
+from middeck.files.exchange.named_system import Exchangeable, exchanged, matrices_of
 from middeck.files.exchange.transfer_functions import (
     build_foreign,
     real_matrix,

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.finer import add_shear
+from middeck.structure.model.finer_mesh import add_shear
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE

@@ -29,7 +29,7 @@ from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms
 from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_round, is_short, spread_rounding
 from middeck.control.analysis.stability.stability import decide_loop
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.values import record
 
 

@@ -104,7 +104,7 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
 
     refined = set_up(ground.refined.structure, orbit, (), ground.refined.unknowns).solve(ground.refined.x)
     truth = build_rig_article(article, orbit, settings)
-    above = launch(truth, form, settings, plan, rng)
+    above = launch(truth, study, settings, plan, rng)
     response = estimate_response(above.without, band_hz=form.loop_band_hz)
     fit = fit_response(response, states=form.flight_states, cost="logarithmic")
     ladder = design_ladder(refined, plan)

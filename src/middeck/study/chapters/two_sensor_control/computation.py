@@ -122,7 +122,7 @@ def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
     siso, sito = study.siso, study.sito
     both = [siso.angle_weight, sito.bus_weight]
     noise = np.array(sito.angle_noise_rad_per_rthz) ** 2
-    weights = design_weights(siso, both[: len(case.plant.z)], noise)
+    weights = design_weights(study, both[: len(case.plant.z)], noise)
     kalman = design_filter(case.plant, weights)
     section = second_order_section(
         sito.lead_zeros_hz, sito.lead_damping, sito.lead_poles_hz, sito.lead_damping
