@@ -156,7 +156,7 @@ class Compared:
 def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
     """Frequencies [Hz] of measured neighbours of which the survey's shapes do not say how they mix."""
     column = compared.paired.column
-    near = _neighbours(compared.modes, column)
+    near = neighbours(compared.modes, column)
     said = compared.rows[len(compared.pairs) :]
     hz = compared.survey.measured.frequency_hz[compared.pairs[:, 1]]
     known = {(int(a), int(i)) for a, i in said}
@@ -236,7 +236,7 @@ def compare(modes: Modes, survey: Survey, bound: Sequence[Bound], paired: Paired
     paired = pair_survey(modes, survey) if paired is None else paired
     free, modes, pairs, column = modes, paired.own.modes, paired.pairs, paired.column
     c, c_std = _mixtures(modes, survey, pairs, column)
-    k, j = np.nonzero(_neighbours(modes, column) & (c_std > 0.0))
+    k, j = np.nonzero(neighbours(modes, column) & (c_std > 0.0))
     rows = np.concatenate(
         [np.stack([np.arange(len(pairs)), pairs[:, 0]], axis=1), np.stack([k, column[k, j]], axis=1)]
     )
@@ -278,7 +278,7 @@ def compare_measured_response(
     return compare_response(survey.name, test, modes, poles, bound, x, open_x)
 
 
-def _neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
+def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
     """Which paired modes are close to which others."""
     f = np.log(modes.frequency_hz[column])
     return (np.abs(np.diag(f)[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
@@ -297,8 +297,8 @@ def _mixtures(
     c, c_std = np.eye(count), np.zeros((count, count))
     channels = len(measured.node)
     read = at_channels(modes, measured) if channels else np.zeros((0, len(modes.omega)))
-    shape, std = _real_shapes(measured), _shape_std(modes, measured)
-    near = _neighbours(modes, column) | np.eye(count, dtype=bool)
+    shape, std = real_shapes(measured), shape_deviations(modes, measured)
+    near = neighbours(modes, column) | np.eye(count, dtype=bool)
     for k, a in enumerate(pairs[:, 1]):
         weight, basis = 1.0 / std[:, a], read[:, column[k]]
         for own in (np.arange(count), np.flatnonzero(near[k])):
@@ -325,14 +325,14 @@ def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.nd
     return found / scale, np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
 
 
-def _real_shapes(measured: MeasuredModes) -> np.ndarray:
+def real_shapes(measured: MeasuredModes) -> np.ndarray:
     """Shapes turned to the phase in which they are largest."""
     phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
     return np.real(measured.shape * np.exp(-1j * phase))
 
 
-def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """Stated standard deviations of shapes; otherwise `SHAPE_STD` of the mode at channels of that sort."""
+def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
+    """As the test states it; where it states none or zero, `SHAPE_STD` of the mode's channels of its sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
     usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
     return usual if stated is None else np.where(stated > 0.0, stated, usual)
@@ -344,7 +344,7 @@ def _equation_slopes(
     """Derivatives of each row by the unknowns: of its mode with the pair's own and its neighbours."""
     (own, pairs, column, added), count = paired, len(paired.pairs)
     modes = own.modes
-    near = _neighbours(modes, column) | np.eye(count, dtype=bool)
+    near = neighbours(modes, column) | np.eye(count, dtype=bool)
     terms = [(r, i, j, a) for r, (a, i) in enumerate(rows) for j in np.flatnonzero(near[a])]
     row, left, right, of = np.array(terms, dtype=int).T
     lam = (2.0 * np.pi * survey.measured.frequency_hz[pairs[of, 1]]) ** 2
