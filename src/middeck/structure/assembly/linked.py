@@ -74,7 +74,7 @@ def _freedom(model: Model, moving: np.ndarray, config: Configuration, in_world: 
 
 
 def check_links(model: Model) -> None:
-    """Raise `ConfigError` where a link as drawn nearly repeats others: whether it does hangs on rounding."""
+    """Raise `ConfigError` for a link that nearly repeats others as drawn: rounding would decide."""
     if model.links is None:
         return
     close = _closing(model, links_at(model, model.rest), model.rest, dynamic_coordinates(model))
