@@ -72,7 +72,7 @@ def test_dry_friction_on_the_article_is_told_of(share, campaign):
 
 
 def test_what_a_linear_article_leaves_goes_by_no_cube_and_no_direction(campaign):
-    for seed in campaign(60, 10):
+    for seed in campaign(60):
         rng = np.random.default_rng([423, seed])
         plant = article(rng)
         fit = fit_record(driven(plant, rng, 3000, (0.5, 40.0), noise=1e-3), states=2 * len(plant[0]))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import middeck as md
+from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.model.article import Section, Structure
-from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.motions.equivalent_beam import on_one_line
 from middeck.structure.modes.motions.strained_parts import member_parts, strained_parts
 from middeck.structure.modes.names.kinds import find_kinds
@@ -261,6 +261,10 @@ def test_a_part_is_a_section_where_names_say_nothing():
         for i, m in enumerate(article.members)
     )
     assert set(member_parts(dataclasses.replace(article, members=deck))) == {"pbar1", "pbar2", "pbar3"}
+    tapers = tuple(
+        dataclasses.replace(m, section_name=f"{m.section_name}_1", stations=((1.0, m.section),)) for m in deck
+    )
+    assert set(member_parts(dataclasses.replace(article, members=tapers))) == {"pbar1", "pbar2", "pbar3"}
     one = tuple(dataclasses.replace(m, section_name="pbar1") for m in deck)
     alone = dataclasses.replace(one[0], name="rod7", section_name="prod2")
     assert "bar" not in member_parts(dataclasses.replace(article, members=(alone, *one[1:])))

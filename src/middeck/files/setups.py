@@ -153,12 +153,22 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
     ]
 
 
-def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Path:
+def find_stated(name: str, document: str | Path) -> Path:
+    """The environment that a document calls ``name``: the same from whatever folder it is read.
+
+    A path from the document's folder, else as `find_document`, the folders next to the document first.
+    """
+    own = Path(document).parent / name
+    return own if name and own.is_file() else find_document(name, "environment", document, stated=True)
+
+
+def find_document(name: str, kind: Kind, beside: str | Path | None = None, *, stated: bool = False) -> Path:
     """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
 
     The folder is sought in the current folder, then next to the folder of the file ``beside``, so that an
-    article's environments are found from anywhere; so is a file of this name beside that file. The
-    environments ``orbit`` and ``lab`` need no file. Raises `ConfigError` with the nearest name there is.
+    article's environments are found from anywhere; so is a file of this name beside that file. Where that
+    file ``stated`` the name, the current folder comes last. The environments ``orbit`` and ``lab`` need no
+    file. Raises `ConfigError` with the nearest name there is.
     """
     given, wanted = Path(name), WANTED[kind]
     if not name:
@@ -168,7 +178,8 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     if given.is_dir():
         raise ConfigError(f"{name} is a folder, not {wanted}", hint=f"the path of {wanted} file")
     own = [] if beside is None else [Path(beside).resolve().parent]
-    folders = [*(root / FOLDERS[kind] for root in (Path(), *(folder.parent for folder in own))), *own]
+    near = [*(folder.parent / FOLDERS[kind] for folder in own), *own]
+    folders = [*reversed(near), Path(FOLDERS[kind])] if stated else [Path(FOLDERS[kind]), *near]
     for folder in folders:
         if (folder / f"{name}.toml").is_file():
             return folder / f"{name}.toml"

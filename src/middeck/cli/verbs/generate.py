@@ -185,7 +185,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     sees = "the torque really applied" if document["applied"] else "the torque asked for"
     ranges = zip(document["inputs"], document["input_range"], strict=True)
     columns = ("lower", "upper", "slew_per_sample", "error_bound")
-    limits = [document[k] or [None] * len(document["outputs"]) for k in columns]
+    none = [None] * len(document["outputs"])
+    limits = [none if document[k] is None else document[k] for k in columns]
     outputs = zip(document["outputs"], *limits, strict=True)
     return [
         f"package      {document['name']}, {document['bytes']} bytes, SHA-256 {document['sha256']}",

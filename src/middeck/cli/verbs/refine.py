@@ -217,14 +217,17 @@ def _static(refined: Refined, k: int) -> dict[str, Any]:
 
 def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
     def change(u: dict[str, Any], x: float) -> str:
-        return f"{x:+.4g}" if u["added"] else f"{100.0 * x:+.2f} %"
+        return f"{x:+.4g}" if u["added"] else f"{100.0 * math.expm1(x):+.2f} %"
+
+    def deviation(u: dict[str, Any], std: float, x: float) -> str:
+        return f"{std:.4g}" if u["added"] else f"{100.0 * std * math.exp(x):.2f} %"
 
     def errors(before: Sequence[float], measured: Sequence[float]) -> list[str]:
         return [f"{100.0 * (a / b - 1.0):+.3f}" for a, b in zip(before, measured, strict=True)]
 
     unknowns = [
-        [u["name"], change(u, u["mean"]), change(u, u["spread"]).lstrip("+"), change(u, u["x"]),
-         change(u, u["std"]).lstrip("+")]
+        [u["name"], change(u, u["mean"]), deviation(u, u["spread"], u["mean"]), change(u, u["x"]),
+         deviation(u, u["std"], u["x"])]
         for u in document["unknowns"]
     ]  # fmt: skip
     surveys = [

@@ -13,7 +13,7 @@ from middeck.files.disk.kind_of_content import CANDIDATES
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads
-from middeck.files.setups import find_document, load_setup, load_structure
+from middeck.files.setups import find_stated, load_setup, load_structure
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
@@ -94,7 +94,7 @@ def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     loads = None if form.promised_loads is None else Path(path).parent / form.promised_loads
 
     def there(name: str) -> Environment:
-        return load_setup(article, find_document(name, "environment", beside=path))[1]
+        return load_setup(article, find_stated(name, path))[1]
 
     return RankedTests(
         structure=load_structure(article),

@@ -35,6 +35,7 @@ from middeck.identification.uncertainty.model_unknowns import (
 )
 from middeck.identification.uncertainty.response_derivatives import (
     EntrySlopes,
+    combined,
     entry_factors,
     entry_slopes,
     shared_functions,
@@ -144,7 +145,8 @@ def estimate_covariance(
         flat = (v.mT.reshape(-1, len(s)) for v in (assumed, noise))
         root = W @ orthogonal.root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
-        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least=0.5)
+        alike = orthogonal.root_of(_scores_if_alike(each, residual, W), least=0.5)
+        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least=alike)
     root = np.hstack([orthogonal.canonical_root(root), np.sqrt(0.5) * free])
     return ModelCovariance(
         model=model,
@@ -247,10 +249,35 @@ def _scores_spread(
             left = _without_leverage(re, im, hats[o, i], r / np.sqrt(each.variance[o, lines, i]))
             scores[entry.place, lines] += entry.by @ (re * np.real(left) + im * np.imag(left))
     # The weights 1 - |lag| / width are a window of so many lines, convolved with itself.
-    width = _correlated_lags(residual / np.sqrt(each.variance)) + 1
+    lags = 2 * len(_correlations(residual / np.sqrt(each.variance)))
+    width = min(lags, residual.shape[1] // 10) + 1
     sums = np.cumsum(np.pad(W.T @ scores, ((0, 0), (width, width - 1))), axis=1)
     windows = sums[:, width:] - sums[:, :-width]
     return windows @ windows.T / width
+
+
+def _scores_if_alike(
+    each: _Entries, residual: np.ndarray, W: Float[np.ndarray, "unknown direction"]
+) -> Float[np.ndarray, "direction direction"]:
+    """The same of noise that has the assumed variance and whose lines are correlated, all of them alike.
+
+    Of a peak of few lines the residual itself says too little: the fit follows them.
+    """
+    rho = _correlations(residual / np.sqrt(each.variance))
+    size = 2 ** int(np.ceil(np.log2(CHUNK + 2 * len(rho) + 1)))
+    kernel = np.fft.fft(np.concatenate([[0.0], rho]), size)
+    spread = 0.5 * np.eye(W.shape[1])
+    before = dict[tuple[int, int], np.ndarray]()
+    for lines, shared in each.some_lines() if len(rho) else ():
+        for (o, i), entry in each.factors.items():
+            f = each.weighted((o, i), lines, shared) * np.exp(-each.s[lines] * entry.delay_s)
+            by = W[entry.place].T @ combined(entry.by, f)
+            joined = np.hstack([before.get((o, i), np.zeros((len(by), len(rho)))), by])
+            before[o, i] = joined[:, joined.shape[1] - len(rho) :]
+            earlier = np.fft.ifft(np.fft.fft(joined, size, axis=1) * kernel, axis=1)
+            both = np.real(earlier[:, len(rho) : joined.shape[1]] @ by.conj().T)
+            spread += 0.5 * (both + both.T)
+    return spread
 
 
 def _without_leverage(
@@ -273,14 +300,16 @@ def _without_leverage(
     return 0.5 * (more + less) * r + 0.5 * (more - less) * turned
 
 
-def _correlated_lags(z: Complex[np.ndarray, "output line input"]) -> int:
-    """Twice the lines over which the residual is significantly correlated, a tenth of all at most."""
-    most, power = z.shape[1] // 10, float(np.sum(np.abs(z) ** 2))
-    limit = 2.0 / np.sqrt(z.size) * power
-    for lag in range(1, most + 1):
-        if abs(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) <= limit:
-            return min(2 * (lag - 1), most)
-    return most
+def _correlations(z: Complex[np.ndarray, "output line input"]) -> Float[np.ndarray, " lag"]:
+    """Correlation with the next lines, up to the first that is not significant; a tenth of all at most."""
+    power, lines = float(np.sum(np.abs(z) ** 2)), z.shape[1]
+    found: list[float] = []
+    for lag in range(1, lines // 10 + 1):
+        both = float(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) / power
+        if abs(both) <= 2.0 / np.sqrt(z.size):
+            break
+        found.append(both * lines / (lines - lag))
+    return np.array(found)
 
 
 def as_exact(model: MeasurementModel) -> ModelCovariance:

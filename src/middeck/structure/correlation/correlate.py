@@ -34,7 +34,7 @@ from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.unit_slips import doubt_units
-from middeck.structure.modes.eigenproblem.repeated import repeated
+from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 

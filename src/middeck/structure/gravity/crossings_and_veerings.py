@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.structure.eigenproblem.repeated import REPEATED
 from middeck.structure.gravity.path_events import EventKind, GravityEvent, PathState
 from middeck.structure.gravity.tracking import Spectrum, track
-from middeck.structure.modes.eigenproblem.repeated import REPEATED
 
 # Shapes are compared where the gap of omega^2 is this many times its least: of two modes that exchange their
 # shapes, 60 of 90 degrees are turned between both sides (tan 2 theta = coupling / detuning).

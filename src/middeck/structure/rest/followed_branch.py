@@ -27,9 +27,9 @@ from middeck.structure.rest.rest_criteria import (
     UNMOVED,
     Settled,
     holding,
-    is_stable,
 )
 from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
+from middeck.structure.rest.stability import is_stable
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20
@@ -65,7 +65,7 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     at = assemble_carried(model, config, loads)
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
     return Settled(
-        config, at, history[-1][1], enough, tuple(history), is_stable(model, config, at, mass), True
+        config, at, history[-1][1], enough, tuple(history), is_stable(model, config, at, loads), True
     )
 
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.environment_loads import Loads
-from middeck.structure.assembly.linked import static_freedom, ties_to_ground
-from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.assembly.linked import ties_to_ground
+from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
-from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
+from middeck.structure.rest.damped_descent import descend
+from middeck.structure.rest.imbalance import article_size, imbalance_scale
 from middeck.structure.rest.rest_criteria import Settled
 from middeck.structure.rest.rigid_and_deforming_steps import turn_whole
 
@@ -24,6 +24,9 @@ from middeck.structure.rest.rigid_and_deforming_steps import turn_whole
 FLAT = 1e-6
 # Distance of anchors from a vertical line, over the article's size, that is rounding.
 IN_LINE = 1e-9
+# Steps that take away what a turn rounds, 1e-8 of the weight far from the origin. They turn it by 1e-7 in
+# their turn, and what turning back by that rounds is nothing.
+POLISH, POLISHED = 4, 2
 FIT_ITERATIONS = 50
 FITTED = 1e-14
 
@@ -37,20 +40,31 @@ def face_as_drawn(model: Model, loads: Loads, settled: Settled) -> Settled:
     still = np.array_equal(settled.config.x, model.rest.x) and np.array_equal(settled.config.R, model.rest.R)
     if held or still or not settled.residual < settled.enough:
         return settled
+    at, scale = settled, imbalance_scale(model, loads)
+    for _ in range(POLISHED):
+        config = _faced(model, loads, at.config)
+        if config is None:
+            return settled
+        mass = carried_mass(model, config, loads)
+        config, assembly, steps, _ = descend(model, config, loads, mass, scale, settled.enough, POLISH)
+        at = at._replace(config=config, assembly=assembly, residual=steps[-1][0])
+        if len(steps) == 1:
+            break
+    # Beside a support so stiff that its rounding shows, the state as it was found is the better one.
+    return at if at.residual < settled.enough else settled
+
+
+def _faced(model: Model, loads: Loads, config: Configuration) -> Configuration | None:
+    """Turned to the drawing, and moved to it where nothing holds it; None where it is held."""
     gravity = float(np.linalg.norm(loads.gravity))
     if gravity == 0.0 and not len(loads.anchor):
-        R, p = fit_rigid(model, model.rest, settled.config)
-        config = turn_whole(settled.config, rotation_log(R.T), p, -p)
-    elif gravity > 0.0 and _in_line(model, loads):
+        R, centre, shift = fit_rigid(model, model.rest, config)
+        return turn_whole(config, rotation_log(R.T), centre + shift, -shift)
+    if gravity > 0.0 and _in_line(model, loads):
         up = -loads.gravity / gravity
-        _, heading = split_rotation(fit_rotation(model, model.rest, settled.config), up)
-        config = turn_whole(settled.config, -heading * up, loads.anchor[0], np.zeros(3))
-    else:
-        return settled
-    at = assemble_carried(model, config, loads)
-    left = imbalance(at, static_freedom(model, config), imbalance_scale(model, loads))
-    # Beside a support so stiff that its rounding shows, the state as it was found is the better one.
-    return settled._replace(config=config, assembly=at, residual=left) if left < settled.enough else settled
+        _, heading = split_rotation(fit_rotation(model, model.rest, config), up)
+        return turn_whole(config, -heading * up, loads.anchor[0], np.zeros(3))
+    return None
 
 
 def _in_line(model: Model, loads: Loads) -> bool:
@@ -82,27 +96,29 @@ def fit_rotation(model: Model, start: Configuration, end: Configuration) -> Floa
 
 def fit_rigid(
     model: Model, start: Configuration, end: Configuration
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-    """R and p, so that R x + p of the x at ``start`` fit ``end`` best, errors weighed by mass (Gauss-Newton).
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """R, c and d, so that R (x - c) + c + d of the x at ``start`` fit ``end`` best, errors weighed by mass.
 
-    The error of a frame is its displacement and rotation vector from where the rigid body has it. From the
-    mean of their turns: from none, those to both sides of 180 deg would cancel out.
+    The error of a frame is its displacement and rotation vector from where the rigid body has it; by
+    Gauss-Newton from the mean of their turns: from none, those to both sides of 180 deg would cancel out.
+    c is amid the article, however far from the origin that is drawn.
     """
-    M = mass_matrix(model, start)
-    T = rigid_columns(model.tree, start, np.zeros(3))
-    rigid = T.T @ (M @ T)
+    M, centre = mass_matrix(model, start), start.x.mean(axis=0)
+    T = rigid_columns(model.tree, start, centre)
+    T[:, 3:] /= (size := article_size(model))
+    rigid, begun, there = T.T @ (M @ T), start.x - centre, end.x - centre
     U, _, Vt = np.linalg.svd(np.einsum("fij,fkj->ik", end.R, start.R))
-    fit, p = U * [1.0, 1.0, np.linalg.det(U @ Vt)] @ Vt, np.zeros(3)
+    fit, shift = U * [1.0, 1.0, np.linalg.det(U @ Vt)] @ Vt, np.zeros(3)
     for _ in range(FIT_ITERATIONS):
         # In the axes of the rigid body, so that the mass is that of the start.
-        x = (end.x - p) @ fit - start.x
+        x = (there - shift) @ fit - begun
         turn = np.array([rotation_log(fit.T @ b @ a.T) for a, b in zip(start.R, end.R, strict=True)])
         error = np.zeros(model.tree.size)
         error[: 6 * model.tree.roots] = np.hstack([x, turn]).ravel()
         # Masses in one line have no inertia about it, and do not say how it is turned: the mean does.
         step = np.linalg.lstsq(rigid, T.T @ (M @ error), rcond=FLAT**2)[0]
-        p = p + fit @ step[:3]
-        fit = fit @ rotation_exp(step[3:])
-        if np.abs(step[3:]).max() < FITTED:
+        shift = shift + fit @ step[:3]
+        fit = fit @ rotation_exp(step[3:] / size)
+        if np.abs(step[3:]).max() < FITTED * size:
             break
-    return fit, p
+    return fit, centre, shift

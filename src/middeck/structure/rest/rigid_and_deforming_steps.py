@@ -25,11 +25,11 @@ def move_whole(
     """
     tree, held = model.tree, model.held
     rigid, rest = split_rigid(model, config, q, mass)
-    # The rotation is about the world origin: its second-order part must not carry a far structure along, nor
-    # what is pinned.
-    centre = config.x.mean(axis=0) if held is None or not len(held.pinned) else config.x[held.pinned[0]]
+    # What is pinned must stay in place to second order too.
+    middle = config.x.mean(axis=0)
+    centre = middle if held is None or not len(held.pinned) else config.x[held.pinned[0]]
     step = rest[: 6 * tree.roots].reshape(-1, 2, 3) @ (np.eye(3) + turn_of(rigid[3:])).T
-    turned = turn_whole(config, rigid[3:], centre, rigid[:3] + cross(rigid[3:], centre))
+    turned = turn_whole(config, rigid[3:], centre, rigid[:3] + cross(rigid[3:], centre - middle))
     return move_carried(tree, turned, np.concatenate([step.ravel(), rest[6 * tree.roots :]]))
 
 
@@ -45,7 +45,9 @@ def turn_whole(
         R = np.eye(3) + turn
         return Configuration(centre + shift + (config.x - centre) @ R.T, R @ config.R, config.angle)
     own = since.carrier < 0
-    moved = since.shift + np.where(own[:, None], shift + (config.x - centre) @ turn.T, 0.0)
+    # Far from the origin a place rounds by more than what moved it.
+    arm = since.drawn - centre + since.shift
+    moved = since.shift + np.where(own[:, None], shift + arm @ turn.T, 0.0)
     turns = since.turn + np.where(own[:, None, None], turn + turn @ since.turn, 0.0)
     return placed(SinceDrawn(since.drawn, since.carrier, moved, turns), config.angle)
 
@@ -53,12 +55,12 @@ def turn_whole(
 def split_rigid(
     model: Model, config: Configuration, q: Float[np.ndarray, " coordinate"], mass: sp.csr_array
 ) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, " coordinate"]]:
-    """Translation and rotation about the world origin nearest to ``q`` by mass, and what is left; carried.
+    """Translation, and rotation about the mean place, nearest to ``q`` by mass, and what is left; carried.
 
     Of a clamped article such as leave every node in place that is held along any way.
     """
     tree = model.tree
-    T = rigid_columns(tree, config, np.zeros(3))
+    T = rigid_columns(tree, config, config.x.mean(axis=0))
     whole = np.eye(6) if model.held is None else whole_motions(model.held, T)
     if config.since_drawn is not None:
         T[: 6 * tree.roots].reshape(tree.roots, 36)[config.since_drawn.carrier >= 0] = 0.0

@@ -14,9 +14,9 @@ from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.eigenproblem.eigen import ROUNDING, solve_pairs
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import JointState
-from middeck.structure.modes.eigenproblem.eigen import ROUNDING, solve_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # What a solution may leave of its load, over the terms that balance in it.

@@ -26,7 +26,6 @@ from middeck.updating.residuals.damping import (
     solve_damped_near,
     states_damping,
 )
-from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
     ComparedStatic,
@@ -208,12 +207,13 @@ def refine(
     sizes = [model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics)
     usual = np.array(sizes + [damping_error] * lossy)
     x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
-    at = first = places.solve(x, lossy)
+    at, first = places.solve(x, lossy), ()
     # Responses and damping are nearly linear in what is left when the modes have settled, and not before.
     settled, open_x = False, np.diag(spread)
     measured = lossy or any(s.response is not None for s in surveys)
     while True:
         tests = places.compare(at, statics, settled)
+        first = first or (tests.compared, at.loaded)
         heard = places.hear(tests.compared, x, open_x) if settled else ()
         fields = ErrorFields.of(at.loaded) if at.loaded else None
         tests, problem, found = estimate_of(tests._replace(heard=heard), fields, x - mean, spread, usual)
@@ -234,10 +234,8 @@ def refine(
         statics=tests.statics,
         linear_at=x,
         estimate=found,
-        before_hz=tuple(_before(old, c) for old, c in zip(first.modes, tests.compared, strict=True)),
-        before=tuple(
-            tuple(old.value(t.gauges).tolist()) for old, t in zip(first.loaded, statics, strict=True)
-        ),
+        before_hz=tuple(_before(*both) for both in zip(first[0], tests.compared, strict=True)),
+        before=tuple(tuple(old.value(t.gauges).tolist()) for old, t in zip(first[1], statics, strict=True)),
         history=tuple(history),
         converged=history[-1] < SMALL,
         fields=fields,
@@ -261,11 +259,10 @@ def compare_at_first(
     return tests._replace(heard=places.hear(tests.compared, mean, np.diag(spread))).every
 
 
-def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
+def _before(old: Compared, new: Compared) -> tuple[float, ...]:
     """Frequencies, before the refinement, of the modes paired with the measured ones; NaN without a pair."""
-    hz = dict.fromkeys(compared.pairs[:, 1].tolist(), np.nan)
-    hz |= {j: old.frequency_hz[i] for i, j in pair(old, compared.survey.measured).tolist() if j in hz}
-    return tuple(hz[j] for j in compared.pairs[:, 1].tolist())
+    hz = {j: float(old.modes.frequency_hz[i]) for i, j in old.pairs.tolist()}
+    return tuple(hz.get(j, np.nan) for j in new.pairs[:, 1].tolist())
 
 
 class _At(NamedTuple):

@@ -75,7 +75,7 @@ def set_out(deck: Deck, units: Units, formulation: Formulation) -> Basis:
     unknown = (
         entry.fault(f"there is no coordinate system {entry['cd']}", "cd")
         for entry in deck.entries.of("GRDSET", "GRID")
-        if (entry["cd"] or 0) > 0 and entry["cd"] not in basis.places.systems
+        if (entry["cd"] or 0) not in basis.places.systems
     )
     raise_some(list(unknown))
     return basis

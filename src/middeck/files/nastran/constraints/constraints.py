@@ -167,6 +167,8 @@ def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[i
 
 def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
     for entry, key, carrier, grid, components in partial_links(deck.entries, faults):
+        if carrier == grid:
+            faults.append(entry.fault(f"grid {grid} follows itself", key))
         table = {"name": f"{entry.name.lower()}_{entry.id}_g{grid}", "from": f"g{carrier}", "to": f"g{grid}"}
         table |= _directions(places, grid, components)
         depends = tuple((grid, c) for c in components)

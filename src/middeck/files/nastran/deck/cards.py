@@ -153,9 +153,9 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
         if not tail or (after is not None and _mark(after[HEAD])):
             continue
         if tail[0] in MARKS:
-            if _mark(tail) and after is None:
+            if after is None:
                 hint = "is the deck whole? if the card ends here, clear its tenth field"
-                faults.append(_fault(row[LINE], f"the continuation {_mark(tail)!r} is missing", hint))
+                faults.append(_fault(row[LINE], f"the continuation {tail!r} is missing", hint))
         elif is_free or not (counted or (after is not None and integer(tail) is not None)):
             faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
     return faults

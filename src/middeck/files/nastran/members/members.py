@@ -44,7 +44,7 @@ class Bar(NamedTuple):
 
     def released(self, end: int) -> str:
         """Components in `element_axes` that an end does not pass on (PA, PB), but those that hold the bar."""
-        if self.entry.name in RODS:
+        if self.entry.name in RODS or not (self.entry["pa"] or self.entry["pb"]):
             return ""
         return _loose(f"{self.entry['pa'] or ''}", f"{self.entry['pb'] or ''}")[end]
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from middeck.structure.modes.eigenproblem.repeated import repeated_apart
+from middeck.structure.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
 from middeck.structure.modes.motions.rigid_motions import AXES, rigid_motions
 from middeck.structure.modes.motions.strain_shares import PARTS, strain_energy

@@ -9,19 +9,22 @@ from jaxtyping import Float
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.energy import geometric_tangent
 from middeck.structure.assembly.environment_loads import Loads
-from middeck.structure.assembly.linked import dynamic_freedom, static_freedom
+from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.assembly.strain import strain_energies
+from middeck.structure.eigenproblem.eigen import ROUNDING, Eigenpairs
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.modes.eigenproblem.eigen import ROUNDING, Eigenpairs
 
 # An omega^2 of so many times its rounding is good to eight digits, and better as it is.
 NEAR = 1e3
 
 
-def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eigenpairs) -> Eigenpairs:
-    """``pairs`` in carried coordinates, the lowest of them recomputed where they may be rounding.
+def separate_rigid(
+    model: Model, config: Configuration, loads: Loads, pairs: Eigenpairs, free: Freedom
+) -> Eigenpairs:
+    """``pairs`` in carried coordinates, the ``free`` ones, the lowest recomputed where they may be rounding.
 
     An eigensolver rounds to 1e-16 of the stiffest member. The space of the lowest modes is accurate to the
     square of that, and within it the energy is formed as squared strains: then only the geometric stiffness,
@@ -32,7 +35,7 @@ def separate_rigid(model: Model, config: Configuration, loads: Loads, pairs: Eig
     if few == 0:
         return pairs
     lowest = pairs.shapes[:, :few]
-    shapes = dynamic_freedom(model, config).spread(lowest)
+    shapes = free.spread(lowest)
     G, strained = geometric_tangent(model, config, loads), strain_energies(model, config, loads, shapes)
     lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
     shapes = shapes @ turn
@@ -59,6 +62,7 @@ def rounding(
     config: Configuration,
     pairs: Eigenpairs,
     gradient: Float[np.ndarray, " coordinate"],
+    free: Freedom,
     transport: sp.csr_array | None = None,
 ) -> Float[np.ndarray, " mode"]:
     """Largest |omega^2| [1/s^2] of each mode that counts as zero, at a state that leaves ``gradient``.
@@ -68,7 +72,7 @@ def rounding(
     coordinates are carried ones where ``transport`` takes them to W.
     """
     tree = model.tree
-    shapes = dynamic_freedom(model, config).spread(pairs.shapes)
+    shapes = free.spread(pairs.shapes)
     own = (shapes if transport is None else transport @ shapes) ** 2
     left = np.abs(static_freedom(model, config).within(gradient))
     at_roots = 6 * tree.roots
