@@ -34,7 +34,7 @@ SHEET = 20  # stills on a printed page
 
 @record(kw_only=True)
 class ShapePage:
-    """What the page shows.
+    """The content of the page.
 
     Attributes:
         title: Title of the page.

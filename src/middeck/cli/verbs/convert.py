@@ -180,7 +180,7 @@ def _written(
     target: str | None,
     held_target: str | None,
 ) -> Any:
-    """What the article is, read back and meshed; nothing is written where that fails."""
+    """The article as written, read back and meshed; nothing is written where that fails."""
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text

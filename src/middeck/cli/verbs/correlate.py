@@ -203,7 +203,7 @@ def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
 
 
 def _common(found: Correlation | FrequencyComparison) -> dict[str, Any]:
-    """What both documents hold: the case, the verdict, the pairs and what has none."""
+    """The content that both documents share: the case, the verdict, the pairs and the modes without one."""
     modes, (ours, theirs) = found.modes, found.pairs.T
     return {
         "article": modes.equilibrium.model.structure.title,

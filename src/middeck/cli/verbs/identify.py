@@ -234,7 +234,7 @@ def describe(found: Identified) -> dict[str, Any]:
 
 
 def _friction(found: JointFriction | None) -> dict[str, Any] | None:
-    """What was taken out of the record; None for nothing."""
+    """The friction taken out of the record; None for nothing."""
     if found is None:
         return None
     return {

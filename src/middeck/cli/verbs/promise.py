@@ -198,7 +198,7 @@ def _modes(place: dict[str, Any]) -> Table:
 
 
 def _removed(place: dict[str, Any]) -> Table:
-    """What gravity made of each frequency on the ground; * where the effects cannot be told apart."""
+    """Contributions of gravity to each frequency on the ground; * where they cannot be separated."""
     removed = place["removed"]
     rows = [
         [
@@ -257,7 +257,7 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
 
 
 def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Table]:
-    """What friction costs, where the plan states any."""
+    """The cost of friction, where the plan states any."""
     if "friction" not in place:
         return []
     middle = document["shares"].index(0.5)

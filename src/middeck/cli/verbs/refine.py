@@ -320,6 +320,6 @@ def _static_table(statics: Sequence[dict[str, Any]]) -> Table:
 
 
 def _without(document: dict[str, Any]) -> str:
-    """What the reader must still put where it belongs."""
+    """Refined values that have no place in the article's file, as hints to the reader."""
     names = document["not_in_the_article"]
     return f"; not in it, as no factor of an article: {', '.join(names)}" if names else ""

@@ -21,7 +21,7 @@ from middeck.signals.excitation.sweep import design_sweep
 
 
 class ExciteSettings(Form):
-    """What is designed; limits are those of every input."""
+    """Settings of an excitation; limits are those of every input."""
 
     kind: Literal["multisine", "sweep", "noise", "burst", "mls", "binary"]
     sample_hz: Positive

@@ -186,7 +186,7 @@ def _slips(refined: RefinedFriction) -> dict[str, Any]:
 
 
 def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
-    """What the plants of the promise do not have."""
+    """Effects that the plants of the promise lack."""
     said = ["friction, play and saturation: every plant is linear"]
     if plan.joints:
         said = [
@@ -214,7 +214,7 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
 
 
 def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
-    """What a document says of one environment: modes and compensators."""
+    """The part of a document for one environment: modes and compensators."""
     return {
         "name": name,
         "modes": _modes(promise.modes, plan.loop.damping_std),
@@ -237,7 +237,7 @@ def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
 
 
 def _friction(time: SlipTime, plan: Plan) -> dict[str, Any]:
-    """What was stated of the joints, and how it was simulated."""
+    """The stated friction of the joints, and how it was simulated."""
     return {
         "joints": [
             {
@@ -311,7 +311,7 @@ def _swept(swept: Swept) -> dict[str, Any]:
 
 
 def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
-    """What friction costs: the same levels without it; and whether joints stick or slip."""
+    """The cost of friction: the decibels without it, and whether joints stick or slip."""
     names = [joint.name for joint in plan.joints]
     return {
         "without_friction_db": [few(level(friction.without_db, share)) for share in LEVELS],

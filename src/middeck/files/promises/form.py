@@ -49,7 +49,7 @@ class SaidShapes(Said):
 
 
 class SaidReading(Said):
-    """What a gauge will read."""
+    """A promised gauge reading."""
 
     gauge: str
     unit: str
@@ -131,7 +131,7 @@ def _require(found: Mapping[str, Any], path: str) -> None:
 
 
 def _further(form: SaidForm) -> Iterator[Finding]:
-    """What one key says of another."""
+    """Faults between keys."""
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):
         at = ("environments", k)

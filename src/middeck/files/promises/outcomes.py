@@ -68,7 +68,7 @@ class ReadingOutcomeForm(Form):
 
 
 class OutcomeForm(Form):
-    """What came of a promise."""
+    """The outcome of a promise."""
 
     schema_: Literal["middeck.outcome/1"] = Field(alias="schema")
     mode: Annotated[tuple[ModeOutcomeForm, ...], Field(strict=False)] = ()
@@ -79,7 +79,7 @@ class OutcomeForm(Form):
 
 @record(kw_only=True)
 class Came:
-    """What came, as a document says it.
+    """The outcome as a document states it.
 
     Attributes:
         modes, surveys: Modes without shapes, and environment and modes of each survey with them.
@@ -139,7 +139,7 @@ def _nameless(form: OutcomeForm) -> list[Finding]:
 def comparison_document(
     promise: Mapping[str, Any], came: Came, *, date: str, beside: Path | None = None
 ) -> dict[str, Any]:
-    """What came beside ``promise``, which it names by its seal and does not change.
+    """The outcome beside ``promise``, which it names by its seal and does not change.
 
     ``remarks`` name files in folder ``beside`` that are no longer what the promise was made of.
 
@@ -186,7 +186,7 @@ def _changed(promise: Mapping[str, Any], folder: Path) -> Iterator[str]:
 
 
 def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
-    """What a promise says, quantity by quantity."""
+    """The statements of a promise, quantity by quantity."""
     at = {share: k for k, share in enumerate(promise.get("shares", ()))}
 
     def reached(value: float | None) -> float:

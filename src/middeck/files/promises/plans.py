@@ -43,7 +43,7 @@ NOISE = {
 
 
 class PerformanceForm(Form):
-    """What is promised: the weighted rms of sensors under white noise at actuators."""
+    """The promised performance: the weighted rms of sensors under white noise at actuators."""
 
     outputs: Names
     weights: NotNegatives

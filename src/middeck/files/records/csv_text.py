@@ -52,7 +52,7 @@ Row = tuple[int, list[str]]
 
 @record(kw_only=True)
 class Opening:
-    """What stands before the numbers.
+    """The lines before the numbers.
 
     ``names`` of the columns (empty if there is no such line), whether the first of them is the time and its
     unit, ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.

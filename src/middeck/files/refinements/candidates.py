@@ -61,7 +61,7 @@ class CandidatesForm(Form):
 
 @record(kw_only=True)
 class RankedTests:
-    """What `middeck.updating.candidates.candidates.rank_tests` needs, and an article with its refinement.
+    """The arguments of `rank_tests` (`updating.candidates.candidates`), an article and its refinement.
 
     Attributes:
         environments: Environments in which frequencies are promised, by name.

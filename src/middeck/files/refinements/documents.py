@@ -69,7 +69,7 @@ class RefinementForm(Form):
 
 @record(kw_only=True)
 class Refinement:
-    """What `middeck.updating.refinement.refine` needs beside an article, and every file that said it."""
+    """The arguments of `middeck.updating.refinement.refine` beside an article, and every file behind them."""
 
     surveys: tuple[Survey, ...]
     unknowns: tuple[Unknown, ...]

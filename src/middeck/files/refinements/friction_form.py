@@ -50,7 +50,7 @@ def build_frictions(
 
 
 def friction_findings(data: Any) -> Iterator[Finding]:
-    """What forms cannot say of friction: joints given twice, and amplitudes of joints that have none."""
+    """Faults beyond the forms of friction: joints given twice, and amplitudes of joints without friction."""
     known: list[Any] = [f.get("joint") for _, f in tables(data, "friction")]
     yield from _twice((), "friction", data)
     for k, survey in tables(data, "survey"):

@@ -94,5 +94,5 @@ class Found:
 
 
 def fault(kind: str, what: str, hint: str, *, severity: Severity = "serious", samples: Spans = ()) -> Found:
-    """What was found of a channel, with the runs of samples where it shows."""
+    """A finding of a channel, with the runs of samples where it shows."""
     return Found(kind=kind, what=what, hint=hint, severity=severity, samples=tuple(samples))

@@ -19,7 +19,7 @@ from middeck.identification.uncertainty.parameter_deviations import distinct_pol
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
-# "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":
+# "sound": its deviations hold. "doubtful": it may be noise, or the residual is not noise. "unresolved":
 # one of two modes too close for their deviations to hold. "outside": not in the band, so that it stands for
 # whatever is there.
 Standing = Literal["sound", "doubtful", "unresolved", "outside"]

@@ -62,7 +62,7 @@ class PolesInstead:
 
 
 def true_modes(standing: Sequence[Standing]) -> list[Bool[np.ndarray, " mode"]]:
-    """What may be those in the data: sound ones, and these with neighbours that are not told apart."""
+    """Candidates for the modes in the data: sound ones, and these with neighbours that are not resolved."""
     found = [np.array([one in kept for one in standing], dtype=bool) for kept in KEPT]
     return found[: 1 + bool(np.any(found[0] != found[1]))]
 

@@ -149,7 +149,7 @@ class _Problem:
         return np.fft.rfft(found, axis=0)[list(self.line)] * self.weight[:, None]
 
     def left(self, torque: np.ndarray, friction: np.ndarray) -> Float[np.ndarray, " number"]:
-        """What no response explains, in deviations of the noise."""
+        """The residual that no response explains, in deviations of the noise."""
         U = self.U.copy()
         U[..., list(self.motor)] -= torque * friction
         Q, _ = np.linalg.qr(U)
@@ -233,7 +233,7 @@ def _by_torque(problem: _Problem, torque: np.ndarray, friction: np.ndarray, r: n
 
 
 def _slopes(problem: _Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What is left, and its slopes by the unknowns; none by a delay that is told."""
+    """The residual, and its derivatives by the unknowns; none by a delay that is given."""
     count = len(problem.rms)
     torque, friction = x[:count], problem.torques(x)
     r = problem.left(torque, friction)

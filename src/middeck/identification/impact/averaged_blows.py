@@ -146,7 +146,7 @@ def _force_window(size: int, blow: Blow) -> Float[np.ndarray, " sample"]:
 def _at_rest_under(
     x: Float[np.ndarray, " sample"], window: Float[np.ndarray, " sample"], most: int
 ) -> Float[np.ndarray, "part sample"]:
-    """What follows a blow, in parts as long as its window, each under it."""
+    """The signal after a blow, in parts as long as its window, each under it."""
     long = int(np.count_nonzero(window))
     starts = range(long, len(x) - long + 1, long)[:most]
     return np.array([window * np.roll(x - np.median(x), -k) for k in starts]).reshape(len(starts), len(x))

@@ -98,7 +98,7 @@ class Alone(NamedTuple):
     outputs: Int[np.ndarray, "group one"]
 
     def sum(self, path: Complex[np.ndarray, "group path line"]) -> Complex[np.ndarray, "group path line"]:
-        """What the responses of all paths add to the weighted data."""
+        """The sum of the responses of all paths in the weighted data."""
         return self.by * path
 
     def back(self, v: Complex[np.ndarray, "group path line"]) -> Complex[np.ndarray, "group path line"]:
@@ -122,7 +122,7 @@ class Together(NamedTuple):
     outputs: Int[np.ndarray, "group output"]
 
     def sum(self, path: Complex[np.ndarray, "group path line"]) -> Complex[np.ndarray, "group column line"]:
-        """What the responses of all paths add to the weighted data."""
+        """The sum of the responses of all paths in the weighted data."""
         return np.einsum("akl,gal->gkl", self.by, path)
 
     def back(self, v: Complex[np.ndarray, "group column line"]) -> Complex[np.ndarray, "group path line"]:

@@ -52,7 +52,7 @@ class ZeroSum:
 
 
 def _ties(layout: Layout, point: Point) -> Float[np.ndarray, "tie column"]:
-    """What must vanish, as a matrix on the linear unknowns of an output: the sum of residues of each path."""
+    """The constraints as a matrix on the linear unknowns of an output: the sum of residues of each path."""
     if not layout.options.zero_sum:
         return np.zeros((0, layout.columns))
     C = np.zeros((layout.inputs, layout.columns))

@@ -223,7 +223,7 @@ def _fit(
 
 
 def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
-    """What is folded back in the outputs: held inputs reach beyond half the rate."""
+    """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
     run = record.u.reshape(len(record.u), -1, record.u.shape[3])
     f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
     H = np.zeros((len(f), *model.direct.shape), dtype=complex)

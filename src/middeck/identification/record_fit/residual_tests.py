@@ -163,7 +163,7 @@ def _biasing_faults(record: Record) -> list[Fault]:
 def heard_of(
     record: Record, data: Data, run: RecordRun, noise: Float[np.ndarray, "part sample input"] | None
 ) -> Heard:
-    """What parts of noise of the inputs make of the outputs; no part where it is not known."""
+    """Responses of the outputs to parts of noise of the inputs; no part where it is not known."""
     if noise is None or not len(noise):
         return np.zeros((*data.H.shape[:2], 0), dtype=complex)
     N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(noise.shape[1])

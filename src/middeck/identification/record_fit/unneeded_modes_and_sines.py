@@ -59,7 +59,7 @@ POWERS = 3
 
 @frozen
 class Tidied:
-    """What is left of a fit: data with their steady lines, the model, and those lines."""
+    """A tidied fit: data with their steady lines, the model, and those lines."""
 
     data: Data
     run: RecordRun

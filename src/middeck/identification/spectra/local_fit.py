@@ -45,7 +45,7 @@ class LocalModel:
 
 @frozen(kw_only=True)
 class LocalFit:
-    """What the windows give, and how well they predict the line that they leave out.
+    """The estimates of the windows, and how well they predict the omitted line.
 
     Attributes:
         covariance: Covariance of the outputs' residuals.
@@ -123,7 +123,7 @@ def transient_basis(
 def beside(
     Q: Inexact[np.ndarray, "estimate term row"], X: Complex[np.ndarray, "estimate column row"]
 ) -> Complex[np.ndarray, "estimate column row"]:
-    """What the transients leave of the rows of X."""
+    """The part of the rows of X that the transients leave."""
     return X - (X @ Q.conj().mT) @ Q
 
 
@@ -171,7 +171,7 @@ def _columns(
     Complex[np.ndarray, "estimate experiment unknown row"],
     Complex[np.ndarray, "estimate experiment column row"],
 ]:
-    """What the transients leave of r^s U, and of Y to r^last Y."""
+    """The parts of r^s U, and of Y to r^last Y, that the transients leave."""
     count, experiments, _, width = U.shape
     # Products: a power with an array of exponents takes ten times as long.
     powers = np.stack([np.ones_like(x), x, x * x], axis=1)

@@ -40,7 +40,7 @@ STEPS = 30
 
 @frozen
 class StartUp:
-    """What was done about the beginning of a record.
+    """The record without its start-up transient, and how it was removed.
 
     Attributes:
         record: The steady periods, or all of them without the free motion.
@@ -56,7 +56,7 @@ class StartUp:
     spread: Float[np.ndarray, "output output"]
 
     def covariance(self, keep: np.ndarray) -> Float[np.ndarray, "line output output"]:
-        """What is added to that of the averaged outputs on the lines ``keep``."""
+        """The addition to the covariance of the averaged outputs on the lines ``keep``."""
         return self.unknown[keep][:, None, None] * self.spread
 
 

@@ -53,7 +53,7 @@ class Drift:
 
 @record(kw_only=True)
 class Followed:
-    """What does not change while it is followed.
+    """The constants of a tracked model.
 
     Attributes:
         T: Sampling period [s].

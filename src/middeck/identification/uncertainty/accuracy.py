@@ -41,7 +41,7 @@ ROUNDING = 1e-9
 
 @record(kw_only=True)
 class ExpectedAccuracy:
-    """What a test of so many periods would say, if its noise is all that disturbs it.
+    """Accuracy of a test of so many periods, if its noise is the only disturbance.
 
     Attributes:
         covariance: Joint covariance of all unknowns: `response_bounds`, `sample_models` and others take it.
@@ -116,7 +116,7 @@ def expected_accuracy(
 
 
 def structure_of(model: MeasurementModel) -> ModelStructure:
-    """What a fit of such a model would have free by default."""
+    """The structure that a fit of such a model has by default."""
     residue = np.einsum("om,mi->omi", model.shapes, model.participation)[:, model.is_pair]
     real = model.sample_hz is None and bool(
         np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0))

@@ -84,7 +84,7 @@ class DelayChange:
 
 @record(kw_only=True)
 class Drift:
-    """What changed between two fits.
+    """Changes between two fits.
 
     Attributes:
         modes, delays: Every mode found in both, in rising frequency, and every delay.

@@ -16,7 +16,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class GainProof:
-    """What is proved of the loop with one model, or why nothing is.
+    """The proof of the loop with one model, or why there is none.
 
     Attributes:
         model: Its name.

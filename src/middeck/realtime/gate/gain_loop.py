@@ -131,5 +131,5 @@ def _join(
 
 
 def size_at(loop: GainLoop, gain: float) -> Float[np.ndarray, "state state"]:
-    """What the sums of `closed_at` add up to in magnitude."""
+    """Sum of the magnitudes of the terms of `closed_at`."""
     return loop.size_A + (abs(gain) * loop.size_B) @ loop.size_C

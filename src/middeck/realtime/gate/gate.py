@@ -39,7 +39,7 @@ NO_HOLD = hashlib.sha256().hexdigest()
 
 @record(kw_only=True)
 class GateVerdict:
-    """What the gate found of one package.
+    """The verdict of the gate on one package.
 
     Attributes:
         sha256: Of the package: the verdict is of these bytes and no others.

@@ -84,7 +84,7 @@ class Freedom(NamedTuple):
         return motions @ _still(motions, motions - self.spread(self.coordinates(motions)))
 
     def beyond(self, load: np.ndarray) -> np.ndarray:
-        """What the others take of ``load`` in W, that of links included: clamps, and joints that are held."""
+        """The part of ``load`` in W, links included, on the other coordinates: clamps, and held joints."""
         turned = load if self.axes is None else self.axes.T @ load
         left = np.where(self.active if self.moving is None else self.moving, 0.0, turned)
         return left if self.axes is None else self.axes @ left
@@ -132,7 +132,7 @@ def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr
 
 
 def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:
-    """What ``clamps`` hold of ``count`` roots, by the names of nodes; None for no clamps.
+    """The held coordinates of ``count`` roots under ``clamps``, by the names of nodes; None for no clamps.
 
     Raises `ConfigError` for an unknown node and for a direction that is held twice.
     """

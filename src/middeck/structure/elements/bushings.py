@@ -140,7 +140,7 @@ def _roots(stiffness: Float[np.ndarray, "bushing 6 6"]) -> Float[np.ndarray, "bu
 
 
 class RelativeMotion(NamedTuple):
-    """What first frames see of second ones: displacement and rotation vector, and its slope in both poses."""
+    """Displacement and rotation vector of second frames seen by first ones, and derivatives by both poses."""
 
     value: Inexact[np.ndarray, "pair 6"]
     slope: Inexact[np.ndarray, "pair 6 12"]

@@ -138,7 +138,7 @@ def frame_weights(component: Component) -> Float[np.ndarray, "grid 2"]:
 
 
 def component_faults(component: Component) -> Iterator[str]:
-    """What is wrong with the matrices of a component: the first fault of each kind, with its place."""
+    """Faults of the matrices of a component: the first of each kind, with its place."""
     name, n = f"component {component.name!r}", 6 * len(component.grids)
     sizes = (len(component.grids), len(component.frames), len(component.positions), len(component.has))
     if len(set(sizes)) > 1 or component.modal < 0 or not component.grids:
@@ -183,7 +183,7 @@ def component_faults(component: Component) -> Iterator[str]:
 
 
 def component_doubts(component: Component) -> Iterator[str]:
-    """What is no fault, but seldom meant: modal masses that are not one, a frequency beyond all others."""
+    """Warnings for unusual components: modal masses other than one, a frequency beyond all others."""
     first = 6 * len(component.grids)
     k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
     off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
@@ -205,7 +205,7 @@ def component_doubts(component: Component) -> Iterator[str]:
 
 
 def coordinate_name(component: Component, index: int) -> str:
-    """What a row of the matrices is: grid and way, or the number of a modal coordinate."""
+    """The coordinate of a row of the matrices: grid and way, or the number of a modal coordinate."""
     if index < 6 * len(component.grids):
         return f"grid {component.grids[index // 6]} {WAYS[index % 6]}"
     return f"modal coordinate {index - 6 * len(component.grids) + 1}"
@@ -325,7 +325,7 @@ def _indefinite(component: Component) -> Iterator[str]:
 def _resists(
     component: Component, K: np.ndarray, M: np.ndarray, there: np.ndarray, lowest: float
 ) -> Iterator[str]:
-    """What a motion as one body meets of stiffness, row by row, or else as energy."""
+    """Faults by stiffness against a motion as one body, row by row, or else as energy."""
     R = rigid_vectors(component.positions - component.positions.mean(axis=0), len(there))[there]
     left, terms = K @ R, np.abs(K) @ np.abs(R)
     if np.all(np.abs(left) <= RESISTS * terms):

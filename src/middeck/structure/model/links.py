@@ -21,7 +21,7 @@ UNDETERMINED = 1e-10
 
 @record(kw_only=True)
 class Link:
-    """What a link prevents of the motion of ``second``, as a frame fixed to ``first`` sees it.
+    """A constraint on the motion of ``second``, as a frame fixed to ``first`` sees it.
 
     Attributes:
         first, second: Frames, nodes or joints.
@@ -124,7 +124,7 @@ AnyLink = Link | Interpolation | Equation
 
 
 def link_faults(link: AnyLink, joints: set[str]) -> Iterator[str]:
-    """What is wrong with a link whose frames there are; ``joints`` are those that are joints."""
+    """Faults of a link between existing frames; ``joints`` are those that are joints."""
     what = f"link {link.name!r}"
     if isinstance(link, Equation):
         yield from (f"{what}: {fault}" for fault in _equation_faults(link, joints))

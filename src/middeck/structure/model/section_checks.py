@@ -23,7 +23,7 @@ def check_stiffness(stiffness: np.ndarray) -> None:
 
 
 def stiffness_faults(stiffness: np.ndarray) -> Iterator[str]:
-    """What is wrong with a stiffness, whose diagonal may be infinite."""
+    """Faults of a stiffness, whose diagonal may be infinite."""
     if stiffness.shape not in ((4, 4), (6, 6)):
         yield f"a section stiffness has 4x4 or 6x6 numbers, not {'x'.join(map(str, stiffness.shape))}"
         return

@@ -169,7 +169,7 @@ def _clamp_reactions(
 def _bushing_reactions(
     model: Model, environment: Environment, config: Configuration, loads: Loads
 ) -> tuple[Reaction, ...]:
-    """What bushings to the ground do to the article, at their attach points."""
+    """Reactions of bushings to the ground on the article, at their attach points."""
     load = -bushing_states(model, config, loads)[1].gradient[:, 6:]
     return tuple(Reaction(b.name, f[:3], f[3:]) for b, f in zip(environment.bushings, load, strict=True))
 

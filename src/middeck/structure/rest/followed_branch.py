@@ -145,7 +145,7 @@ def rest_beside(
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
-    """What the tangent lacks for moments of fixed direction: -[M]/2 on the turn of each, antisymmetric.
+    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each.
 
     The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
     """

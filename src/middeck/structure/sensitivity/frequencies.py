@@ -137,7 +137,7 @@ def _pair_derivatives(
 
 
 def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:
-    """What links do to the lowest modes, in balance with (K - lambda M) phi."""
+    """Forces of links in the lowest modes, in balance with (K - lambda M) phi."""
     rest = modes.equilibrium
     shapes, lam = modes.shapes[:, :count], modes.omega[:count] ** 2
     load = assemble(rest.model, rest.config, rest.loads).tangent @ shapes - (modes.mass @ shapes) * lam
@@ -146,7 +146,7 @@ def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:
 
 
 def _of_ties(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
-    """What links and components add, explicitly and by the way that the rest state moves."""
+    """Contributions of links and components, explicit and by the motion of the rest state."""
     model = modes.equilibrium.model
     if model.links is None and not model.components:
         return np.zeros((len(moved.ties), len(pairs.lam)))

@@ -81,7 +81,7 @@ SAG_HINT = (
 
 
 def sag(attitude: Attitude) -> str:
-    """What nodes tilt by where that is bending rather than the tilt of the whole; else nothing."""
+    """Words for nodes that tilt by bending rather than with the whole; empty for none."""
     whole, tilts = np.linalg.norm(attitude.tilt), np.linalg.norm(attitude.node_tilt, axis=1)
     if not attitude.node_bending.max(initial=0.0) > SAGS * whole:
         return ""

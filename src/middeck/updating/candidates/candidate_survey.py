@@ -73,7 +73,7 @@ class CandidateSurvey:
 
 
 class Seen(NamedTuple):
-    """What a test would measure, and the modes of its band that its channels do not see: name and hertz."""
+    """The measured modes of a test, and those in its band that its channels do not see: name and hertz."""
 
     measured: MeasuredModes
     unseen: tuple[tuple[str, float], ...]

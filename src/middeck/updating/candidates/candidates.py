@@ -47,7 +47,7 @@ class Promised:
 
 @record(kw_only=True)
 class Ranked:
-    """What one test would leave.
+    """The uncertainty after one test.
 
     Attributes:
         std: Standard deviations after the test of all that is promised, as in `Promised`.
@@ -67,7 +67,7 @@ class Ranked:
 
 @record(kw_only=True)
 class Ranking:
-    """What is promised, which of it is the widest, and tests from the best to the worst."""
+    """The promised quantities, the widest of them, and tests from the best to the worst."""
 
     promised: tuple[Promised, ...]
     widest: int

@@ -65,7 +65,7 @@ def predict_deflections(
     since_unloaded: bool = True,
     series: str = "",
 ) -> tuple[Deflection, ...]:
-    """What ``gauges`` will read under each load case, since unloaded or since drawn.
+    """Readings of ``gauges`` under each load case, since unloaded or since drawn.
 
     Readings of a ``series`` of the static tests count from its unloaded reading. Errors of a model that was
     refined on no static test are what such models are thought to have. Raises

@@ -136,7 +136,7 @@ def predict_modes(
 
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
-    """What the tests of ``refined`` say of modes that are solved already."""
+    """The prediction of ``refined`` for modes that are solved already."""
     modes, index, slope, finer, roots = there
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None

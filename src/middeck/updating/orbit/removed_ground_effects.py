@@ -15,7 +15,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Removed:
-    """What each effect of gravity made of the refined model's frequencies in a survey, see `build_budget`.
+    """Contributions of gravity's effects to the refined model's frequencies in a survey, see `build_budget`.
 
     Attributes:
         survey: Name of the survey, the first of the article as it is promised.

@@ -31,7 +31,7 @@ BLOCK = 25
 
 @record(kw_only=True)
 class Site:
-    """What the draws of one environment share: ``predicted`` modes, what is drawn, and the compensators."""
+    """Values shared by the draws of one environment: ``predicted`` modes, what is drawn, and compensators."""
 
     plan: Plan
     title: str

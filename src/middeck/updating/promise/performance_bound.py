@@ -38,7 +38,7 @@ CLOSE = 0.1
 
 @record(kw_only=True)
 class RobustBound:
-    """What the worst of several plants is for one compensator, and for any other of its effort.
+    """The worst of several plants for one compensator, and for any other of its effort.
 
     Decibels count from each plant's rms without control, over all frequencies.
 

@@ -47,7 +47,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Promise:
-    """What is promised of every compensator in one environment.
+    """The promise for every compensator in one environment.
 
     Attributes:
         modes: Frequencies, with their intervals.
@@ -109,7 +109,10 @@ def promise(
 
 
 def set_sites(refined: Refined, plan: Plan) -> dict[str, Site]:
-    """What the draws share, by environment. Raises as `promise`, of whose draws none is built yet."""
+    """The values that the draws share, by environment.
+
+    Raises as `promise`, of whose draws none is built yet.
+    """
     plan = with_refined(plan, refined)
     first = next(iter(plan.environments.values()))
     modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)

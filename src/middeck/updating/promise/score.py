@@ -16,7 +16,7 @@ Kind = Literal["mode", "compensator", "reading"]
 
 @record(kw_only=True)
 class Statement:
-    """What was said of one quantity before it was known.
+    """A statement about one quantity before it was known.
 
     Attributes:
         kind, name: Which quantity it is, both together: a compensator may be called as a mode is.
@@ -35,7 +35,7 @@ class Statement:
 
 @record(kw_only=True)
 class Scored:
-    """What came of it; an unstable loop has no ``value``."""
+    """The outcome of a statement; an unstable loop has no ``value``."""
 
     kind: Kind
     name: str

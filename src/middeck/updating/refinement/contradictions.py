@@ -20,7 +20,7 @@ CONTRADICT = 2.0
 
 
 class Tests(NamedTuple):
-    """What was measured beside the model, in the order of the rows of `linear_problem`."""
+    """Measured values beside the model, in the order of the rows of `linear_problem`."""
 
     compared: tuple[Compared, ...]
     heard: tuple[ComparedResponse, ...]

@@ -94,7 +94,7 @@ def weigh_unknowns(
 
 
 def _usual(compared: object, model_error: float, static_error: float, damping_error: float) -> float:
-    """What the model is thought to be wrong by beside noise; in a response's rows that is counted already."""
+    """Usual error of the model beside noise; in a response's rows it is counted already."""
     if isinstance(compared, ComparedResponse):
         return 0.0
     if isinstance(compared, ComparedDamping):

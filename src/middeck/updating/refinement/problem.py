@@ -85,7 +85,7 @@ def _of_modes(compared: Sequence[Compared]) -> _Errors:
 
 
 def _of_mesh_and_shear(compared: Compared) -> np.ndarray:
-    """What more elements and shear would change in each row."""
+    """Change of each row by more elements and shear."""
     own, (of, place) = compared.pairs[:, 0], compared.rows.T
     index, at = np.unique(np.append(own, place), return_inverse=True)
     k = at[: len(own)][of]

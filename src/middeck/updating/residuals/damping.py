@@ -105,7 +105,7 @@ def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:
 
 
 def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
-    """What complex modes have of neighbours, in the rows of these."""
+    """The neighbours' part of complex modes, in the rows of these."""
     of, mode = found.rows[len(found.pairs) :].T
     hz = found.survey.measured.frequency_hz[found.pairs[of, 1]]
     apart = 0.5 * (1.0 - (found.modes.frequency_hz[mode] / hz) ** 2)

@@ -71,7 +71,7 @@ class SurveyedFriction:
 
 
 class Added(NamedTuple):
-    """What the friction of one joint adds in each measured mode.
+    """Stiffness and loss that the friction of one joint adds in each measured mode.
 
     Attributes:
         coordinate: Coordinate of the joint in shapes.

@@ -85,7 +85,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def read(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-    """What they read in ``rest``. Raises `ConfigError` for a node or a support that is not there."""
+    """Readings of ``gauges`` in ``rest``. Raises `ConfigError` for a node or a support that is not there."""
     out = np.array([_seen(rest, gauge) @ gauge.along for gauge in gauges])
     for k, gauge in enumerate(gauges):
         if gauge.kind is GaugeKind.TILT:

@@ -38,7 +38,7 @@ class AntiResonance:
 
 @record(kw_only=True)
 class MeasuredResponse:
-    """What a test measured beside its modes, between actuators and sensors of the article.
+    """Responses that a test measured beside its modes, between actuators and sensors of the article.
 
     Attributes:
         response: Measured, with its ``variance``, or the covariance of a fitted model, whose lines err

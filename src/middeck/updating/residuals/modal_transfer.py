@@ -38,14 +38,14 @@ class ModalTransfer:
         return s[:, None] ** 2 + 2.0 * self.zeta * self.omega * s[:, None] + self.omega**2
 
     def read(self, s: Complex[np.ndarray, " line"], output: int) -> Complex[np.ndarray, "line mode"]:
-        """What an output reads of each mode."""
+        """Reading of an output in each mode."""
         at = s[:, None]
         return self.phi[output] + at * self.phi_rate[output] + at**2 * self.phi_acceleration[output]
 
     def parts(
         self, s: Complex[np.ndarray, " line"], output: int, input: int
     ) -> Complex[np.ndarray, "line mode"]:
-        """What each mode adds to one path."""
+        """Contribution of each mode to one path."""
         return self.read(s, output) * self.psi[:, input] / self.denominator(s)
 
     def pole_slopes(

@@ -17,7 +17,7 @@ WINDOW = 2.0
 
 
 def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
-    """What the channels of the test would read of each mode."""
+    """Readings of the test's channels in each mode."""
     return seen(sensor_rows(modes, measured.node, measured.direction), modes)
 
 

@@ -47,7 +47,7 @@ STIFF = 1e-12
 
 @record(kw_only=True)
 class StaticTest:
-    """What gauges read under one load case.
+    """Readings of gauges under one load case.
 
     Attributes:
         value: One a gauge, in its unit; their ``std`` say how well.
@@ -109,7 +109,7 @@ class Loaded(NamedTuple):
             yield -1.0, self.unloaded
 
     def value(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-        """What gauges read."""
+        """Readings of the gauges."""
         return np.sum([sign * read(rest, gauges) for sign, rest in self.states()], axis=0)
 
     def lengths(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:

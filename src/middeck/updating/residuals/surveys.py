@@ -287,7 +287,7 @@ def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
 def _mixtures(
     modes: Modes, survey: Survey, pairs: np.ndarray, column: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What each measured shape has of each paired mode, one of its own, and the deviations of that.
+    """The share of each paired mode in each measured shape, one of its own, and the deviations of that.
 
     Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
     deviation, where they do not tell these apart either. Channels that stand still, or move as others do,

@@ -187,7 +187,7 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
 
 
 def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
-    """What the roots of `find_roots` say."""
+    """The verdict on the roots of `find_roots`."""
     if not len(roots):
         return LoopStability(
             stable=True,

@@ -39,7 +39,7 @@ LeftOut = tuple[str, int, str]
 
 
 class Basis(NamedTuple):
-    """What every step of a conversion stands on: the deck, its units and places, the mass of its members."""
+    """The common basis of a conversion: the deck, its units and places, the mass of its members."""
 
     deck: Deck
     units: Units
@@ -58,7 +58,7 @@ class Basis(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """What was read of a deck; ``held`` are the components of grids that the ground holds."""
+    """The parts read from a deck; ``held`` are the components of grids that the ground holds."""
 
     bars: list[Bar]
     masses: list[Mass]

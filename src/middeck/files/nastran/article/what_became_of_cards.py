@@ -71,7 +71,7 @@ def _why_idle(card: str) -> str:
 
 
 def note_doubts(basis: Basis, parts: Parts) -> list[str]:
-    """What case control selects in vain, what is missing, and what the deck's own program does otherwise."""
+    """Notes on missing sets of case control, and on differences from the deck's own program."""
     entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
     notes: list[str] = []
     if deck.unended:

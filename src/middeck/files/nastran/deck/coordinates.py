@@ -145,7 +145,7 @@ class _Resolver:
                     self._refuse(entry.fault(f"there is no {_word(need)}", key))
                     return
                 if need in within:
-                    self._refuse(entry.fault(f"{_word(need)} hangs on itself: a circle", key))
+                    self._refuse(entry.fault(f"{_word(need)} is defined by itself: a circle", key))
                     return
                 missing.append(need)
             if missing:

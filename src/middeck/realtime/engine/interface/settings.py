@@ -223,12 +223,12 @@ class EngineSettings:
 
     @property
     def inputs(self) -> tuple[Port, ...]:
-        """What it reads."""
+        """The ports that it reads."""
         return tuple(sensor.port for sensor in self.sensors)
 
     @property
     def outputs(self) -> tuple[Port, ...]:
-        """What it drives."""
+        """The ports that it drives."""
         return tuple(drive.port for drive in self.drives)
 
     @property

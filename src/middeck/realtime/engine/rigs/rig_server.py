@@ -20,7 +20,7 @@ LOOK_S = 0.5
 
 
 def run_child(handle: int) -> None:
-    """What the process of a `ServedRig` does with the socket that it inherits."""
+    """Serve the inherited socket in the process of a `ServedRig`."""
     parent = os.getppid()
     signal.signal(signal.SIGTERM, _leave)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the process that started it decides

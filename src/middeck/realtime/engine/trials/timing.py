@@ -90,7 +90,7 @@ def measure_timing(
 def summarise(
     late_ns: Int[np.ndarray, " sample"], step_ns: Int[np.ndarray, " sample"], period_s: float
 ) -> dict[str, Any]:
-    """What a `TimingReport` says of its samples.
+    """The statistics of a `TimingReport`.
 
     >>> found = summarise(np.array([5, 2_000_000, 2_000_001]), np.array([7, 7, 7]), 0.002)
     >>> found["overruns"], found["samples"]

@@ -49,7 +49,7 @@ class Stage:
 
 @record(kw_only=True)
 class Trial:
-    """What came of it.
+    """The outcome of a trial.
 
     Attributes:
         computer: `ENGINE` or `REFERENCE`.

@@ -85,7 +85,7 @@ def deformation_names(
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
 ) -> list[Wording]:
-    """What deforms in each mode, not numbered.
+    """The deformation of each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
     strain energy is in a mast (see `BeamMotion`). Of any other it is the motion of the whole as one beam, if

@@ -65,7 +65,7 @@ class FlexibleHz:
 
 @record(kw_only=True)
 class PromiseKept:
-    """What was promised before flight, and what came.
+    """The promise before flight, and its outcome.
 
     Attributes:
         there: What the promise's document says of orbit.

@@ -76,7 +76,7 @@ def _test(one: GroundTest) -> Numbers:
 
 
 def promise_claims(numbers: Numbers) -> list[Claim]:
-    """What the chain is asked to do."""
+    """Claims on refinement, promise and outcome."""
     law = numbers["ground_law"]
     refined, sheet = (frequency_error(numbers, which) for which in ("refined_hz", "sheet_hz"))
     turned = law["stable_on_the_ground"] and not law["stable_in_orbit"]
