@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.delay_order import approximation_order
+from middeck.control.law.delay_order import pade_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.joints.sliding import SlidingLoops, slide
@@ -62,14 +62,20 @@ class Slipped:
 
 @record(kw_only=True)
 class SlipRun:
-    """How every compensator, and under the key None no compensator, is simulated on all draws alike."""
+    """How every compensator, and under the key None no compensator, is simulated on all draws alike.
+
+    Attributes:
+        order: Of the Pade approximation of the loop's delay, for the band of the noise. One for modes far
+            above it is no better there, and its poles nearly coincide with those of a compensator designed
+            on one: their residues cancel (7 % of a joint's answer to its slider, at order 40 of 30 ms).
+    """
 
     plan: Plan
     laws: Mapping[str | None, Compensator | None]
     slips: DrawnSlips
     wiring: SlipPorts
     time: SlipTime
-    orders: Mapping[str | None, int]
+    order: int
 
 
 def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
@@ -84,16 +90,9 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
     )
     every: dict[str | None, Compensator | None] = {None: None, **laws}
     own = _own_ports(first, every.values(), wiring)
-    return SlipRun(
-        plan=plan,
-        laws=every,
-        slips=slips,
-        wiring=wiring,
-        time=choose_time(own, every.values(), slips, plan, wiring),
-        orders={
-            name: 1 if law is None else approximation_order(own, law.system) for name, law in every.items()
-        },
-    )
+    time = choose_time(own, every.values(), slips, plan, wiring)
+    order = pade_order(2.0 * np.pi * time.band_hz * float(own.delay_s.max(initial=0.0)))
+    return SlipRun(plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=order)
 
 
 def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:
@@ -116,7 +115,7 @@ def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str
             first=start + first,
         )
         for name, law in run.laws.items():
-            parts[name].append(_run(run, some, law, run.orders[name]))
+            parts[name].append(_run(run, some, law))
     return {name: _joined(each) for name, each in parts.items()}
 
 
@@ -157,8 +156,8 @@ class _Draws:
     first: int
 
 
-def _run(asked: SlipRun, some: _Draws, law: Compensator | None, order: int) -> Slipped:
-    around = [around_sliders(p, law, asked.wiring, order) for p in some.plants]
+def _run(asked: SlipRun, some: _Draws, law: Compensator | None) -> Slipped:
+    around = [around_sliders(p, law, asked.wiring, asked.order) for p in some.plants]
     forms = [pole_form(loop) for loop in around]
     held = {i: form for i, form in enumerate(forms) if form is not None}
     count, joints = some.stiffness.shape
