@@ -88,8 +88,8 @@ def taper_notes(made: Mapping[str, ArticleSections]) -> list[str]:
     steep = [name for name, part in made.items() if part.steep]
     if steep:
         notes.append(
-            f"{some_names(steep)} changes a hundredfold or more along it, which {THIRDS * PARTS[-1]} "
-            "elements follow to percents: divide the beam in the deck"
+            f"{some_names(steep)} changes so steeply that {THIRDS * PARTS[-1]} elements follow it to "
+            "percents only: divide the beam in the deck"
         )
     left = [name for name, part in made.items() if part.product]
     if left:
