@@ -75,3 +75,38 @@ def test_a_link_within_what_the_joint_carries_turns_with_it() -> None:
     )
     family = sweep_gimbals(within, ON_A_WALL, {"motor": [0.0, TURN]}, count=2)
     assert abs(np.ptp(family.holding_torque)) > 0.1
+
+
+def two_links() -> Structure:
+    """A shoulder on the base, an elbow on the arm's tip, each with a flexible arm on a link."""
+    whole = arm(0.0)
+    nodes = [
+        node("fore", (0, -0.9, 0.05), body(0.2, inertia=(1e-3,) * 3)),
+        node("tool", (0.5, -1.4, 0.05), body(0.6, inertia=(0.01,) * 3)),
+    ]
+    elbow = joint("elbow", "tip", (0, 0, 1), HUB, offset=(0.0, 0.0, 0.05))
+    return dataclasses.replace(
+        whole,
+        nodes=(*whole.nodes, *nodes),
+        members=(*whole.members, member("fore", "tool", TURNING_TUBE, 6, up=(0, 0, 1))),
+        joints=(*whole.joints, elbow),
+        links=(*whole.links, Link(name="second", first="elbow", second="fore")),
+    )
+
+
+def test_swings_of_a_clamped_arm_are_named_after_the_joints_that_turn() -> None:
+    """What the clamp holds has no bounce; the slower swing turns the shoulder most, the faster the elbow."""
+    modes = solve_modes(solve_equilibrium(two_links(), ON_A_WALL))
+    assert modes.kind[:2] == ("pendulum", "pendulum")
+    assert modes.name[:2] == ("payload pendulum motor", "payload pendulum elbow")
+    at = [modes.equilibrium.model.tree.size - 2, modes.equilibrium.model.tree.size - 1]
+    turns = np.abs(modes.shapes[at, :2])
+    assert turns[1, 1] / turns[0, 1] > turns[1, 0] / turns[0, 0]
+
+
+def test_free_joints_of_linked_arms_have_their_names_without_gravity() -> None:
+    held = solve_modes(solve_equilibrium(two_links(), dataclasses.replace(ON_A_WALL, gravity=np.zeros(3))))
+    assert held.name[:2] == ("gimbal motor", "gimbal elbow")
+    free = solve_modes(solve_equilibrium(two_links(), Environment.orbit()))
+    assert free.kind.count("rigid") == 8
+    assert free.name[6:8] == ("gimbal motor", "gimbal elbow")

@@ -12,10 +12,10 @@ from jaxtyping import Float, Int
 
 from middeck.structure.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
-from middeck.structure.modes.motions.rigid_motions import AXES, rigid_motions
+from middeck.structure.modes.motions.rigid_motions import AXES, motions_within, rigid_motions
 from middeck.structure.modes.motions.strain_shares import PARTS, strain_energy
 from middeck.structure.modes.motions.strained_parts import leading_parts, strained_parts
-from middeck.structure.modes.names.kinds import HALF, HELD
+from middeck.structure.modes.names.kinds import HALF, HELD, in_one_piece, strainless_motions
 from middeck.structure.rest.equilibrium import Equilibrium
 
 
@@ -155,8 +155,14 @@ def _ordinal(count: int) -> str:
 
 
 def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -> list[str]:
-    """Label of each mode's largest effective mass, each motion's relative to its own."""
-    motions, names = rigid_motions(equilibrium, M)
+    """Label of each mode's largest effective mass, each motion's relative to its own.
+
+    Of motions that clamps and links leave: all of an article that floats in one piece.
+    """
+    if equilibrium.model.held is None and in_one_piece(equilibrium.model):
+        motions, names = rigid_motions(equilibrium, M)
+    else:
+        motions, names = motions_within(equilibrium, M, strainless_motions(equilibrium, M))
     own = np.einsum("im,im->m", motions, M @ motions)
     own = np.where(own > 0.0, own, np.inf)  # a straight line of masses has no inertia about itself
     effective = (motions.T @ (M @ shapes)) ** 2 / own[:, None]
