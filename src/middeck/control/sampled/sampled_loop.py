@@ -155,7 +155,7 @@ def _covariance(
 
 
 def _driven_covariance(loop: SampledStateSpace, noise: np.ndarray) -> Float[np.ndarray, "state state"] | None:
-    """Of the states that noise reaches; None where a pole of theirs does not decay beyond rounding."""
+    """Covariance of the states reached by noise; None if a pole of theirs does not decay beyond rounding."""
     driven = np.diag(noise) > 0.0
     for _ in range(len(driven)):
         driven = driven | np.any(loop.A[:, driven] != 0.0, axis=1)

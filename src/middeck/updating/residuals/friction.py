@@ -23,8 +23,8 @@ from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
 TORQUE, ANGLE = "slip_torque", "slip_angle"
-# Of amplitudes beyond the slip angle, (A/angle - 1) = exp(2 y): the trapezoidal rule in y, in which the mean
-# is smooth, is exact to rounding for any rms.
+# Step in y of amplitudes beyond the slip angle, (A/angle - 1) = exp(2 y): in y the mean is smooth, so the
+# trapezoidal rule is exact to rounding for any rms.
 STEP = 1.0 / 16.0
 BEYOND = np.exp(2.0 * np.arange(-15.0, 15.0, STEP))
 

@@ -108,7 +108,7 @@ class Paired(NamedTuple):
 
     @property
     def labels(self) -> Int[np.ndarray, " pair"]:
-        """Of each pair, the free mode that it has most of."""
+        """The free mode with the largest share in each pair."""
         return self.pairs[:, 0] % self.own.count
 
 
@@ -137,7 +137,7 @@ class Compared:
 
     @property
     def modes(self) -> Modes:
-        """Of the articles in which the modes were measured."""
+        """Modes of the articles in which they were measured."""
         return self.paired.own.modes
 
     @property

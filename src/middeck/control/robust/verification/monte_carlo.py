@@ -222,7 +222,7 @@ def _approximated(
 def _together(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> list[NoiseOutcome | None]:
-    """With approximated delays; None for a plant that these, or rounding, leave open."""
+    """Outcomes with approximated delays; None for a plant that these, or rounding, leave undecided."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]

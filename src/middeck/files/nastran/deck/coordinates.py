@@ -12,7 +12,7 @@ from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
-# Of the largest coordinate: nearer to the polar axis a point is on it.
+# Distance from the polar axis, over the largest coordinate, below which a point is on it.
 ON_AXIS = 1e-9
 # NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
 CORD2_LINES = 2
