@@ -261,6 +261,10 @@ def test_a_part_is_a_section_where_names_say_nothing():
         for i, m in enumerate(article.members)
     )
     assert set(member_parts(dataclasses.replace(article, members=deck))) == {"pbar1", "pbar2", "pbar3"}
+    tapers = tuple(
+        dataclasses.replace(m, section_name=f"{m.section_name}_1", stations=((1.0, m.section),)) for m in deck
+    )
+    assert set(member_parts(dataclasses.replace(article, members=tapers))) == {"pbar1", "pbar2", "pbar3"}
     one = tuple(dataclasses.replace(m, section_name="pbar1") for m in deck)
     alone = dataclasses.replace(one[0], name="rod7", section_name="prod2")
     assert "bar" not in member_parts(dataclasses.replace(article, members=(alone, *one[1:])))

@@ -12,7 +12,7 @@ from middeck.files.articles.checks import article_findings
 from middeck.files.articles.components import PUNCHED
 from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names, hanging_names, node_names, wheel_names
-from middeck.files.disk import looks
+from middeck.files.disk import kind_of_content
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.nastran.deck.deck_lines import Lines
@@ -31,7 +31,7 @@ FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments"
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
     """The article in file ``path``; raises `ConfigError` with all its faults."""
-    source = read_source(path, looks.ARTICLE)
+    source = read_source(path, kind_of_content.ARTICLE)
     article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
     return build_article(article)
 
@@ -39,7 +39,7 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
 def article_files(path: str | Path) -> tuple[Path, ...]:
     """The file of an article, those of its components, and what their cards include."""
     found = [Path(path)]
-    for part in read_source(path, looks.ARTICLE).data.get("component", ()):
+    for part in read_source(path, kind_of_content.ARTICLE).data.get("component", ()):
         matrices, *cards = (Path(path).parent / f for f in (part["file"], *part.get("cards", ())))
         held = matrices.suffix in PUNCHED
         found += [] if held else [matrices]
@@ -52,7 +52,7 @@ def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environ
 
     "lab" hangs on the attach points of an article: see `load_setup`.
     """
-    source = read_source(_environment_file(path), looks.ENVIRONMENT)
+    source = read_source(_environment_file(path), kind_of_content.ENVIRONMENT)
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
 
@@ -86,7 +86,10 @@ def load_offset_keys(
 def _check_case(article: str | Path, environment: str | Path, overrides: Sequence[str]) -> list[Checked[Any]]:
     """The article, then the environment."""
     around = _environment_file(environment)
-    if (looks.looks_like(article), looks.looks_like(around)) == (looks.ENVIRONMENT, looks.ARTICLE):
+    if (kind_of_content.looks_like(article), kind_of_content.looks_like(around)) == (
+        kind_of_content.ENVIRONMENT,
+        kind_of_content.ARTICLE,
+    ):
         refuse(f"{article}, {around}", "environment and article are swapped", "the article first")
     body, surroundings = read_sources([article, around], ["article", "environment"])
     return _check_all(
@@ -184,6 +187,6 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None, *, st
         return BUILT_IN[name]
     built_in = BUILT_IN if kind == "environment" else ()
     files = [p for folder in folders for p in folder.glob("*.toml")]
-    known = sorted({*built_in, *(p.stem for p in files if looks.looks_like(p) == wanted)})
+    known = sorted({*built_in, *(p.stem for p in files if kind_of_content.looks_like(p) == wanted)})
     advice = nearest(name, known) or f"give the path of {wanted} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

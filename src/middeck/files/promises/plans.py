@@ -1,4 +1,4 @@
-"""Plans of promises: documents that say what is promised of a refined article."""
+"""Plans of promises: documents that state what is promised of a refined article."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import Field
 
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import PLAN
+from middeck.files.disk.kind_of_content import PLAN
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.friction_form import refuse_slides
@@ -43,7 +43,7 @@ NOISE = {
 
 
 class PerformanceForm(Form):
-    """What is promised: the weighted rms of sensors under white noise at actuators."""
+    """The promised performance: the weighted rms of sensors under white noise at actuators."""
 
     outputs: Names
     weights: NotNegatives
@@ -63,7 +63,7 @@ class NoiseForm(Form):
 
 
 class LoopForm(Form):
-    """What is not known of the loop beside the article."""
+    """Uncertainty of the loop beside that of the article."""
 
     delay_s: NotNegative = 0.0
     delay_tolerance_s: NotNegative = 0.0

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from middeck.errors import DataError
-from middeck.files.disk.looks import ARTICLE, REFINEMENT, SCHEMAS, looks_like
+from middeck.files.disk.kind_of_content import ARTICLE, REFINEMENT, SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted, load_standing
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.refinements.friction_form import (
@@ -69,7 +69,7 @@ class RefinementForm(Form):
 
 @record(kw_only=True)
 class Refinement:
-    """What `middeck.updating.refinement.refine` needs beside an article, and every file that said it."""
+    """The arguments of `middeck.updating.refinement.refine` beside an article, and every file behind them."""
 
     surveys: tuple[Survey, ...]
     unknowns: tuple[Unknown, ...]
@@ -160,7 +160,7 @@ def load_survey_modes(path: str | Path, article: str | Path) -> MeasuredModes:
     _, covariance = load_fitted(path)
     if covariance is None:
         raise DataError(
-            "the model does not say how well it is known: no survey",
+            "the model has no covariance, so it cannot be a survey",
             where=str(path),
             hint="a model of middeck identify holds a covariance",
         )

@@ -1,4 +1,4 @@
-"""Friction of joints in refinements: what is thought of it before, and how far joints moved in a survey."""
+"""Friction of joints in refinements: its prior values, and how far joints moved in a survey."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class AmplitudeForm(Form):
 def build_frictions(
     amplitudes: Sequence[AmplitudeForm], frictions: Sequence[FrictionForm], modes: int
 ) -> tuple[SurveyedFriction, ...]:
-    """Of one survey with so many measured modes; every joint of ``amplitudes`` is one of ``frictions``."""
+    """Frictions of a survey of ``modes`` modes; every joint of ``amplitudes`` is one of ``frictions``."""
     named = {f.joint: f for f in frictions}
     return tuple(
         SurveyedFriction(
@@ -50,7 +50,7 @@ def build_frictions(
 
 
 def friction_findings(data: Any) -> Iterator[Finding]:
-    """What forms cannot say of friction: joints given twice, and amplitudes of joints that have none."""
+    """Faults beyond the forms of friction: joints given twice, and amplitudes of joints without friction."""
     known: list[Any] = [f.get("joint") for _, f in tables(data, "friction")]
     yield from _twice((), "friction", data)
     for k, survey in tables(data, "survey"):

@@ -1,4 +1,4 @@
-"""Load cases to be promised: what gauges will read under loads that nobody has tried."""
+"""Load cases to be promised: gauge readings under untested loads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
-from middeck.files.disk.looks import LOADS
+from middeck.files.disk.kind_of_content import LOADS
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
 from middeck.files.setups import article_files, find_stated, load_setup, load_structure

@@ -55,7 +55,7 @@ def all_cost_less(K: sp.csr_array, count: int = 0) -> bool:
 
 
 def solve_pairs(K: sp.csr_array, M: sp.csr_array, count: int | None, soft: Soft = None) -> Eigenpairs | None:
-    """At least the lowest ``count`` modes, all for None; None where a massless motion has no stiffness."""
+    """The lowest ``count`` modes or more, all for None; None if a massless motion has no stiffness."""
     if count is None or all_cost_less(K, count):
         return solve_all(K, M, soft)
     return solve_lowest(K, M, count, soft)

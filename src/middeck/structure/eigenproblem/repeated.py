@@ -33,7 +33,7 @@ def repeated_apart(
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
 ) -> list[Int[np.ndarray, " member"]]:
-    """Of the modes of one frequency those groups whose basis is arbitrary even after `turn_apart`."""
+    """Groups of modes of one frequency whose basis stays arbitrary after `turn_apart`."""
     groups: list[np.ndarray] = []
     for cluster in repeated(lam):
         weight = np.diagonal(_weighted_energy(tree, M, shapes[:, cluster]))

@@ -21,7 +21,7 @@ from middeck.structure.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.modes.solve import Modes
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.

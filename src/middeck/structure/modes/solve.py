@@ -15,7 +15,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.eigenproblem.eigen import Eigenpairs, solve_pairs
 from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.lost_loose_or_buckled import (
     beyond_travel,

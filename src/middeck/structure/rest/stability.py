@@ -15,7 +15,7 @@ from middeck.structure.assembly.places import transport
 from middeck.structure.eigenproblem.eigen import solve_pairs
 from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.rest.rest_criteria import LEAST_DAMPING, holding
 
 

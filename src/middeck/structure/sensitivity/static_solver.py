@@ -38,7 +38,7 @@ class StaticSolver(NamedTuple):
 
     @staticmethod
     def at(rest: Equilibrium, at: Assembly) -> StaticSolver:
-        """At a rest state whose potential is ``at``."""
+        """The solver at a rest state whose potential is ``at``."""
         moves = static_freedom(rest.model, rest.config, in_world=True)
         K = moves.matrix(at.tangent)
         M = moves.matrix(mass_matrix(rest.model, rest.config, rest.loads))

@@ -9,8 +9,8 @@ import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.contradictions import CONTRADICT
+from middeck.updating.refinement.model_errors import HALF, sorts_of
 from middeck.updating.refinement.other_pairs import other_pairs
-from middeck.updating.refinement.own_errors import HALF, sorts_of
 from middeck.updating.refinement.posterior import errors_shown
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
@@ -18,11 +18,11 @@ from middeck.updating.refinement.wrong_channels import wrong_channels
 from middeck.updating.residuals.damping import log_std
 from middeck.updating.residuals.surveys import Compared, left_open
 
-# Of the prior deviation: an unknown that keeps this much of it was not seen.
+# Share of the prior standard deviation: an unknown that keeps this much was not determined.
 KEPT = 0.9
 # Prior deviations: an unknown that ends farther away is where the prior said that it is not.
 FAR = 2.5
-# Of a direction: parameters with a smaller part of it are not named.
+# Component of a direction below which a parameter is not named.
 PART = 0.35
 # A model error this many times the noise of the test counts.
 ABOVE = 2.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.updating.refinement.own_errors import sorts_of
+from middeck.updating.refinement.model_errors import sorts_of
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels
 from middeck.updating.residuals.surveys import Compared, set_up

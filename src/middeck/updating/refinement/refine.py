@@ -52,7 +52,7 @@ from middeck.values import record
 ELSEWHERE = (ENVIRONMENT, LOOP, FRICTION)
 # Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
 USUAL_STATIC, OF_READING = 0.02, 0.25
-# Of ln zeta: what loss factors and dampers make of a mode is thought likely to be off by this much.
+# Usual error of ln zeta that loss factors and dampers give a mode.
 USUAL_DAMPING = 0.2
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
@@ -81,8 +81,8 @@ class Refined:
         fields: Strains of the static tests, which have errors of their own; None where there are no tests.
         unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
             where the tests say little of it.
-        responses: Of the surveys that have one, beside the model.
-        damped: Of the surveys that state damping, beside the model; none where no unknown moves any.
+        responses: Responses of the surveys that have one, beside the model.
+        damped: Damping of the surveys that state it, beside the model; none if no unknown moves any.
     """
 
     structure: Structure
@@ -107,7 +107,7 @@ class Refined:
 
     @property
     def sorts(self) -> tuple[str, ...]:
-        """Of the model's own errors, one ``estimate.tau`` each."""
+        """Names of the model's own errors, one for each ``estimate.tau``."""
         return sort_names(bool(self.statics), bool(self.damped))
 
     @property
@@ -133,7 +133,7 @@ class Refined:
 
     @property
     def factors(self) -> dict[str, float]:
-        """Of the article's parameters by name, as the ``[factors]`` of its file take them.
+        """Factors of the article's parameters by name, as the ``[factors]`` of its file take them.
 
         What is added, and what belongs to an environment or a loop, has no place there (`left_out`).
         """
@@ -146,7 +146,7 @@ class Refined:
         return factors
 
     def friction(self) -> tuple[RefinedFriction, ...]:
-        """Of each joint whose friction the surveys state, in the order of their first."""
+        """Friction of each joint for which surveys state it, in the order of their first."""
         rows = self.estimate.root[: len(self.unknowns)]
         stated = {f.joint: f for c in self.compared for f in c.survey.friction}
         return tuple(
@@ -190,7 +190,7 @@ def refine(
     static_error: float = USUAL_STATIC,
     damping_error: float = USUAL_DAMPING,
 ) -> Refined:
-    """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
+    """The most probable unknowns, given all tests; ``structure`` is the article as drawn.
 
     ``model_error`` is what the frequencies of a model of this sort are thought to be wrong by, in parts of
     one, whatever its numbers, ``static_error`` what its members yield, ``damping_error`` its damping ratios
@@ -260,7 +260,7 @@ def compare_at_first(
 
 
 def _before(old: Compared, new: Compared) -> tuple[float, ...]:
-    """Of the modes that the measured ones were at first; where one was none, not a number."""
+    """Frequencies, before the refinement, of the modes paired with the measured ones; NaN without a pair."""
     hz = {j: float(old.modes.frequency_hz[i]) for i, j in old.pairs.tolist()}
     return tuple(hz.get(j, np.nan) for j in new.pairs[:, 1].tolist())
 
@@ -403,7 +403,7 @@ def problem_of(
 
 
 def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
-    """Of each survey by name, the mean of what the refined article leaves of ln f."""
+    """Each survey by name, with the mean residual of ln f in the refined article."""
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     left = problem.y - problem.J @ refined.estimate.x - problem.S @ refined.estimate.d
     first = np.cumsum([0, *(len(c.rows) for c in refined.compared)])

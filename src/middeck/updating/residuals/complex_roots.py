@@ -44,7 +44,7 @@ class LogRoots:
 
 
 def roots_of_lowest(modes: Modes, bound: Sequence[Bound], count: int) -> LogRoots:
-    """Of the lowest ``count`` modes, and of `SPARE` above these, without friction."""
+    """Roots of the lowest ``count`` modes, and of `SPARE` above these, without friction."""
     damped = solve_damped(modes, count=count + SPARE)
     return differentiate_roots(modes, damped, damped.s, damped.shapes, bound, ())
 
@@ -57,7 +57,7 @@ def differentiate_roots(
     bound: Sequence[Bound],
     added: Sequence[Added],
 ) -> LogRoots:
-    """Of roots in the losses of ``damped``; joints have ``added`` stiffness, one value for every root."""
+    """Derivatives of roots in the losses of ``damped``, under ``added`` joint stiffness for each root."""
     both = modes.equilibrium.model.structure, modes.equilibrium.environment
     now = [[read_parameter(*both, p) for p in b.parameters] for b in bound]
     parameters = [p for own in now for p in own]

@@ -37,7 +37,7 @@ class ComparedDamping:
         residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
         likeness: Part of each complex mode that is its real one.
         left_out: Paired measured modes whose ratio is zero, not stated or not determined.
-        frequency_hz: Of the complex modes of all pairs of the survey, in their order.
+        frequency_hz: Frequency of the complex modes of all pairs of the survey, in their order.
     """
 
     survey: Survey
@@ -105,7 +105,7 @@ def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:
 
 
 def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
-    """What complex modes have of neighbours, in the rows of these."""
+    """The neighbours' part of complex modes, in the rows of these."""
     of, mode = found.rows[len(found.pairs) :].T
     hz = found.survey.measured.frequency_hz[found.pairs[of, 1]]
     apart = 0.5 * (1.0 - (found.modes.frequency_hz[mode] / hz) ** 2)
@@ -114,7 +114,7 @@ def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
 
 
 def _slower(survey: Survey, by: np.ndarray) -> Survey:
-    """With frequencies divided by so much, as accurate as they were."""
+    """The survey with its frequencies divided by ``by``, at equal accuracy."""
     measured, std = survey.measured, survey.measured.frequency_std_hz
     return dataclasses.replace(
         survey,
@@ -156,7 +156,7 @@ def _rows(compared: Compared, roots: LogRoots, mixed: np.ndarray, bound: Sequenc
 
 
 def log_std(survey: Survey) -> Float[np.ndarray, " measured"]:
-    """Of ln zeta; infinite where a ratio is zero, not stated, or has no deviation beside others that have."""
+    """Standard deviation of ln zeta; infinite for a ratio that is zero, not stated, or stated without one."""
     zeta, stated = np.nan_to_num(survey.measured.damping), survey.measured.damping_std
     if stated is None and survey.damping_std is None and np.any(zeta != 0.0):
         raise ConfigError(

@@ -23,8 +23,8 @@ from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
 TORQUE, ANGLE = "slip_torque", "slip_angle"
-# Of amplitudes beyond the slip angle, (A/angle - 1) = exp(2 y): the trapezoidal rule in y, in which the mean
-# is smooth, is exact to rounding for any rms.
+# Step in y of amplitudes beyond the slip angle, (A/angle - 1) = exp(2 y): in y the mean is smooth, so the
+# trapezoidal rule is exact to rounding for any rms.
 STEP = 1.0 / 16.0
 BEYOND = np.exp(2.0 * np.arange(-15.0, 15.0, STEP))
 
@@ -36,8 +36,8 @@ class SurveyedFriction:
     Attributes:
         joint: Name of the joint. Unknowns are ``friction.NAME.slip_torque`` and ``friction.NAME.slip_angle``,
             factors on the next two.
-        slip_torque, slip_angle: Of a spring and a slider in series [N m], [rad]; of a slide [N], [m].
-        amplitude: Of the joint in each measured mode [rad], zero to peak; of a slide [m].
+        slip_torque, slip_angle: Spring and slider in series [N m], [rad]; for a slide [N], [m].
+        amplitude: Amplitude of the joint in each measured mode [rad], zero to peak; of a slide [m].
         random: Whether that is the rms of a narrow-band random motion instead.
 
     Raises `ConfigError` for numbers that are not positive and finite.
@@ -71,13 +71,13 @@ class SurveyedFriction:
 
 
 class Added(NamedTuple):
-    """What the friction of one joint adds in each measured mode.
+    """Stiffness and loss that the friction of one joint adds in each measured mode.
 
     Attributes:
-        coordinate: Of the joint in shapes.
-        row: Of the joint in the model's modes.
+        coordinate: Coordinate of the joint in shapes.
+        row: Row of the joint in the model's modes.
         stiffness: k_eq + j k_loss [N m/rad].
-        slope: Of that by each unknown.
+        slope: Its derivative by each unknown.
     """
 
     coordinate: int
@@ -87,7 +87,10 @@ class Added(NamedTuple):
 
 
 def joint_coordinate(modes: Modes, name: str) -> int:
-    """Of a joint in shapes. Raises `ConfigError` for one that there is not, or that does not move."""
+    """The coordinate of a joint in shapes.
+
+    Raises `ConfigError` for one that there is not, or that does not move.
+    """
     model = modes.equilibrium.model
     joints = {j.name: (k, j.state) for k, j in enumerate(model.structure.joints)}
     number, state = joints.get(name, (0, JointState.LOCKED))
@@ -108,7 +111,7 @@ def add_friction(
     bound: Sequence[Bound],
     x: Float[np.ndarray, " unknown"],
 ) -> tuple[Added, ...]:
-    """Of every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
+    """Friction added to every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
     return tuple(_added(modes, count, f, bound, x) for f in frictions)
 
 

@@ -46,12 +46,12 @@ class OwnArticles:
         return np.arange(self.count)[:, None] + self.count * (0 * measured if self.turn is None else measured)
 
     def in_free(self, shapes: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """In the free modes, of shapes in the modes of the articles of ``measured``."""
+        """Shapes in the modes of the articles of ``measured``, in the free modes."""
         return shapes if self.turn is None else np.einsum("kim,mk->ik", self.turn[measured], shapes)
 
 
 def own_articles(modes: Modes, count: int, added: Sequence[Added]) -> OwnArticles:
-    """Of the lowest ``count`` modes with what friction has ``added`` for every measured mode."""
+    """The articles of the lowest ``count`` modes with what friction has ``added`` for each measured mode."""
     if not added:
         return OwnArticles(modes, len(modes.omega), None)
     free, rows = modes.omega[:count], np.array([a.row for a in added])

@@ -10,14 +10,14 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import MeasuredModes, seen, sensor_rows
 from middeck.structure.modes.solve import Modes
 
-# Of a shape: a measured mode that has less in common with any of the model's is not paired.
+# Least common part of a measured shape and the shape of the model that is paired with it.
 COMMON = 0.4
 # No measured mode is a mode of twice its frequency.
 WINDOW = 2.0
 
 
 def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
-    """What the channels of the test would read of each mode."""
+    """Readings of the test's channels in each mode."""
     return seen(sensor_rows(modes, measured.node, measured.direction), modes)
 
 

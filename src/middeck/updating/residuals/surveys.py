@@ -1,4 +1,4 @@
-"""Modes measured on the ground beside those of the article as it is thought to be."""
+"""Modes measured on the ground beside those of the article as drawn."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, sort_rms, straight_channels
 from middeck.structure.correlation.unit_slips import doubt_survey_units
-from middeck.structure.model.article import Structure
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
@@ -30,11 +31,11 @@ from middeck.updating.residuals.responses import (
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
-# Of a shape whose noise the test does not state, relative.
+# Relative standard deviation of a shape for which the test states none.
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
-# Of a measured shape: parts of it that are known no better are not told by the channels.
+# Relative uncertainty of parts of a measured shape beyond which the channels do not determine them.
 TOLD = 0.25
 # Shapes that differ by less than this part of themselves at all channels are one to rounding.
 SAME = 1e-10
@@ -50,7 +51,7 @@ class Survey:
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
-        friction: Of joints that were not free of it, and how far they moved.
+        friction: Friction of the joints that had any, and how far they moved.
     """
 
     name: str
@@ -74,7 +75,10 @@ class Survey:
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
-        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states one."""
+        """Standard deviations of the logarithms of the frequencies.
+
+        Raises `ConfigError` where nothing states one.
+        """
         hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
         own = np.zeros(len(hz)) if stated is None else stated / hz
         std = np.where(own > 0.0, own, self.frequency_std or 0.0)
@@ -104,7 +108,7 @@ class Paired(NamedTuple):
 
     @property
     def labels(self) -> Int[np.ndarray, " pair"]:
-        """Of each pair, the free mode that it has most of."""
+        """The free mode with the largest share in each pair."""
         return self.pairs[:, 0] % self.own.count
 
 
@@ -133,7 +137,7 @@ class Compared:
 
     @property
     def modes(self) -> Modes:
-        """Of the articles in which the modes were measured."""
+        """Modes of the articles in which they were measured."""
         return self.paired.own.modes
 
     @property
@@ -174,7 +178,11 @@ class SetUp(NamedTuple):
         """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
         equilibrium = solve_equilibrium(*change(*self, x))
         if not equilibrium.converged:
-            raise NumericalError("the article has no rest state", where="refinement")
+            raise NumericalError(
+                "the article has no rest state",
+                where="refinement",
+                hint="narrower priors, or a suspension that holds the article in this survey",
+            )
         return solve_modes(equilibrium)
 
 
@@ -184,10 +192,17 @@ def set_up(
     settings: Sequence[tuple[str, float]],
     unknowns: Sequence[Unknown],
 ) -> SetUp:
-    """The article with ``settings``. Raises `ConfigError` for a setting of no parameter, and as `bind`."""
+    """The article with ``settings``.
+
+    Raises `ConfigError` for a setting of no parameter, for an angle that draws links anew, and as `bind`.
+    """
     both = structure, environment
     for name, value in settings:
         (parameter,) = find_parameters(*both, [name])
+        for joint in both[0].joints if value != parameter.value else ():
+            drawn = f"joint.{joint.name}." + ("target" if joint.state is JointState.DRIVEN else "angle")
+            if name == drawn and (redrawn := turned_by_redrawing(both[0], joint.name)):
+                raise ConfigError(redrawn, where=f"set {name}", hint=REDRAW)
         both = set_parameter(*both, parameter, value)
     return SetUp(*both, bind(unknowns, *both))
 
@@ -272,7 +287,7 @@ def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
 def _mixtures(
     modes: Modes, survey: Survey, pairs: np.ndarray, column: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What each measured shape has of each paired mode, one of its own, and the deviations of that.
+    """The share of each paired mode in each measured shape, one of its own, and the deviations of that.
 
     Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
     deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
@@ -326,7 +341,7 @@ def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
 def _equation_slopes(
     paired: Paired, survey: Survey, bound: Sequence[Bound], rows: np.ndarray, c: np.ndarray
 ) -> np.ndarray:
-    """Of each row by the unknowns: of its mode with the pair's own and its neighbours, as they mix."""
+    """Derivatives of each row by the unknowns: of its mode with the pair's own and its neighbours."""
     (own, pairs, column, added), count = paired, len(paired.pairs)
     modes = own.modes
     near = neighbours(modes, column) | np.eye(count, dtype=bool)

@@ -49,7 +49,7 @@ def read_sections(path: str | Path) -> DeckText:
     if not others:
         if cend is not None:
             raise_at(head[-1], "", "the deck ends here without BEGIN BULK", hint=WHOLE)
-        return DeckText((), (), tuple(head), (), None)
+        return DeckText((), (), tuple(head), (), reader.unended)
     at = -1 if cend is None else cend
     return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing, reader.unended)
 
@@ -68,8 +68,8 @@ class Lines:
     """All lines of a deck with what it includes, up to ENDDATA.
 
     Includes are sought beside the file that names them, then beside the deck. Raises `ConfigError` for a file
-    that cannot be read, an include that includes itself, or is missing in bulk data, and a deck without
-    ENDDATA whose last line does not end or goes on: what is lost there cannot be told.
+    that cannot be read or ends within a line (what is lost there cannot be told), and an include that
+    includes itself, or is missing in bulk data.
 
     Attributes:
         lines: Without comments, blank ones and ENDDATA.
@@ -85,16 +85,9 @@ class Lines:
         self.ended = False
         self.files: list[Path] = []
         self._absent: list[Fault] = []
-        self._torn: tuple[str, int] | None = None  # the place of a last line that does not end
         self._read(deck, ())
         if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):
             raise_fault(self._absent[0])
-        if self.begins and self.unended:
-            if self.unended[1:] == self._torn:
-                what = "the deck ends within this line, without ENDDATA"
-                raise_at(self.unended, "", what, hint=f"{WHOLE} if it is, end the line")
-            if self.unended[0].rstrip().endswith(("+", "*")):
-                raise_at(self.unended, "", "the deck ends here without the continuation", hint=WHOLE)
 
     @property
     def unended(self) -> Line | None:
@@ -110,7 +103,6 @@ class Lines:
         """Append the lines of ``path`` and of what it includes."""
         self.files.append(path)
         file, number, texts, lines = str(path), 0, text_of(path).split("\n"), self.lines
-        self._torn = self._torn or (file, len(texts))
         while number < len(texts) and not self.ended:
             text = texts[number]
             number += 1
@@ -134,6 +126,8 @@ class Lines:
                     self.ended = True
                     continue
             lines.append((text, file, number))
+        if not self.ended and lines and lines[-1][1:] == (file, len(texts)):
+            raise_at(lines[-1], "", "the file ends within this line", hint=f"{WHOLE} if it is, end the line")
 
     def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
         given = Path(named.replace("\\", "/"))

@@ -10,17 +10,17 @@ from middeck.structure.elements.component import ComponentElement
 from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
 
-# Of a frequency: less is not said.
+# Least relative change of a frequency that is reported.
 FELT = 1e-3
 # Turn [rad] of a boundary grid in its component's frame beyond which linear matrices are a poor picture.
 LARGE = 0.1
 # The mean square slope over the mean square deflection of a beam, times its length squared: between clamped
 # ends, 12.3.
 SLOPE = 12.0
-# Of all forces over all of the length: what does not act along it works on twist and bending together.
+# Share of all forces over all of the length beyond which twist and bending are loaded together.
 SHEAR = 0.4
-# Of the stiffness of a part, by the root of its mean square slope at rest [rad]: with it the mode that is
-# most wrong is within five times its estimate in 60 random bent beams (tests/truth/test_components.py).
+# Relative error of a part's stiffness per rms slope at rest [rad]: with it the mode with the largest error is
+# within five times its estimate in 60 random bent beams (tests/truth/test_components.py).
 BENT = 0.6
 
 

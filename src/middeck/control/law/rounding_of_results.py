@@ -62,7 +62,7 @@ def measure_known(
     plant: Plant,
     law: Compensator,
 ) -> Found:
-    """What ``measure`` finds; warns (`UserWarning`) where rounding of vague halves moves its numbers.
+    """The result of ``measure``; warns (`UserWarning`) where rounding of vague halves moves its numbers.
 
     Halves of which no pole `is_vague` cost nothing more.
 

@@ -15,11 +15,11 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Removed:
-    """What each effect of gravity made of the refined model's frequencies in a survey, see `build_budget`.
+    """Contributions of gravity's effects to the refined model's frequencies in a survey, see `build_budget`.
 
     Attributes:
         survey: Name of the survey, the first of the article as it is promised.
-        share_hz: Of suspension, stiffness and deformation (`EFFECTS`) for each mode; their sum is the
+        share_hz: Share of suspension, stiffness and deformation (`EFFECTS`) for each mode; their sum is the
             frequency there less that without gravity.
         unclear: Modes that keep less than half of their shape while effects are switched.
     """

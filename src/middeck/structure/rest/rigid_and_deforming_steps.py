@@ -9,8 +9,8 @@ from jaxtyping import Float
 from middeck.structure.assembly.freedom import whole_motions
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration, move_carried, placed, rigid_columns
+from middeck.structure.elements.motion_since_drawn import SinceDrawn
 from middeck.structure.elements.rotations import cross, turn_of
-from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.rest.imbalance import article_size
 from middeck.structure.rest.rest_criteria import UNMOVED
 

@@ -1,6 +1,6 @@
 /* The hold: the engine's own loops, closed beside every package and alone in SAFE, where only a verified one acts. */
-#ifndef MIDDECK_HOLD_H
-#define MIDDECK_HOLD_H
+#ifndef MIDDECK_HOLD_LOOPS_H
+#define MIDDECK_HOLD_LOOPS_H
 
 #include "engine.h"
 

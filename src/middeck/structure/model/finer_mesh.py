@@ -13,7 +13,7 @@ TUBE_SHEAR = 0.62
 """Cowper's (1966) shear coefficient of a tube of the sheet's proportions, bore half of the diameter, nu 0.37:
 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2) with m = 0.512."""
 
-# Of E: the shear modulus of an isotropic material that keeps its volume, which no other has less of.
+# Shear modulus over E of an incompressible isotropic material, the least of all.
 LEAST_G = 1.0 / 3.0
 
 

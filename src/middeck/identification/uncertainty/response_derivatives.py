@@ -1,26 +1,19 @@
-"""Derivatives of the entries of a response from few shared functions, and the noise that entries share.
+"""Derivatives of the entries of a response by the unknowns of its model, from few shared functions.
 
 With u = 1/(q - lambda) and l = 1/(q - conj lambda) any term of a pair is z u + conj(z) l = Re z (u + l) + Im
-z j(u - l), and its derivative by the pole the same of squares (as for a fit's columns, `problem.factors`).
-Terms of real constants are phi psi u l, with derivatives of u l (u + l) and (u l)^2: differences of u and l
-would be rounding near the real axis. Only the derivative by its delay is an entry's own.
-
-A disturbance of the article is in all outputs, noise of a measured input in all that it drives. A fit with
-one weight for each entry stays unbiased, but its covariance is A^-1 B A^-1 with
-
-    B = 1/2 sum over lines of Re sum_ab conj(J_a) w_a^2 V_ab w_b^2 J_b^T,   V_ab = E[r_a conj(r_b)].
+z j(u - l), and its derivative by the pole the same of squares (as in `problem.basis_functions`). Terms
+of real constants are phi psi u l, with derivatives of u l (u + l) and (u l)^2: differences of u and l would
+be rounding near the real axis. Only the derivative by its delay is an entry's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.spectra.excess_variance import averaged
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     Places,
@@ -28,7 +21,6 @@ from middeck.identification.uncertainty.model_unknowns import (
     part_of,
     places_of,
 )
-from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 
@@ -108,7 +100,7 @@ def shared_functions(
 def entry_factors(
     model: MeasurementModel, structure: ModelStructure, at: Places, output: int, input: int
 ) -> EntryFactors:
-    """Of H_oi, for unknowns at their places."""
+    """Factors of H_oi, for unknowns at their places."""
     modes = len(model.poles)
     rows: list[tuple[Int[np.ndarray, " unknown"], Float[np.ndarray, "unknown function"]]] = []
 
@@ -127,7 +119,7 @@ def entry_factors(
         put(at.sigma, 2, -sigma * c * b)
         put(at.omega, 2, -2j * omega**2 * c * b)
     else:
-        # By the pole; what follows the conjugate comes with it.
+        # The derivative by the pole; that by the conjugate follows.
         z = c * b * (T * np.exp(model.poles * T) if T else 1.0)
         put(at.sigma, 2, -sigma * z)
         put(at.omega, 2, 1j * omega * z)
@@ -151,69 +143,3 @@ def entry_factors(
     delay_s = model.delay_s[output] + part_of(model, model.path_delay_s)[output, input]
     by = total if total[:, -1].any() else total[:, :-1]
     return EntryFactors(once, by, response, float(delay_s))
-
-
-# Mean square coherence of independent noise is one over its degrees of freedom: what is twice that is common.
-COMMON = 2.0
-# Lines taken together: as many as keep the derivatives of all entries within some megabytes.
-CHUNK = 64
-# Inputs are orthogonal where their powers are, up to rounding.
-SAME = 1e-6
-
-
-def common_noise(measured: FrequencyResponse, degrees: float) -> Complex[np.ndarray, "line a b"] | None:
-    """Correlation of the noise of all entries, output by output; None where it is not significant.
-
-    The covariance of the outputs is averaged over neighbouring lines, like the variances; ``degrees`` are the
-    complex degrees of freedom of the average.
-    """
-    if measured.covariance is None:
-        return None
-    between = _normalised(averaged(measured.covariance.outputs))
-    inputs = _normalised(measured.covariance.inverse_power)
-    if not _is_common(between, degrees):
-        between = np.broadcast_to(np.eye(between.shape[1], dtype=complex), between.shape)
-        if np.abs(inputs - np.eye(inputs.shape[1])).max() < SAME:
-            return None
-    entries = between.shape[1] * inputs.shape[1]
-    return np.einsum("kop,kij->koipj", between, inputs).reshape(len(between), entries, entries)
-
-
-def _is_common(between: np.ndarray, degrees: float) -> bool:
-    """Whether the outputs' noise is significantly correlated; the inputs' powers are known, not estimated."""
-    outputs = between.shape[1]
-    if outputs < 2:
-        return False
-    off = np.sum(np.mean(np.abs(between) ** 2, axis=0)) - outputs
-    return float(off) / (outputs * (outputs - 1)) > COMMON / max(degrees, 1.0)
-
-
-def _normalised(raw: np.ndarray) -> Complex[np.ndarray, "line a a"]:
-    scale = np.sqrt(np.maximum(np.real(np.linalg.diagonal(raw)), np.finfo(float).tiny))
-    return raw / scale[:, :, None] / scale[:, None, :]
-
-
-def common_scores(
-    entries: Iterable[EntrySlopes],
-    W: Float[np.ndarray, "unknown direction"],
-    correlation: Complex[np.ndarray, "line a b"],
-    assumed: Float[np.ndarray, "a line"],
-    noise: Float[np.ndarray, "a line"],
-) -> Float[np.ndarray, "direction direction"]:
-    """W^T B W of the B above; what was assumed beyond the measured noise is independent between entries."""
-    each = list(entries)
-    spread = np.zeros((W.shape[1], W.shape[1]))
-    for first in range(0, assumed.shape[1], CHUNK):
-        some = slice(first, first + CHUNK)
-        size = np.sqrt(noise[:, some]).T
-        joint = correlation[some] * size[:, :, None] * size[:, None, :]
-        own = np.arange(len(each))
-        joint[:, own, own] = assumed[:, some].T
-        power, direction = np.linalg.eigh(joint)
-        root = direction * np.sqrt(np.maximum(power, 0.0))[:, None, :] / assumed[:, some].T[:, :, None]
-        scores = np.zeros((len(W), *root.shape[::2]), dtype=complex)
-        for a, entry in enumerate(each):
-            scores[entry.place] += entry.by[:, some, None].conj() * root[:, a, :]
-        flat = W.T @ np.ascontiguousarray(scores.reshape(len(W), -1)).view(float)
-        spread += 0.5 * (flat @ flat.T)
-    return spread

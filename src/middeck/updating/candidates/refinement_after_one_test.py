@@ -1,4 +1,4 @@
-"""A refinement as it would be after one more test: what is known then, before the test is made.
+"""A refinement after one more test, computed before the test is made.
 
 Rows of the new test are those that `refine` would make of it, about the most probable article; they bring no
 news, only certainty. The model's own errors are as large as they are thought to be now: no one can tell what

@@ -84,12 +84,17 @@ def _given(problem: Problem, start: Law) -> Arrival:
     model, order = models[0], order_of(problem.form, len(models[0].A))
     rows = [row for row, _ in model.integrals]
     shape = len(start.A), start.B.shape[1], len(start.C)
-    if shape != (order + len(rows), len(model.C2), model.B2.shape[1]):
+    fitting = order + len(rows), len(model.C2), model.B2.shape[1]
+    if shape != fitting:
         raise ConfigError(
-            f"start= with {shape[0]} states, {shape[1]} inputs and {shape[2]} outputs does not fit"
+            f"start= with {shape[0]} states, {shape[1]} inputs and {shape[2]} outputs does not fit",
+            hint=f"{fitting[0]} states, {fitting[1]} inputs and {fitting[2]} outputs, or leave it out",
         )
     if np.any(start.A[order:]) or not np.array_equal(start.B[order:], np.eye(shape[1])[rows]):
-        raise ConfigError("the last states of start= are not the required integrals")
+        raise ConfigError(
+            "the last states of start= are not the required integrals",
+            hint="a law designed with the same integral=, or leave start= out",
+        )
     if not stabilises(models, start):
         raise ConfigError("start= does not stabilise the nominal plant", hint="leave it out")
     return Arrival(start, np.inf, ())
@@ -202,9 +207,11 @@ def _step(
     found = improve(arrival.law, models, stations, power=power, tolerance=tolerance, steps=steps)
     if found is None:
         raise NumericalError(
-            "the compensator no longer stabilises a model: it is at the edge of stability", law=arrival.law,
+            "the compensator no longer stabilises a model: it is at the edge of stability",
+            hint="less authority, a smaller uncertainty, or a higher order",
+            law=arrival.law,
             history=arrival.history,
-        )  # fmt: skip
+        )
     law, descent = found
     leg = Attempt(size=size, cost=descent.value)
     return Arrival(law, descent.gradient, (*arrival.history, leg))

@@ -63,7 +63,7 @@ class OwnErrors(NamedTuple):
         return ((self.shapes.T @ weighted) ** 2 / size).T
 
     def sorts(self, compared: Sequence[Compared]) -> Int[np.ndarray, " error"]:
-        """Of each, its place in `MODES`."""
+        """The place in `MODES` of each error."""
         return np.array(
             [
                 sorts_of(compared[s].modes, compared[s].pairs[p : p + 1, 0])[0]
@@ -83,5 +83,5 @@ class OwnErrors(NamedTuple):
 
 
 def sorts_of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Int[np.ndarray, " mode"]:
-    """Of each mode, its place in `MODES`."""
+    """The place in `MODES` of each mode."""
     return np.array([modes.kind[i] == "flexible" for i in index], dtype=int)

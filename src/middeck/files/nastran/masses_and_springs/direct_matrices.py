@@ -16,10 +16,10 @@ from middeck.files.nastran.components.direct_input import Lone
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.masses_and_springs.bodies import Mass, mass_of_matrix
-from middeck.files.nastran.masses_and_springs.ties import Tie
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.toml.faults import Fault
 
-# Of the roots of two diagonals: printed digits of matrices that others assembled.
+# Largest asymmetry over the roots of two diagonals: the printed digits of assembled matrices.
 UNEQUAL = 1e-6
 # The same of what digits leave and may be nothing: a spring of more must be told from it.
 LEFT = 1e-7
@@ -145,7 +145,7 @@ def _no_sum(lone: Lone, what: str) -> Fault:
 
 
 def _few(lone: Lone, what: str) -> Fault:
-    """For what could be roundings or a spring."""
+    """The fault for an entry that could be rounding or a spring."""
     hint = "print it as 16.9E or more, and it and the grids in large fields"
     said = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"
     return lone.entry.fault(said, hint=hint)

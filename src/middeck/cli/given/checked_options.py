@@ -1,4 +1,4 @@
-"""Settings of a computation that has no document of its own: options first, then ``--set``, all checked."""
+"""Settings of verbs without a document: options first, then ``--set``, all checked."""
 
 from __future__ import annotations
 

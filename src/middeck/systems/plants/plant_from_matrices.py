@@ -40,7 +40,7 @@ def make_plant(
             [N m]"``; u1, u2 ... and y1, y2 ... if left out.
         w, u, z, y, state_names: As in `Plant`.
         delay_s: Delay [s] of all paths, or of each.
-        period_s: Of a sampled plant x[k+1] = A x[k] + B u[k]; None for a continuous one.
+        period_s: Sampling period of a sampled plant x[k+1] = A x[k] + B u[k]; None for a continuous one.
 
     Raises `ConfigError` for matrices, names, groups or delays that do not fit, numbers that are not finite,
     and a period that is not positive.

@@ -18,11 +18,11 @@ from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.promise.draws import Drawing, DrawnPlants
-from middeck.updating.promise.outlook import LoopNoise
 from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.updating.promise.refined_slips import spread_refined
 from middeck.updating.promise.slip import draw_slips
 from middeck.updating.promise.slip_run import Slipped, SlipRun, run_slips, set_run
+from middeck.updating.promise.stability_probability import LoopNoise
 from middeck.values import record
 
 BLOCK = 25
@@ -31,7 +31,7 @@ BLOCK = 25
 
 @record(kw_only=True)
 class Site:
-    """What the draws of one environment share: ``predicted`` modes, what is drawn, and the compensators."""
+    """Values shared by the draws of one environment: ``predicted`` modes, what is drawn, and compensators."""
 
     plan: Plan
     title: str

@@ -32,7 +32,7 @@ def merge_models(models: Sequence[Model]) -> Raft:
     members = np.cumsum([0, *(len(m.structure.members) for m in models)])
 
     def places(size: int) -> tuple[np.ndarray, ...]:
-        """Of each model, those of its roots, of so many numbers each, and of its joints."""
+        """Places of each model's roots, so many numbers each, and of its joints."""
         spans = zip(pairwise(size * roots), pairwise(size * roots[-1] + joints), strict=True)
         return tuple(np.concatenate([np.arange(*own), np.arange(*turned)]) for own, turned in spans)
 

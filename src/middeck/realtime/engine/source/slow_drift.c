@@ -1,11 +1,11 @@
-#include "outward.h"
+#include "slow_drift.h"
 
 #include <string.h>
 
 enum { RECORDS = 3 };
 static const real GROWS = 1.44; /* of the variance: a fifth of the rms, as the standard monitors have it */
 
-void outward_forget(outward_states *o)
+void forget_drift(drift_states *o)
 {
     int i, k;
 
@@ -38,7 +38,7 @@ static int grows(const spread_window *w)
     return 0;
 }
 
-int outward_look(outward_states *o, int sensor, whole shortest, real value)
+int look_for_drift(drift_states *o, int sensor, whole shortest, real value)
 {
     spread_window *w = o->window[sensor];
     real sum, squares, samples = (real)shortest;

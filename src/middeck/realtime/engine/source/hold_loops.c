@@ -1,4 +1,4 @@
-#include "hold.h"
+#include "hold_loops.h"
 
 #include <math.h>
 #include <string.h>
@@ -139,7 +139,7 @@ static int moves_out(engine *e)
     int i, found = -1;
 
     for (i = 0; i < e->set.inputs; ++i)
-        if (e->hold_needs >> i & 1 && outward_look(&e->outward, i, shortest, e->sensors.value[i]) && found < 0)
+        if (e->hold_needs >> i & 1 && look_for_drift(&e->drift, i, shortest, e->sensors.value[i]) && found < 0)
             found = i;
     return found;
 }
@@ -149,7 +149,7 @@ void verify_hold(engine *e, int alone)
     int out;
 
     if (!alone) {
-        outward_forget(&e->outward);
+        forget_drift(&e->drift);
         e->quiet = 0;
         return;
     }

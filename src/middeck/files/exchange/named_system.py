@@ -10,8 +10,8 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import name_ports
 from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.plant_from_matrices import name_ports
 from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace, StateSpace, System
 
 Exchangeable = LinearSystem | Plant | Compensator
@@ -82,6 +82,6 @@ def known_ports(names: Sequence[str], like: Sequence[Port]) -> tuple[Port, ...]:
 
 
 def as_compensator(plant: Plant, *, negative_feedback: bool = False) -> Compensator:
-    """The system as a compensator, added at the plant's inputs; give True where it was made for u = -K y."""
+    """The system as a compensator, added at the plant's inputs; ``negative_feedback``: made for u = -K y."""
     system = matrices_of(plant)
     return Compensator(negated(system) if negative_feedback else system, plant.inputs, plant.outputs)

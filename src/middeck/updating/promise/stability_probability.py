@@ -31,7 +31,7 @@ COMPARED = 12
 
 
 class LoopNoise(NamedTuple):
-    """What `noise_on` says of a compensator on drawn plants, over all frequencies or in a band."""
+    """The results of `noise_on` for a compensator on drawn plants, over all frequencies or in a band."""
 
     decays: Bool[np.ndarray, " draw"]
     rms: Float[np.ndarray, " draw"]
@@ -40,7 +40,7 @@ class LoopNoise(NamedTuple):
 
 @record(kw_only=True)
 class FrictionOutlook:
-    """What dry friction of the joints makes of a compensator, at the disturbance that the plan states.
+    """The effect of dry friction of the joints on a compensator, at the disturbance that the plan states.
 
     Attributes:
         without_db: Decibels of each draw without it, drag included.
@@ -61,11 +61,11 @@ class Outlook:
     """One compensator on all drawn plants.
 
     Attributes:
-        stable: Of each draw; a pole on the axis is not.
+        stable: Whether each draw is stable; a pole on the axis is not.
         db: 20 log10 of the rms over the same plant's without the compensator: less is better; ``inf`` where
             unstable. With the friction of the joints where the plan states any.
-        control_rms: Of each draw; without friction.
-        unstable_mode: Of the pole that grows in most of the unstable draws; empty where none is unstable.
+        control_rms: Rms of the commands in each draw, without friction.
+        unstable_mode: Mode that grows in most unstable draws; empty if none is unstable.
         risk: What was drawn that goes most with a worse outcome, and its rank correlation with it.
     """
 
@@ -89,7 +89,7 @@ class Outlook:
 
     @property
     def promised_probability(self) -> float:
-        """What the probability of stability is at least, with 95 % confidence."""
+        """Lower bound of the probability of stability, with 95 % confidence."""
         return probability_interval(int(np.count_nonzero(self.stable)), len(self.stable), 0.9)[0]
 
     def level_db(self, share: float) -> float:

@@ -109,7 +109,7 @@ def _is_soft(left: Stiffest | None) -> bool:
 
 
 def _settled(rest: Equilibrium, most: float) -> Softened | None:
-    """At rest with no member stiffer than ``most`` [N/m]; None where it does not settle."""
+    """The rest state with no member stiffer than ``most`` [N/m]; None where it does not settle."""
     structure, factors = _softer(rest, most)
     found = solve_equilibrium(structure, rest.environment)
     return Softened(found, factors) if found.converged else None
@@ -136,7 +136,7 @@ def _softer(rest: Equilibrium, most: float) -> tuple[Structure, dict[Path, float
 def _softer_section(
     section: Section, length: float, arm: float, most: float, path: Path, factors: dict[Path, float]
 ) -> Section:
-    """Of an element of ``length``: no shift stiffer than ``most``, no turn stiffer than that at ``arm``."""
+    """A section no stiffer than ``most`` in shifts, and in turns at ``arm``, for an element of ``length``."""
     shift, turn = most * length, most * arm**2 * length
     limits = {"EA": shift, "GA_y": shift, "GA_z": shift, "GJ": turn, "EI_y": turn, "EI_z": turn}
     if not any(getattr(section, name) > limit for name, limit in limits.items() if name[:2] != "GA"):

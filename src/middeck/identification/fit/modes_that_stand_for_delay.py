@@ -1,4 +1,4 @@
-"""Pairs of a fit that stand for a delay which its model does not have, rather than for modes.
+"""Pairs of a fit that represent a delay which its model lacks, rather than modes.
 
 A sampled model, or one of complex constants, has no delay of its own. Where the article has one, poles follow
 its phase: pairs that are heavily damped, in the midst of the band, with small deviations. They are known by
@@ -21,7 +21,7 @@ from middeck.identification.model.measurement_model import (
     natural_hz,
 )
 
-# Of no less damping a pair may stand for a delay.
+# Least damping ratio of a pair that may stand for a delay.
 DAMPED = 0.1
 # Delays are tried up to so many periods of the last line, so many in each, then as many about the best.
 PERIODS, IN_PERIOD = 8, 16

@@ -3,13 +3,8 @@
 If the model is right, the residual is noise: uncorrelated with the inputs (Ljung 1999, sec. 16.6), and no
 part of the record asks for another delay, gain, frequency or damping than the rest.
 
-Blows that scatter, a clipped or nonlinear sensor and a wrong model leave most where the response is large.
-The whitened residual is therefore tested for a variance that grows with the response (Breusch and Pagan
-1979), studentised (Koenker 1981) against heavy tails of the noise. Short noise of an input, such as that of a
-blow under its window, causes free motion that fades with the response; where it is known, both scores leave
-it out.
-
-A continuous fit assumes band-limited inputs; the spectrum of a blow at half the rate shows if it was not.
+Short noise of an input, such as that of a blow under its window, causes free motion; where it is known, the
+scores leave it out.
 """
 
 from __future__ import annotations
@@ -23,7 +18,6 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
 from middeck.identification.faults.detect import detect_faults
-from middeck.identification.faults.equal_runs import runs_of
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.model.fit_options import is_rate
 from middeck.identification.model.measurement_model import model_response
@@ -37,67 +31,53 @@ from middeck.signals.record import Record
 
 Heard = Complex[np.ndarray, "output line part"]
 Law = Callable[[np.ndarray, Data], tuple[np.ndarray, np.ndarray, np.ndarray]]
-# Above this share of an output's rms, what is left is looked into; above the second, and told by the inputs,
-# it makes the modes doubtful.
+# Share of an output's rms above which the residual is tested; above the second, a residual that is
+# correlated with the inputs makes the modes doubtful.
 LEFT, MUCH = 0.05, 0.1
-# Deviations of a correlation with the inputs, and of a delay's step, above which what is left is no noise:
-# chance makes the largest of 1e4 four; and above which little that is left tells of a mode that lacks.
+# Scores above which the residual is not noise: of its correlation with the inputs, and of a step in delay or
+# gain (by chance the largest of 1e4 is four); and of the correlation, if the residual is small.
 TOLD, STEPS, CLEARLY_TOLD = 6.0, 5.0, 8.0
-# Deviations by which an output leads that are no chance.
+# Standard deviations of a lead that chance does not explain.
 LEADS = 6.0
-# Of rates the constants are complex, which their unit tells.
+# Rates have complex modal constants; a rate is recognised by its unit.
 NO_UNIT = ", a velocity or an acceleration (the output has no unit: give it, or --constants complex)"
-# A force moves a rate within a sample; a continuous model has it through the hold, as a filter would.
+# A held force changes a rate within the sample, as a continuous model does not.
 AT_ONCE = "a velocity or an acceleration that a held force moves within a sample (take a sampled model), "
-# A pole is moved by so much of itself for its slope.
+# Relative step of a pole for its derivative.
 SHIFT = 1e-6
-# A step of the delay is looked for so many samples, and this share of the record, from both ends.
+# Samples, and share of the record, at both ends in which no step of delay or gain is looked for.
 EDGE, EDGE_SHARE = 16, 0.01
-# Faults by which a fit is wrong in all parts of the record.
+# Kinds of faults that bias a fit as a whole.
 BIASING = ("shift", "joint", "feedback", "delay", "truncated")
-# Blocks of samples, as many as there are lines over this, so that each has some degrees of freedom.
-LINES_PER_BLOCK = 4
-# Score of a residual that grows with the response above which it is no noise: noise passes it once in 4000,
-# if its power were normal over blocks.
-GROWS = 3.5
-# Least share of what is left that noise of constant size is taken to be.
-LEAST = 0.05
-# Of the largest sample, what is a blow; samples beside it that belong to it, and as many more that fade; and
-# the most of a record that blows are.
-BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
-# What may be left at half the rate of the largest line: so much of it folds back. Blows behind a filter that
-# ends at half the rate had 0.27 % at most of 2000, sines of two to six samples without one 0.6 % at least.
-FOLDED = 0.004
-# The noise of the force counts so many times before anything is said, as few blows have few numbers of it;
-# and what is none, as a share of the force: rounding where a force window has left nothing.
-CLEAR, NOTHING = 8.0, 1e-9
 
 
-# What the first score of an output that passes its limit says of it.
+# Messages for the first score of an output above its limit.
 OF_DIRECTION = (
-    "what the fit leaves goes by the direction of motion ({:.0f} deviations of noise): play, backlash or dry "
-    "friction; no stated deviation holds; excite more, or take the play out"
+    "the residual follows the sign of the velocity ({:.0f} standard deviations of noise): play, backlash "
+    "or dry friction; the stated standard deviations do not hold; excite more, or remove the play"
 )
 OF_CUBE = (
-    "what the fit leaves goes by the cube of a force or of the motion ({:.0f} deviations of noise): an "
-    "amplifier or a sensor that saturates, or an article that is not linear; the model is of this level, and "
-    "no stated deviation holds; excite less"
+    "the residual follows the cube of a force or of the motion ({:.0f} standard deviations of noise): a "
+    "saturating amplifier or sensor, or a nonlinear article; the model is valid at this level only, and the "
+    "stated standard deviations do not hold; excite less"
 )
 OF_DELAY = (
-    "its delay is not the same throughout the record ({:.0f} standard deviations of noise): samples lost or "
-    "repeated, two runs joined, a clock that drifts, or an article that changes; no stated deviation holds"
+    "its delay changes during the record ({:.0f} standard deviations of noise): samples lost or repeated, "
+    "two runs joined, a clock that drifts, or an article that changes; the stated standard deviations do "
+    "not hold"
 )
 OF_GAIN = (
-    "its gain is not the same throughout the record ({:.0f} deviations of noise): a range that was changed, "
-    "or an article that changes; no stated deviation holds"
+    "its gain changes during the record ({:.0f} standard deviations of noise): a range that was switched, "
+    "or an article that changes; the stated standard deviations do not hold"
 )
 OF_INPUTS = (
-    "what the fit leaves still follows the inputs ({:.0f} standard deviations of noise), so that it is no "
-    "noise: {}more states, a delay, feedback{} or a fault of the record; no stated deviation holds"
+    "the residual is correlated with the inputs ({:.0f} standard deviations of noise), so it is not noise: "
+    "{}too few states, no delay, feedback{} or a fault of the record; the stated standard deviations do "
+    "not hold"
 )
 OF_LEAD = (
-    "it leads its input by {:.0f} deviations, as no article does: feedback, an input recorded late{}, or "
-    "modes the model lacks; no stated deviation holds"
+    "it leads its input by {:.0f} standard deviations, as no article does: feedback, a delayed input "
+    "channel{}, or modes that the model lacks; the stated standard deviations do not hold"
 )
 
 
@@ -116,7 +96,7 @@ def causes_of(
     """
     size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
     white, response = run.residual(data) / size, (data.H - run.residual(data)) / size
-    noise = _left_of(heard, data, run, size)
+    noise = without_transients(heard, data, run, size)
     each = list(zip(white, response, noise, strict=True))
     moved = np.array([_step_score(w, y * data.s[:, None], n, data) for w, y, n in each])
     scaled = np.array([_step_score(w, y, n, data, uneven=True) for w, y, n in each])
@@ -131,7 +111,8 @@ def causes_of(
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
     found = [
-        f"{f.side} {f.channel}: {f.what}; so no stated deviation holds. {f.hint[0].upper()}{f.hint[1:]}"
+        f"{f.side} {f.channel}: {f.what}; the stated standard deviations do not hold. "
+        f"{f.hint[0].upper()}{f.hint[1:]}"
         for f in faults
     ]
     named = {f.channel for f in faults}
@@ -140,8 +121,8 @@ def causes_of(
     held = record.held and run.layout.options.period_s == 0.0
     at_once = [AT_ONCE if held and is_rate(port) else "" for port in record.outputs]
     found += [
-        f"mode at {hz:.4g} Hz: its frequency or damping is not the same throughout the record ({z:.0f} "
-        "deviations of noise): an article that changes; no stated deviation holds"
+        f"mode at {hz:.4g} Hz: its frequency or damping changes during the record ({z:.0f} standard "
+        "deviations of noise): an article that changes; the stated standard deviations do not hold"
         for hz, z in changed.items()
         if not faults
     ]
@@ -182,7 +163,7 @@ def _biasing_faults(record: Record) -> list[Fault]:
 def heard_of(
     record: Record, data: Data, run: RecordRun, noise: Float[np.ndarray, "part sample input"] | None
 ) -> Heard:
-    """What parts of noise of the inputs make of the outputs; no part where it is not known."""
+    """Responses of the outputs to parts of noise of the inputs; no part where it is not known."""
     if noise is None or not len(noise):
         return np.zeros((*data.H.shape[:2], 0), dtype=complex)
     N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(noise.shape[1])
@@ -190,7 +171,7 @@ def heard_of(
     return np.einsum("koi,pki->okp", H, N)
 
 
-def _left_of(
+def without_transients(
     heard: Heard, data: Data, run: RecordRun, size: Float[np.ndarray, "output line column"]
 ) -> Heard:
     """``heard`` over the deviation ``size``, without what transients follow."""
@@ -315,85 +296,8 @@ def _told_by_inputs(white: Complex[np.ndarray, "line column"], data: Data) -> fl
 def signals(
     data: Data, spectra: Complex[np.ndarray, "line column"], *, finer: int = 1
 ) -> Float[np.ndarray, "column sample"]:
-    """In time, on a grid just fine enough for the lines, or so many times ``finer``."""
+    """The spectra as signals in time, on the coarsest grid for the lines, or ``finer`` times as fine."""
     lines = data.lines
     full = np.zeros((spectra.shape[1], finer * (lines[-1] + 1)), dtype=complex)
     full[:, lines] = spectra.T
     return np.fft.irfft(full, 2 * full.shape[1], axis=1)
-
-
-def growth_score(data: Data, run: RecordRun, heard: Heard) -> Float[np.ndarray, " output"]:
-    """Of each output, a number that is normal with unit variance for noise of constant size and ``heard``."""
-    r = run.residual(data)
-    size = np.sqrt(noise_variance(r, driven=data.driven))
-    noise = _left_of(heard, data, run, size)
-    return np.array([_score(r[o] / size[o], data.H[o] - r[o], noise[o], data) for o in range(len(r))])
-
-
-def _score(white: np.ndarray, response: np.ndarray, heard: np.ndarray, data: Data) -> float:
-    left, moves, parts = (_power(data, x) for x in (white, response, heard))
-    expected = np.sum(parts, axis=0) / max(len(parts), 1) * np.ones_like(left)
-    expected += max(float(np.mean(left - expected)), LEAST * float(left.mean()))
-    left, moves = left / expected, moves / expected
-    left, moves = left - left.mean(), moves - moves.mean()
-    scale = np.mean(left**2) * np.sum(moves**2)
-    if len(parts):  # each is more or less in all the blocks of one experiment
-        scale += np.sum(np.var(parts @ (moves / expected).T, axis=0))
-    return float(np.sum(left * moves) / np.sqrt(scale)) if scale > 0.0 else 0.0
-
-
-def _power(data: Data, spectra: np.ndarray) -> Float[np.ndarray, "column block"]:
-    """Mean square in each block of time."""
-    x, blocks = signals(data, spectra) ** 2, max(len(data.s) // LINES_PER_BLOCK, 2)
-    edges = np.linspace(0, x.shape[1], blocks + 1).astype(int)[:-1]
-    return np.add.reduceat(x, edges, axis=1) / np.diff(np.append(edges, x.shape[1]))
-
-
-def _folded_share(record: Record) -> Float[np.ndarray, " input"]:
-    """Of each input, what is left at half the rate of its largest line; zero for one that is no blows."""
-    u = record.u.reshape(len(record.u), -1, record.u.shape[3])
-    return np.array([_share(u[..., i]) for i in range(u.shape[2])])
-
-
-def _share(x: Float[np.ndarray, "run sample"]) -> float:
-    """Of all blows together, each in a smooth window: what rings below half the rate stays there."""
-    force = x - np.median(x, axis=1, keepdims=True)
-    on = np.abs(force) > BLOW * np.abs(force).max()
-    if np.mean(on) > SPARSE:
-        return 0.0
-    near = np.ones(2 * BESIDE + 1)
-    slope = np.hanning(len(near) + 2)[1:-1] / (BESIDE + 1.0)
-    top = largest = noise = 0.0
-    for f, own in zip(force, on, strict=True):
-        window = np.convolve(np.convolve(own, near)[BESIDE:-BESIDE] > 0.0, slope)[BESIDE:-BESIDE]
-        for a, b in runs_of(window > 0.0):
-            blow = window[a:b] * f[a:b]
-            top += (blow[::2].sum() - blow[1::2].sum()) ** 2
-            largest += float(np.max(np.abs(np.fft.rfft(blow)) ** 2))
-        # By differences, whatever slope was taken off, from where a force window has left some.
-        step = np.diff(f) - np.median(np.diff(f))
-        rest = step[(window[1:] < 0.5) & (np.abs(step) > NOTHING * np.abs(f).max())]
-        noise += 0.5 * float(np.mean(rest**2)) * np.sum(window**2) if len(rest) else 0.0
-    return float(np.sqrt(max(top - CLEAR * noise, 0.0) / largest)) if largest else 0.0
-
-
-def doubts_of_growth(record: Record, score: np.ndarray) -> list[str]:
-    """Outputs of which more is left while they move more: what is left is no noise."""
-    return [
-        f"output {port.name}: what the fit leaves grows with the response ({z:.0f} standard deviations of "
-        "noise), so that it is no noise: blows that scatter, a sensor that clips, an article that is not "
-        "linear or a wrong model; no stated deviation holds"
-        for port, z in zip(record.outputs, score, strict=True)
-        if z >= GROWS
-    ]
-
-
-def doubts_of_folding(record: Record) -> list[str]:
-    """Inputs whose blows reach beyond half the sampling rate."""
-    return [
-        f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
-        "line: sampled without a filter, or too slowly, so that what is folded back is no response; no "
-        "stated deviation holds, that of a delay least; sample faster, or strike with a softer tip"
-        for port, share in zip(record.inputs, _folded_share(record), strict=True)
-        if share > FOLDED
-    ]

@@ -18,11 +18,11 @@ from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.imbalance import article_size, imbalance_scale
 from middeck.structure.rest.rest_criteria import Settled
-from middeck.structure.rest.whole_steps import turn_whole
+from middeck.structure.rest.rigid_and_deforming_steps import turn_whole
 
-# Of the largest extent of the attach points: what is thinner is a line or a point to an engineer.
+# Extent of the attach points, over the largest, below which they form a line or a point.
 FLAT = 1e-6
-# Of the article's size: anchors nearer to a vertical line than this are on it, to rounding.
+# Distance of anchors from a vertical line, over the article's size, that is rounding.
 IN_LINE = 1e-9
 # Steps that take away what a turn rounds, 1e-8 of the weight far from the origin. They turn it by 1e-7 in
 # their turn, and what turning back by that rounds is nothing.

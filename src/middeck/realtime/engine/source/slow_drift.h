@@ -1,6 +1,6 @@
-/* Whether what the hold holds moves out, however slowly: its spread in windows of each length, twice as long from level to level. */
-#ifndef MIDDECK_OUTWARD_H
-#define MIDDECK_OUTWARD_H
+/* Whether a held article drifts outwards, however slowly: the spread of each sensor in windows of doubled lengths. */
+#ifndef MIDDECK_SLOW_DRIFT_H
+#define MIDDECK_SLOW_DRIFT_H
 
 #include "shared.h"
 
@@ -17,11 +17,11 @@ typedef struct {
     real from[CHANNELS]; /* value when it began */
     int begun;
     spread_window window[CHANNELS][LEVELS];
-} outward_states;
+} drift_states;
 
-void outward_forget(outward_states *o);
+void forget_drift(drift_states *o);
 
 /* The next value of a sensor; "shortest" is the samples of the lowest window. 1 while one of its spreads grows. */
-int outward_look(outward_states *o, int sensor, whole shortest, real value);
+int look_for_drift(drift_states *o, int sensor, whole shortest, real value);
 
 #endif
