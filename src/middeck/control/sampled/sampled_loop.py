@@ -8,7 +8,8 @@ import warnings
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.weights import LQGWeights
@@ -84,7 +85,7 @@ def measure_held(
     """`measure_sampled_loop` without its check of rounding."""
     held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
-    stable = decide_stability(plant, compensator).stable
+    stable = decide_loop(form_loop(plant, compensator)).stable
     loop = _close(held, law)
     values = poles(loop)
     covariance = _covariance(held, law, loop) if stable else None

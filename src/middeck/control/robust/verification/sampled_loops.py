@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
@@ -80,7 +81,7 @@ def sampled_outcomes(
 
 def _is_known(plant: Plant, law: Compensator) -> bool:
     try:
-        decide_stability(plant, law)
+        decide_loop(form_loop(plant, law))
     except NumericalError:
         return False
     return True
