@@ -32,8 +32,8 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.delay.delay_approximation import approximate_delays
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.poles.rounding import poles_with_rounding
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import middeck as md
+from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.model.article import Section, Structure
-from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.motions.equivalent_beam import on_one_line
 from middeck.structure.modes.motions.strained_parts import member_parts, strained_parts
 from middeck.structure.modes.names.kinds import find_kinds

@@ -8,19 +8,22 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 from test_verdicts_in_mixed_states import PERIOD_S, WEIGHTS, _loop, _mixed
 
 from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import Margins, measure_margins
 from middeck.control.analysis.rms.rms import measure_rms
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.performance import Performance
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.state_space.statespace import StateSpace
+from plant_builders import FORCE, WAY, grouped_plant
 from repeats import repeats
 
 IN_BAND = Performance(np.ones(1), np.eye(1), (0.01, 5.0))
@@ -107,6 +110,42 @@ def test_the_rms_under_a_sampled_law_in_mixed_states_is_right(seed: int) -> None
         measure_sampled_loop(plant, emulate(one, PERIOD_S), WEIGHTS, 1.0).rms for one in (law, mixed)
     )
     assert found == pytest.approx(own, rel=5e-5)
+
+
+ADDED = {"integrator": [[0.0]], "body": [[0.0, 1.0], [0.0, 0.0]], "mode": [[0.0, 2.0], [-2.0, 0.0]]}
+
+
+@pytest.mark.parametrize("name", ADDED)
+@pytest.mark.parametrize("seed", repeats(range(12), 3))
+def test_the_rms_of_a_sampled_loop_beside_what_does_not_decay_is_right_or_said(seed: int, name: str) -> None:
+    """Undriven, it leaves the rms; of mixed states rounding drives it, and by chance the rms was infinite or
+    some finite number, in silence."""
+    rng = np.random.default_rng([83, seed])
+    plant, law = _loop(rng, free=0)
+    own, block = plant.continuous, np.array(ADDED[name])
+    held = emulate(law, PERIOD_S)
+    alone = measure_sampled_loop(plant, held, WEIGHTS, 1.0)
+    if not alone.stable:
+        return
+    size = len(block)
+    both = StateSpace(
+        sla.block_diag(own.A, block),
+        np.vstack([own.B, np.zeros((size, 1))]),
+        np.hstack([own.C, rng.standard_normal((1, size))]),
+        own.D,
+    )
+    for condition in (1.0, 1e2, 1e3):
+        system = both if condition == 1.0 else _mixed(both, condition, rng)
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            found = measure_sampled_loop(grouped_plant(system, (FORCE,), (WAY,)), held, WEIGHTS, 1.0)
+        assert found.stable
+        if condition == 1.0:
+            assert not heard
+            assert found.rms == pytest.approx(alone.rms, rel=1e-6)
+        else:
+            assert np.isinf(found.rms).all()
+            assert "infinite" in str(heard[0].message)
 
 
 def test_a_number_that_rounding_takes_away_is_not_silent() -> None:

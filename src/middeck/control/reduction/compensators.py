@@ -101,7 +101,7 @@ def _report(
 ) -> ReducedCompensator:
     law, candidate = found.law, found.candidate
     cut = law is candidate.law
-    # Of the first cut the remainder is known without what was kept in both.
+    # After the first cut the remainder is known without the part kept in both.
     remainder = candidate.remainder if cut else subtract(parts.rest, law)
     joined = add(parts.kept, law)
     system = StateSpace(joined.A, joined.B, joined.C, compensator.system.D)

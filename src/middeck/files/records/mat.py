@@ -15,13 +15,13 @@ from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
 from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
-from middeck.files.records.layout import build_raw, contents_of, is_own
+from middeck.files.records.own_layout import build_raw, contents_of, is_own
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault, raw_matrix
 from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, mean_step, open_share, rate_of
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
-# Of a system in state space, as `write_mat` and others write one.
+# Variables of a system in state space, as `write_mat` and other programs write it.
 SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 TIMES = ("t", "time", "Time")

@@ -10,6 +10,7 @@ import numpy as np
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order import order
+from middeck.identification.order.add_or_exchange_modes import grown, shrunk
 from middeck.identification.order.best_start import (
     FEW_STEPS,
     further,
@@ -18,7 +19,6 @@ from middeck.identification.order.best_start import (
     leaves_noise,
     some_lines,
 )
-from middeck.identification.order.exchanged_modes import grown, shrunk
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.leverage import leverage

@@ -66,7 +66,7 @@ def estimate_spectra(
             differ in length.
         segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record
             is cut into its periods, whatever this says.
-        window, overlap: Of the segments, as in `scipy.signal.get_window`; each segment's mean is removed.
+        window, overlap: As in `scipy.signal.get_window`; the mean of each segment is removed.
 
     Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 

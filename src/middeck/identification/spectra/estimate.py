@@ -136,7 +136,7 @@ def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarra
     size = np.abs(found.H) ** 2
     heard, left = np.einsum("koi,i->o", size, floor), np.einsum("koo->o", np.real(left))
     room = float(np.min(np.divide(left, heard, out=np.ones_like(left), where=heard > left)))
-    # Of the estimate at a line: noise over power, a mean over the lines where the response is known best.
+    # Noise of the estimate over its power, a mean over the lines with the best known response.
     power = 1.0 / np.real(np.einsum("kii->ki", R))
     known = np.sum(size / variance, axis=1)
     low = room * experiments * floor * np.sum(known, axis=0) / np.sum(known * power, axis=0)

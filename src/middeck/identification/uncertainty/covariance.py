@@ -1,4 +1,4 @@
-"""Covariance of all unknowns of a fitted model together: the Cramer-Rao value, or what the residual says.
+"""Covariance of all unknowns of a fitted model: the Cramer-Rao value, or one from the residual.
 
 With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the variance of a complex residual,
 half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, or
@@ -6,7 +6,7 @@ neighbouring lines of a response were estimated from common samples (local model
 residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
 former. A is never formed: what is inverted is an orthogonal factor of J (`orthogonal`). Noise that entries of
-H have in common is counted (`entry_factors`).
+H have in common is counted (`response_derivatives`).
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from middeck.identification.spectra.excess_variance import (
     line_degrees,
 )
 from middeck.identification.uncertainty import orthogonal
-from middeck.identification.uncertainty.entry_factors import (
-    EntrySlopes,
-    common_noise,
-    common_scores,
-    entry_factors,
-    entry_slopes,
-    shared_functions,
-)
+from middeck.identification.uncertainty.common_noise import common_noise, common_scores
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     Places,
     places_of,
     ties,
     unknowns_of,
+)
+from middeck.identification.uncertainty.response_derivatives import (
+    EntrySlopes,
+    combined,
+    entry_factors,
+    entry_slopes,
+    shared_functions,
 )
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -61,7 +61,7 @@ class ModelCovariance:
         model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
         root: R of their covariance R R^T: deviations that come from it keep the digits that those from the
             matrix lose where unknowns are told apart badly. Lower triangular, but for what is loose.
-        inflation: Of each unknown, its variance as a multiple of what it would be if all others were known.
+        inflation: Variance of each unknown over its variance if all others were known.
         degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
         robust: True where the residual is clearly more than noise or correlated from line to line, or a
             record's weights are not those of noise, and the covariance follows the residual.
@@ -145,7 +145,8 @@ def estimate_covariance(
         flat = (v.mT.reshape(-1, len(s)) for v in (assumed, noise))
         root = W @ orthogonal.root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
-        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least=0.5)
+        alike = orthogonal.root_of(_scores_if_alike(each, residual, W), least=0.5)
+        root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least=alike)
     root = np.hstack([orthogonal.canonical_root(root), np.sqrt(0.5) * free])
     return ModelCovariance(
         model=model,
@@ -248,10 +249,35 @@ def _scores_spread(
             left = _without_leverage(re, im, hats[o, i], r / np.sqrt(each.variance[o, lines, i]))
             scores[entry.place, lines] += entry.by @ (re * np.real(left) + im * np.imag(left))
     # The weights 1 - |lag| / width are a window of so many lines, convolved with itself.
-    width = _correlated_lags(residual / np.sqrt(each.variance)) + 1
+    lags = 2 * len(_correlations(residual / np.sqrt(each.variance)))
+    width = min(lags, residual.shape[1] // 10) + 1
     sums = np.cumsum(np.pad(W.T @ scores, ((0, 0), (width, width - 1))), axis=1)
     windows = sums[:, width:] - sums[:, :-width]
     return windows @ windows.T / width
+
+
+def _scores_if_alike(
+    each: _Entries, residual: np.ndarray, W: Float[np.ndarray, "unknown direction"]
+) -> Float[np.ndarray, "direction direction"]:
+    """The same of noise that has the assumed variance and whose lines are correlated, all of them alike.
+
+    Of a peak of few lines the residual itself says too little: the fit follows them.
+    """
+    rho = _correlations(residual / np.sqrt(each.variance))
+    size = 2 ** int(np.ceil(np.log2(CHUNK + 2 * len(rho) + 1)))
+    kernel = np.fft.fft(np.concatenate([[0.0], rho]), size)
+    spread = 0.5 * np.eye(W.shape[1])
+    before = dict[tuple[int, int], np.ndarray]()
+    for lines, shared in each.some_lines() if len(rho) else ():
+        for (o, i), entry in each.factors.items():
+            f = each.weighted((o, i), lines, shared) * np.exp(-each.s[lines] * entry.delay_s)
+            by = W[entry.place].T @ combined(entry.by, f)
+            joined = np.hstack([before.get((o, i), np.zeros((len(by), len(rho)))), by])
+            before[o, i] = joined[:, joined.shape[1] - len(rho) :]
+            earlier = np.fft.ifft(np.fft.fft(joined, size, axis=1) * kernel, axis=1)
+            both = np.real(earlier[:, len(rho) : joined.shape[1]] @ by.conj().T)
+            spread += 0.5 * (both + both.T)
+    return spread
 
 
 def _without_leverage(
@@ -274,14 +300,16 @@ def _without_leverage(
     return 0.5 * (more + less) * r + 0.5 * (more - less) * turned
 
 
-def _correlated_lags(z: Complex[np.ndarray, "output line input"]) -> int:
-    """Twice the lines over which the residual is significantly correlated, a tenth of all at most."""
-    most, power = z.shape[1] // 10, float(np.sum(np.abs(z) ** 2))
-    limit = 2.0 / np.sqrt(z.size) * power
-    for lag in range(1, most + 1):
-        if abs(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) <= limit:
-            return min(2 * (lag - 1), most)
-    return most
+def _correlations(z: Complex[np.ndarray, "output line input"]) -> Float[np.ndarray, " lag"]:
+    """Correlation with the next lines, up to the first that is not significant; a tenth of all at most."""
+    power, lines = float(np.sum(np.abs(z) ** 2)), z.shape[1]
+    found: list[float] = []
+    for lag in range(1, lines // 10 + 1):
+        both = float(np.sum(np.real(z[:, lag:] * z[:, :-lag].conj()))) / power
+        if abs(both) <= 2.0 / np.sqrt(z.size):
+            break
+        found.append(both * lines / (lines - lag))
+    return np.array(found)
 
 
 def as_exact(model: MeasurementModel) -> ModelCovariance:

@@ -55,12 +55,21 @@ def inverse_root(
 
 
 def canonical_root(W: Float[np.ndarray, "unknown direction"]) -> Float[np.ndarray, "unknown direction"]:
-    """The one lower triangle with the same W W^T: what is drawn from it hangs on no last digit."""
+    """The one lower triangle with the same W W^T: draws from it do not depend on rounding."""
     R = triangle(W.T)
     return (R * np.where(np.diag(R) < 0.0, -1.0, 1.0)[:, None]).T
 
 
-def root_of(matrix: Float[np.ndarray, "unknown unknown"], least: float = 0.0) -> np.ndarray:
-    """A root of a matrix of moderate condition, each of whose eigenvalues is ``least`` or more."""
+def root_of(
+    matrix: Float[np.ndarray, "unknown unknown"],
+    least: Float[np.ndarray, "unknown direction"] | float = 0.0,
+) -> np.ndarray:
+    """A root of a matrix of moderate condition, in no direction less than ``least``.
+
+    That is a bound of its eigenvalues, or a root of what is least.
+    """
+    if isinstance(least, np.ndarray):
+        inverse = np.linalg.inv(least)
+        return least @ root_of(inverse @ matrix @ inverse.T, 1.0)
     size, direction = np.linalg.eigh(matrix)
     return direction * np.sqrt(np.maximum(size, least))

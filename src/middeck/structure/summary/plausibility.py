@@ -32,7 +32,7 @@ OVERHANG = 2.0  # an offset from a frame's origin over the distance between the 
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
 FLAT = 1e-2  # least side of a box over its largest, so that a line and a sheet have a volume
 THICK = 0.2  # the same of one body, whose thin sides nobody measured
-# Of the mass of an article: members with a density for form's sake, where bodies carry what there is.
+# Share of the mass below which members have a token density: the bodies carry the mass.
 TOKEN = 1e-3
 # kg/m^3, and kg m^2: what a power of ten may be one of (SI, slug, pound, slinch with feet or inches).
 DENSITY_UNITS = (1.0, 515.379, 16.0185, 27679.9, 1.06869e7)

@@ -64,7 +64,11 @@ def peak_gain(system: StateSpace, band: tuple[float, float] = (0.0, np.inf)) -> 
         if found.gain <= best.gain * (1.0 + PRECISION):
             return max(best, found, key=lambda peak: peak.gain)
         best = found
-    raise NumericalError(f"no peak of the gain was settled on in {ROUNDS} rounds", gain=best.gain)
+    raise NumericalError(
+        f"no peak of the gain was settled on in {ROUNDS} rounds",
+        gain=best.gain,
+        hint="a narrower band, or a balanced realisation of the system",
+    )
 
 
 def _on_axis(values: Complex[np.ndarray, " state"], size: float, band: tuple[float, float]) -> float | None:

@@ -163,7 +163,7 @@ def _sensitivity(system: StateSpace, omega: np.ndarray) -> Float[np.ndarray, "li
 def band_rms_by_quadrature(
     system: StateSpace, intensity: Float[np.ndarray, "input input"], band_hz: tuple[float, float]
 ) -> Float[np.ndarray, " output"]:
-    """As `band_rms`, by adaptive quadrature of |G|^2 cut at the resonances: slow, an independent check.
+    """`band_rms` by adaptive quadrature of |G|^2 cut at the resonances: slow, an independent check.
 
     The integrand is evaluated in the Schur form of balanced A, which is backward stable and uses no
     eigenvector. The integral is finite also for an unstable system.

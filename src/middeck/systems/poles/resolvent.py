@@ -78,7 +78,7 @@ def by_poles(form: PoleForm) -> Resolvent:
 
 
 def on_axis(form: PoleForm, omega: Float[np.ndarray, " line"]) -> Complex[np.ndarray, "line output input"]:
-    """As `by_poles` at j ``omega``, each conjugate pair by its upper pole, in real arithmetic."""
+    """`by_poles` at j ``omega``, each conjugate pair by its upper pole, in real arithmetic."""
     residues = _residues(form)
     value, residue = form.values[form.upper], residues[form.upper]
     # r / (s - p) + its conjugate = (2 Re(r) s - 2 Re(r conj(p))) / (s^2 - 2 Re(p) s + |p|^2).

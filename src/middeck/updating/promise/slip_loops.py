@@ -106,7 +106,7 @@ def noise_response(
     wiring: SlipPorts,
     frequency_hz: Float[np.ndarray, " line"],
 ) -> Complex[np.ndarray, "line output noise"]:
-    """Of angles and performance to the disturbances, then to the noise of what ``law`` reads; delay exact."""
+    """Response of angles and performance to disturbances, then to noise read by ``law``; exact delay."""
     w, rows = plant.input_indices(wiring.disturbances), _rows(plant, wiring)[1]
     G = open_response
     if law is None:

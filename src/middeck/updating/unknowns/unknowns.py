@@ -1,4 +1,4 @@
-"""What a refinement may change: named parameters, alone or together, each with what is known of it before."""
+"""Unknowns of a refinement: named parameters, alone or together, each with its prior."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Unknown:
             Damping and friction are never added to, so that they stay positive.
         spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, of one that
             is ``added``, of what is added to each of them, in its unit.
-        mean: Of x; zero is the article as it is.
+        mean: Prior mean of x; zero is the article as drawn.
 
     Raises `ConfigError` for a spread that is not positive, for no parameter, for some of the article and some
     of the environment, and for damping or friction that is added.

@@ -82,7 +82,7 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
-    """As `decide_stability`, for a loop already formed."""
+    """`decide_stability` for a loop that is already formed."""
     return judge_roots(find_roots(loop), loop.period_s)
 
 
@@ -187,7 +187,7 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
 
 
 def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
-    """What the roots of `find_roots` say."""
+    """The verdict on the roots of `find_roots`."""
     if not len(roots):
         return LoopStability(
             stable=True,

@@ -75,7 +75,7 @@ def article_sections(
 
 
 def taper_notes(made: Mapping[str, ArticleSections]) -> list[str]:
-    """What differs from the deck's own program, by names of sections."""
+    """Notes on differences from the deck's own program, by names of sections."""
     notes: list[str] = []
     tapered = {name: len(part.tables) for name, part in made.items() if len(part.tables) > 1}
     if tapered:

@@ -1,4 +1,4 @@
-"""What became of the cards: which were converted, which left out and why, and what is doubtful."""
+"""The report on the cards: which were converted, which left out and why, and which are doubtful."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _why_idle(card: str) -> str:
 
 
 def note_doubts(basis: Basis, parts: Parts) -> list[str]:
-    """What case control selects in vain, what is missing, and what the deck's own program does otherwise."""
+    """Notes on missing sets of case control, and on differences from the deck's own program."""
     entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
     notes: list[str] = []
     if deck.unended:

@@ -35,7 +35,7 @@ OWN = ("SEBULK", "SECONCT")
 SETS = tuple(f"{kind}SET{end}" for kind in "ABCQ" for end in ("", "1"))
 PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH", "PMASS", "MAT1")
 WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
-# Of the size: grids that are joined by place.
+# Largest distance, over the size, of grids that are joined by place.
 NEAR = 1e-5
 LONGEST = 100_000  # points in a range
 

@@ -21,7 +21,7 @@ from middeck.structure.model.clamps import LETTERS
 WAYS = ("x", "y", "z", "rx", "ry", "rz")
 # The component of a scalar point, which has one motion.
 ONLY = "0"
-# Of a direction cosine: what rounding leaves of none.
+# Direction cosine that is zero to rounding.
 SQUARE = 1e-14
 
 

@@ -12,7 +12,7 @@ from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
-# Of the largest coordinate: nearer to the polar axis a point is on it.
+# Distance from the polar axis, over the largest coordinate, below which a point is on it.
 ON_AXIS = 1e-9
 # NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
 CORD2_LINES = 2
@@ -145,7 +145,7 @@ class _Resolver:
                     self._refuse(entry.fault(f"there is no {_word(need)}", key))
                     return
                 if need in within:
-                    self._refuse(entry.fault(f"{_word(need)} hangs on itself: a circle", key))
+                    self._refuse(entry.fault(f"{_word(need)} is defined by itself: a circle", key))
                     return
                 missing.append(need)
             if missing:

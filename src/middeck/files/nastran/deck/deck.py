@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import EMPTY, NO_DECK, looks_like
+from middeck.files.disk.kind_of_content import EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, read_sections

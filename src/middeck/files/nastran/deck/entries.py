@@ -85,7 +85,7 @@ class Entry(NamedTuple):
 
     @property
     def id(self) -> Any:
-        """What it goes by: its first field."""
+        """The number or name in its first field."""
         return self.values[0]
 
     @property

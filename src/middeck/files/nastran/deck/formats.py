@@ -172,5 +172,5 @@ def _format(text: str) -> Format:
 
 
 PARSED = {name: _format(text) for name, text in FORMATS.items()}
-# By card, the place of each field among its values.
+# The place of each field among its card's values.
 PLACES = {name: {field: i for i, field in enumerate(f.names)} for name, f in PARSED.items()}

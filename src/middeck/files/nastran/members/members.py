@@ -23,8 +23,8 @@ DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 LEAST_SINE = 1e-6
 
 
-# By end and component what it sees of a rigid motion of a bar of unit length: along, about itself, and in
-# both planes the shift of its first end and its turn.
+# Rigid motions of a bar of unit length at each end and component: along it, about it, and in both planes the
+# shift of its first end and its turn.
 WAYS = (
     ({"1": [1]}, {"1": [1]}),
     ({"4": [1]}, {"4": [1]}),

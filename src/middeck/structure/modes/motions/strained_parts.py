@@ -93,7 +93,7 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
 
 
 def straight_lines(structure: Structure) -> list[int]:
-    """For each member the number of the first one of its line."""
+    """Number of the first member of each member's line."""
     members, along = structure.members, member_geometry(structure).triad[:, :, 0]
     before = list(range(len(members)))
 

@@ -14,13 +14,13 @@ from jaxtyping import Float
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.beam_curve import beam_curve
+from middeck.structure.eigenproblem.repeated import repeated
+from middeck.structure.elements.beam_centre_line import beam_curve
 from middeck.structure.elements.frames import PosePoints, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
-from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.motions.strain_shares import part_energy
 from middeck.structure.modes.results.component_outputs import inner_points
 from middeck.structure.modes.solve import Modes
@@ -30,7 +30,7 @@ from middeck.values import record
 # Segments of a member: for the S that a cubic can make, and smooth where there are few.
 SEGMENTS, FINE = 6, 16
 SPOKE = 5  # points of a line of a component, so that its colour changes along it
-# Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
+# Sizes over the article's: a section drawn around a member, a cut-off cable, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
 # Sections show torsion; more members than this, or cells of one, would hide it.
 MOST_SECTIONED, CELLS = 60, 8
@@ -38,7 +38,7 @@ MOST_SECTIONED, CELLS = 60, 8
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
 STEP = 1e-30  # of the complex step
-# Of the largest coordinate: what reaches less far is a point up to rounding, and is drawn this large [m].
+# Extent, over the largest coordinate, of what is a point to rounding; it is drawn this large [m].
 POINT, POINT_M = 1e-9, 1.0
 
 
@@ -75,15 +75,15 @@ class Drawing:
     """An article as drawn and at rest, with the motion of its points in each of some shapes.
 
     Attributes:
-        title, environment: Of the article, and of what it stands in.
+        title, environment: Titles of the article and of its environment.
         gravity: In W [m/s^2].
         up: Unit vector in W that is upwards; None where the environment has none.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
         lines, marks: What is drawn of them.
-        motion: Of every point in each shape, about rest, in the scale of `Modes.shapes`.
+        motion: Motion of every point in each shape, about rest, in the scale of `Modes.shapes`.
         strain: Share of every line's member or component in the elastic energy of each shape; zero for the
             other lines.
-        number: Of each shape in the modes it is of.
+        number: Number of each shape in its modes.
         frequency_hz, kind, name: Of each shape.
         alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
     """

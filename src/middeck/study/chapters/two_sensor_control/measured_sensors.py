@@ -84,7 +84,7 @@ def sensor_case(
     torque = (siso.actuator,)
     z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
     plant = measured_plant(fit.model, w=torque, u=torque, z=z, y=sito.sensors)
-    return design_case(siso, fit.model, approximate_delays(plant, sito.pade_order), measured)
+    return design_case(study.loop_test, fit.model, approximate_delays(plant, sito.pade_order), measured)
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:
