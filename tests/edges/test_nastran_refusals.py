@@ -354,7 +354,8 @@ CONM2,40,4,,1.5,,,,,+C1
 +C1,.125,,.25,,,.325
 GRID*,21,,1.5
 *,.75
-SPC1,5,123,1,12
+CONM2         41       4              .5
+              .1              .1                      .1
 """
 
 
@@ -378,7 +379,7 @@ def test_a_file_cut_off_anywhere_is_refused_or_whole_to_its_last_line(tmp_path, 
             assert any("no ENDDATA" in note for note in made.notes) == (kind != "include")
         assert not said or f"{cut.name}:" in said
         assert ("the continuation '+C1' is missing" in said) == whole[:at].endswith("+C1\n")
-    assert read == [0, 1, 3, 4, 5, 6]  # lines of the ending
+    assert read == [0, 1, 3, 4, 5, 6, 7]  # lines of the ending
 
 
 def test_a_whole_deck_without_its_end_is_read_with_a_note(tmp_path):

@@ -84,7 +84,7 @@ def test_a_member_of_one_element_is_curved_beside_one_of_many() -> None:
         expected = P * s**2 * (3.0 * L - s) / (6.0 * 100.0)
         np.testing.assert_allclose(at_rest[:, 1] - x[:, 1], expected, rtol=1e-6, atol=1e-15)
     rings = [line.name for line in drawing.lines if line.what == "section"]
-    assert [rings.count(name) for name in ("a-b", "b-c")] == [2, 7]
+    assert [rings.count(name) for name in ("a-b", "b-c")] == [2, 9]
 
 
 def test_a_bending_mode_is_the_closed_form_between_the_nodes() -> None:

@@ -18,11 +18,18 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.rest.rest_criteria import LEAST_DAMPING, holding
 
+# Of the stiffness of each coordinate, in an article without mass: what holds less is neutral.
+SOFT = 1e-9
+
 
 def is_stable(model: Model, config: Configuration, at: Assembly, loads: Loads) -> bool:
     """Whether nothing grows at a rest state with the assembly ``at``, the free joints held."""
     free, mass = static_freedom(model, config), carried_mass(model, config, loads)
     K, M = free.matrix(at.tangent), free.matrix(mass)
+    if not M.data.any():  # nothing has a speed: what does not yield to a push
+        k = np.abs(K.diagonal())
+        lift = SOFT * np.where(k > 0.0, k, k.max(initial=1.0))
+        return positive_factor(sp.csr_array(K + sp.diags_array(lift))) is not None
     # What is slower, or grows slowly, is decided by its modes; most articles have nothing of the sort.
     slow = factorise(sp.csr_array(K - LEAST_DAMPING * M))
     if slow is not None and slow.negative == 0:

@@ -126,8 +126,10 @@ class Lines:
                     self.ended = True
                     continue
             lines.append((text, file, number))
-        if not self.ended and lines and lines[-1][1:] == (file, len(texts)):
-            raise_at(lines[-1], "", "the file ends within this line", hint=f"{WHOLE} if it is, end the line")
+        last = texts[-1]
+        if last and not (self.ended or last.lstrip().startswith("$") or _INCLUDE.match(last)):
+            what, hint = "the file ends within this line", f"{WHOLE} if it is, end the line"
+            raise_at((last, file, len(texts)), "", what, hint=hint)
 
     def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
         given = Path(named.replace("\\", "/"))

@@ -33,7 +33,7 @@ SPOKE = 5  # points of a line of a component, so that its colour changes along i
 # Sizes over the article's: a section drawn around a member, a cut-off cable, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
 # Sections show torsion; more members than this, or cells of one, would hide it.
-MOST_SECTIONED, CELLS = 60, 6
+MOST_SECTIONED, CELLS = 60, 8
 # The twelve edges of a box in one stroke, by the binary digits of its corners.
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
