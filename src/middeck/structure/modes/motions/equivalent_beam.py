@@ -27,7 +27,8 @@ ONE_LINE = 1e-3
 SLENDER, LETTERED = 2.0, 0.9
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
 FEWEST, MOST, FRAMES_EACH = 4, 12, 4
-RCOND = 1e-9
+# Few points beside the axis may not tell torsion and bending apart: opposite parts would have all shares.
+RCOND = 1e-3
 # Of the length: what reaches less far along it is appended to the beam. And how many of these count.
 SHORT, FEW = 0.1, 4
 # Of the length: a line of members that reaches farther, with others along less of it, is a mast.
