@@ -341,7 +341,7 @@ def boom_on_a_ring(turned: float) -> Structure:
 
 @pytest.mark.parametrize("degrees", [3.0, 9.4, 20.0])
 def test_shares_of_a_beams_motion_turn_with_the_article(degrees: float) -> None:
-    """Few points lie beside the axis: what fits them as torsion and bending alike has no share by rounding."""
+    """Few points lie beside the axis; what fits them as torsion and bending has no share of rounding."""
     found = []
     for turned in (0.0, np.radians(degrees)):
         modes = solved(boom_on_a_ring(turned))
