@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.gimbals.family import sweep_gimbals
-from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.article import Body, JointState, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Link
@@ -23,11 +23,11 @@ HUB = body(0.3, inertia=(1e-3, 1e-3, 1e-3))
 TURN, STIFF = np.radians(25.0), 1e7
 
 
-def arm(drawn: float, **more) -> Structure:
+def arm(drawn: float, inertia: tuple[float, ...] = (0.02,) * 3, **more) -> Structure:
     """A motor about z at the origin and a flexible arm on a rigid link, drawn at an angle from -y."""
     along = np.array([np.sin(drawn), -np.cos(drawn), 0.0])
     nodes = [
-        node("base", (0, 0, 0), body(1.0)),
+        node("base", (0, 0, 0), body(1.0, inertia=inertia)),
         node("root", 0.1 * along, body(0.2, inertia=(1e-3,) * 3)),
         node("tip", 0.9 * along, body(0.8, inertia=(0.01,) * 3)),
     ]
@@ -77,9 +77,9 @@ def test_a_link_within_what_the_joint_carries_turns_with_it() -> None:
     assert abs(np.ptp(family.holding_torque)) > 0.1
 
 
-def two_links() -> Structure:
+def two_links(**more) -> Structure:
     """A shoulder on the base, an elbow on the arm's tip, each with a flexible arm on a link."""
-    whole = arm(0.0)
+    whole = arm(0.0, **more)
     nodes = [
         node("fore", (0, -0.9, 0.05), body(0.2, inertia=(1e-3,) * 3)),
         node("tool", (0.5, -1.4, 0.05), body(0.6, inertia=(0.01,) * 3)),
@@ -110,3 +110,25 @@ def test_free_joints_of_linked_arms_have_their_names_without_gravity() -> None:
     free = solve_modes(solve_equilibrium(two_links(), Environment.orbit()))
     assert free.kind.count("rigid") == 8
     assert free.name[6:8] == ("gimbal motor", "gimbal elbow")
+
+
+POINT = (0.0,) * 3
+
+
+def test_a_motor_on_a_linked_point_mass_that_floats_is_refused_on_every_processor() -> None:
+    """Base and motor turn against each other without any mass: rounding of the link was taken for it."""
+    with pytest.raises(NumericalError, match="neither mass nor stiffness"):
+        solve_modes(solve_equilibrium(two_links(inertia=POINT), Environment.orbit()))
+
+
+@pytest.mark.parametrize("moments", [(0.3, 0.2, 0.11), (1e-3, 2e-3, 3e-3), (5.0, 4.0, 2.0)])
+def test_a_motor_on_a_floating_point_mass_is_refused_on_every_processor(moments: tuple[float, ...]) -> None:
+    """About an axis of any direction: the mass that cancels was none, or a mode at zero, as it rounded."""
+    axes, _ = np.linalg.qr(np.random.default_rng(7).standard_normal((3, 3)))
+    inertia = axes @ np.diag(moments) @ axes.T
+    carried = Body(0.5, np.zeros(3), 0.5 * (inertia + inertia.T))
+    alone = structure(
+        [node("base", (0, 0, 0), body(1.0))], joints=[joint("motor", "base", axes[:, 0], carried)]
+    )
+    with pytest.raises(NumericalError, match="neither mass nor stiffness"):
+        solve_modes(solve_equilibrium(alone, Environment.orbit()))

@@ -56,6 +56,14 @@ class Freedom(NamedTuple):
         own = sp.csr_array(self.basis.T @ turned @ self.basis)
         return sp.csr_array(0.5 * (own + own.T))
 
+    def cancels(self, K: sp.csr_array, part: float) -> Bool[np.ndarray, " moving"]:
+        """Coordinates of which ``matrix(K)`` has less than ``part`` of the terms that cancel there."""
+        own = np.abs(self.matrix(K).diagonal())
+        if self.basis is None:
+            return own == 0.0
+        turned, follow = K if self.axes is None else self.axes.T @ K @ self.axes, abs(self.basis)
+        return own <= part * np.asarray(follow.multiply(abs(turned) @ follow).sum(axis=0)).ravel()
+
     def part(self, load: np.ndarray) -> np.ndarray:
         """The part of loads in W (one or more columns) on the moving coordinates."""
         turned = load if self.axes is None else self.axes.T @ load

@@ -7,6 +7,7 @@ Motions without mass have mu = 0 and are left out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ from middeck.structure.assembly.factorisation import Factor, factorise, order, p
 # A mode is rigid whose energy is below this part of the sum of the absolute terms that cancel in it. Rounding
 # leaves 1e-17 on the two articles; a 0.02 Hz restraint on them leaves 1e-10.
 ROUNDING = 1e-14
+# Of the terms that cancel: less is no mass, and no stiffness. Rounding decides whether what has neither is
+# positive definite, and by it whether there are modes.
+NOTHING = 1e-12
 # Shifts tried, each ten times the one before, until K + sigma M is positive definite.
 SHIFTS = 20
 # A shift serves modes whose omega^2 is between its thousandth and its thousandfold to thirteen digits.
@@ -94,11 +98,29 @@ def _solve_shifted(K: sp.csr_array, M: sp.csr_array, sigma: float) -> Eigenpairs
         except sla.LinAlgError:  # an unstable state: shift beyond its growth rate
             sigma *= 10.0
             continue
+        if _moves_nothing(K, M, sigma, lambda b, phi=phi: phi @ (phi.T @ b)):
+            return None
         # A motion without mass has rounding for mu, and less in its own kinetic energy.
         own = np.minimum(mu, np.einsum("im,im->m", phi, mass @ phi))
         moved = own > len(mu) * np.finfo(float).eps * mu[-1]
         return _refine(K, M, 1.0 / mu[moved][::-1] - sigma, phi[:, moved][:, ::-1], sigma)
     return None
+
+
+def _moves_nothing(
+    K: sp.csr_array, M: sp.csr_array, sigma: float, inverse: Callable[[np.ndarray], np.ndarray]
+) -> bool:
+    """Whether the motion that K + sigma M resists least, for its coordinates, has neither mass nor stiffness.
+
+    ``inverse`` solves with that matrix: three steps of inverse iteration leave that motion alone.
+    """
+    size = np.sqrt(np.abs(K.diagonal() + sigma * M.diagonal()))
+    x = np.random.default_rng(SEED).standard_normal(order(K))
+    for _ in range(3):
+        x = size * inverse(size * x)
+        x = x / np.linalg.norm(x)
+    v = x / np.where(size > 0.0, size, 1.0)
+    return all(abs(v @ (A @ v)) <= NOTHING * (np.abs(v) @ (abs(A) @ np.abs(v))) for A in (K, M))
 
 
 def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int, soft: Soft = None) -> Eigenpairs | None:
@@ -116,6 +138,8 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int, soft: Soft = None
             break
         sigma *= 10.0
     else:
+        return None
+    if _moves_nothing(K, M, sigma, factor.solve):
         return None
     wanted = min(count + SPARE, order(K) - 2)
     pairs = _lanczos(K, M, factor, sigma, wanted, None)

@@ -27,7 +27,8 @@ ONE_LINE = 1e-3
 SLENDER, LETTERED = 2.0, 0.9
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
 FEWEST, MOST, FRAMES_EACH = 4, 12, 4
-RCOND = 1e-9
+# Few points beside the axis may not tell torsion and bending apart: opposite parts would have all shares.
+RCOND = 1e-3
 # Extent along the beam, over its length, below which a part is appended to it; and how many parts count.
 SHORT, FEW = 0.1, 4
 # Extent of a line of members, over the length, from which it is a mast, if others along it extend less.
