@@ -141,7 +141,7 @@ def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polish
     """Error on lines that the model has not seen, over the size that the fit weighs by and their noise.
 
     Those that were left out; where none were, on each line that of the model without it. A refit to every
-    other line would not do: it keeps poles that follow single lines, and how many hangs on where rounding
+    other line would not do: it keeps poles that follow single lines, and how many depends on where rounding
     leads a search.
     """
     unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(data.omega, part.omega))

@@ -156,7 +156,7 @@ class Drawing:
         modal = _scaled_outputs(modal, np.array([gain[s] for s in self.sensors]))
         plant = self.finish(dataclasses.replace(plant, dynamics=modal))
         delay = loop.delay_s + loop.delay_tolerance_s * late
-        # What has no tolerance was not drawn, and no risk hangs on it.
+        # A number without tolerance was not drawn, and no risk depends on it.
         of_loop = [
             late * (loop.delay_tolerance_s > 0.0),
             (2.0 * self.pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),

@@ -1,8 +1,8 @@
 """Measured modes that may be other modes of the model than those they were compared with.
 
-Where shapes do not tell two modes apart the frequency does, and where the priors let either have it nothing
-does. Other pairs are weighed by their likelihood against that of the pairs as they are, linear about the
-refined article and with what that leaves out, half the square of what the priors allow.
+Where shapes cannot distinguish two modes, the frequency can; where the priors allow it for either, nothing
+can. Other pairs are compared by their likelihood with the pairs as they are: linear about the refined
+article, with half the square of what the priors allow as the error of that.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels
 from middeck.updating.residuals.surveys import Compared, set_up
 from middeck.updating.unknowns.unknowns import product_slopes
 
-# Of the MAC with the mode that a measured one was paired with: shapes of more than this part do not tell.
+# Share of the pair's MAC: a shape of another mode with more than this cannot be distinguished.
 ALIKE = 0.8
-# Of the likelihood: another pair of less is not named.
+# Least likelihood, over that of the pairs as they are, of another pair that is named.
 LIKELY = 0.05
 
 
@@ -42,7 +42,7 @@ class _Errors(NamedTuple):
     std: np.ndarray
 
     def put(self, rows: list[int], others: _Errors, taken: list[int]) -> _Errors:
-        """With some ``rows`` of ``others`` in the place of its own."""
+        """The errors with some ``rows`` replaced by those of ``others``."""
         changed = [part.copy() for part in self]
         for part, new in zip(changed, others, strict=True):
             part[rows] = new[taken]

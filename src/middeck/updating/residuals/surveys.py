@@ -332,7 +332,7 @@ def real_shapes(measured: MeasuredModes) -> np.ndarray:
 
 
 def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """As the test states it; where it states none or zero, `SHAPE_STD` of the mode's channels of its sort."""
+    """Stated standard deviations of shapes; otherwise `SHAPE_STD` of the mode at channels of that sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
     usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
     return usual if stated is None else np.where(stated > 0.0, stated, usual)

@@ -92,7 +92,7 @@ def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[
 
     Without a constant term, which a disturbance that is white would make infinite in the performance. A
     design trusts every mode of its plant: of a chosen order two states go as long as the damping of a mode
-    in the band is not known to half of it, or hangs on one or two lines, whose distortion the mode then
+    in the band is not known to half of it, or depends on one or two lines, whose distortion the mode then
     follows, or as one lies so far above that it is a constant there, which no law can be sampled with.
     """
     banded = in_band(measured, band_hz)
