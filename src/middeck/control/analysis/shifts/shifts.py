@@ -17,8 +17,8 @@ from middeck.control.analysis.stability.stability import (
     require_known,
 )
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.moved_numbers import measure_known
 from middeck.control.law.partition import partition_modes
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.errors import ConfigError
 from middeck.systems.plants.mode_blocks import part_modes
 from middeck.systems.plants.mode_shift import shift_modes

@@ -22,7 +22,7 @@ from middeck.control.analysis.stability.delayed_roots import (
 from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.rounding import LIGHTEST, ROUNDINGS, is_vague, poles_with_rounding
