@@ -536,5 +536,5 @@ def test_a_deck_of_three_files_and_sections(tmp_path):
     assert [entry.id for entry in deck.entries.of("GRID")] == [1, 3, 2]
     assert deck.selection.sets == {"MPC": {701}, "SPC": {5}}
     assert deck.selected("MPC") == []
-    assert len(deck.missing) == 1
-    assert "gone.v9" in deck.missing[0]
+    assert len(deck.notes) == 1
+    assert "gone.v9" in deck.notes[0]

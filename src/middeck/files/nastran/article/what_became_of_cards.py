@@ -80,7 +80,7 @@ def note_doubts(basis: Basis, parts: Parts) -> list[str]:
     for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
         absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
         notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
-    notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
+    notes += deck.notes
     stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
     if stiff:
         notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")

@@ -81,8 +81,8 @@ def read_assembly(
     cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
     cards = [card for card in bulk.main if card.name not in OWN]
     selection = read_selection(bulk.head[cend + 1 :], subcase)
-    entries, missing = read_entries(cards), tuple(bulk.missing)
-    return Deck(str(path), selection, entries, missing, not bulk.head, len(bulk.main), bulk.unended), parts
+    entries, notes = read_entries(cards), tuple(bulk.notes)
+    return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
 
 
 def _unread(bulk: Bulk) -> Iterator[Fault]:

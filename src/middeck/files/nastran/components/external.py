@@ -44,13 +44,13 @@ _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
 class Bulk(NamedTuple):
     """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK.
 
-    ``missing`` names includes there that are not found; ``unended`` is the last line where ENDDATA lacks.
+    ``notes`` are those on includes; ``unended`` is the last line where ENDDATA lacks.
     """
 
     head: list[Line]
     main: list[Card]
     supers: dict[int, list[Card]]
-    missing: list[str]
+    notes: list[str]
     unended: Line | None
 
 
@@ -63,12 +63,12 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     head: list[Line] = []
     main: list[Line] = []
     supers: dict[int, list[Line]] = {}
-    missing: list[str] = []
+    notes: list[str] = []
     unended: Line | None = None
     for path in paths:
         reader = Lines(Path(path))
         lines, begins = reader.lines, reader.begins
-        missing += reader.missing
+        notes += reader.notes
         unended = reader.unended
         bulk = [at for at in begins if _BULK.match(lines[at][0])]
         before = head if bulk else main
@@ -82,7 +82,7 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
             into = supers.setdefault(int(found[1]), []) if found else main
             into += lines[start + 1 : end]
     parts = {n: join_cards(found) for n, found in supers.items()}
-    return Bulk(head, join_cards(main), parts, missing, unended)
+    return Bulk(head, join_cards(main), parts, notes, unended)
 
 
 def has_card(path: str | Path, name: str) -> bool:
