@@ -383,7 +383,7 @@ def test_a_file_cut_off_anywhere_is_refused_or_whole_to_its_last_line(tmp_path, 
             read += [] if torn else [len(ENDING[: at - len(head)].split("\n")) - 1]
             assert any("no ENDDATA" in note for note in made.notes) == (kind != "include")
         assert not said or f"{cut.name}:" in said
-        ends = ("+C1\n", "+C1") if kind == "include" else "+C1\n"
+        ends = (",+C1\n", ",+C1") if kind == "include" else ",+C1\n"
         assert "the continuation '+C1' is missing" in said or not whole[:at].endswith(ends)
     assert read == [0, 1, 3, 4, 5, 6, 7]  # lines of the ending
 
