@@ -57,12 +57,11 @@ Found = TypeVar("Found")
 
 def measure_known(
     what: str,
-    measure: Callable[[Plant, Compensator], Found],
+    measure: Callable[..., Found],
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
-    plant: Plant,
-    law: Compensator,
+    *halves: Plant | Compensator,
 ) -> Found:
-    """The result of ``measure``; warns (`UserWarning`) where rounding of vague halves moves its numbers.
+    """The result of ``measure`` for plants and laws; warns (`UserWarning`) where rounding of vague ones moves it.
 
     Halves of which no pole `is_vague` cost nothing more.
 
@@ -70,38 +69,50 @@ def measure_known(
         what: Names the numbers in the warning.
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
     """
+    found = measure(*halves)
+    vague = [_is_vague(half) for half in halves]
+    if not any(vague):
+        return found
 
-    def find(plant: Plant, law: Compensator) -> tuple[Found, np.ndarray]:
-        found = measure(plant, law)
+    def of(found: Found) -> np.ndarray:
         with np.errstate(divide="ignore"):
-            return found, numbers(found)
+            return numbers(found)
 
-    found, here = find(plant, law)
-    if (
-        np.isfinite(here).any()
-        and (most := _farthest(here, lambda *moved: find(*moved)[1], plant, law)) > UNCERTAIN
-    ):
-        warnings.warn(
-            f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, or "
-            f"rad) or more; {CURE}, would tell",
-            stacklevel=3,
-        )
+    here = of(found)
+    if np.isfinite(here).any():
+        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, vague, strict=True)))
+        if most > UNCERTAIN:
+            warnings.warn(
+                f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
+                f"or rad) or more; {CURE}, would tell",
+                stacklevel=3,
+            )
     return found
 
 
+def _is_vague(half: Plant | Compensator) -> bool:
+    return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
+
+
+def _move(half: Plant | Compensator, rng: np.random.Generator) -> Plant | Compensator:
+    if isinstance(half, Plant):
+        return move_plant(half, rng)
+    return dataclasses.replace(half, dynamics=moved_entries(half.dynamics, rng))
+
+
 def _farthest(
-    here: np.ndarray, numbers: Callable[[Plant, Compensator], np.ndarray], plant: Plant, law: Compensator
+    here: np.ndarray, numbers: Callable[..., np.ndarray], halves: list[tuple[Plant | Compensator, bool]]
 ) -> float:
-    """The largest change of a number; infinite where one has no value, or stability is open."""
-    vague = is_vague_plant(plant), is_vague(law.dynamics)
+    """The largest change of a number as vague halves move; infinite where one has no value, or stability is
+    open.
+    """
     rng, most = np.random.default_rng(0), 0.0
-    for _ in range(DRAWS if any(vague) else 0):
-        one = move_plant(plant, rng) if vague[0] else plant
-        other = dataclasses.replace(law, dynamics=moved_entries(law.dynamics, rng)) if vague[1] else law
+    for _ in range(DRAWS):
+        moved = [_move(half, rng) if vague else half for half, vague in halves]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                there = numbers(one, other)
+                there = numbers(*moved)
             except NumericalError:
                 return np.inf
         if there.shape != here.shape or np.any(np.isnan(there) != np.isnan(here)):
