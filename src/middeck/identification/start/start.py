@@ -298,24 +298,40 @@ def _one_by_one(
 
 
 def _real_starts(data: Data, options: FitOptions, found: np.ndarray) -> Iterator[Start]:
-    """The strongest oscillating modes among the candidates, at the best delays of each output."""
-    wanted = options.moving // 2
-    light = (np.imag(found) > 0.0) & (-np.real(found) < HEAVY * np.abs(found))
-    poles = found[light]
+    """The strongest oscillating modes among the candidates, at the best delays of each output.
+
+    Heavily damped ones are among them only where the others explain little at any delay: a loop about the
+    article has such modes. In a narrow band they stand for phase, as a delay does.
+    """
+    poles = found[np.imag(found) > 0.0]
     poles = poles[np.argsort(np.imag(poles))]
-    if len(poles) < wanted:
-        return
-    pair = np.ones(len(poles), dtype=bool)
+    started, explained = _starts_among(data, options, poles[-np.real(poles) < HEAVY * np.abs(poles)])
+    if explained < ENOUGH and data.omega[-1] >= NARROW * data.omega[0]:
+        started, _ = _starts_among(data, options, poles)
+    yield from started
+
+
+def _starts_among(
+    data: Data, options: FitOptions, poles: Complex[np.ndarray, " mode"]
+) -> tuple[list[Start], float]:
+    """Starts at the strongest of these pairs, none where they are too few, and what all of them explain."""
+    if not len(poles):
+        return [], 0.0
+    pair, wanted = np.ones(len(poles), dtype=bool), options.moving // 2
     _, _, X = _one_by_one(data, options, poles, pair)
     line, level = _weights_alike(data)
     modes = [np.array([m]) for m in range(len(poles))]
     rows = as_real((X * line[:, 0])[:, :, None]).T
+    Q = np.linalg.qr(rows)[0]
+    started, explained = list[Start](), 0.0
     for delay_s in _first_delays(data, options, X):
         prompt = np.moveaxis(data.H * np.exp(data.s[:, None] * delay_s[:, None]) * level * line, 1, 2)
-        targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None])
-        kept = prune(rows, targets.T, modes, [2] * len(poles), options.moving)
+        targets = as_real(prompt.reshape(-1, len(data.s))[:, :, None]).T
+        explained = max(explained, float(np.sum((Q.T @ targets) ** 2) / np.sum(targets**2)))
+        kept = prune(rows, targets, modes, [2] * len(poles), options.moving) if len(poles) >= wanted else None
         if kept is not None:
-            yield start_at(data, options, poles[kept], pair[kept], delay_s)
+            started.append(start_at(data, options, poles[kept], pair[kept], delay_s))
+    return started, explained
 
 
 def _first_delays(
