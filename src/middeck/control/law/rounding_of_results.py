@@ -61,7 +61,7 @@ def measure_known(
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
     *halves: Plant | Compensator,
 ) -> Found:
-    """The result of ``measure`` for plants and laws; warns (`UserWarning`) where rounding of vague ones moves it.
+    """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
 
     Halves of which no pole `is_vague` cost nothing more.
 
