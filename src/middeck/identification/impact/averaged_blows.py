@@ -19,7 +19,7 @@ from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
 from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.coherence import ordinary_coherence
 from middeck.identification.spectra.h1_h2_hv import spectra_response
-from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, trusted
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record as frozen

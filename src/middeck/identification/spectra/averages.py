@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from middeck.errors import DataError
 from middeck.identification.model.refused_data import Swing, check_record, check_swing, widen
-from middeck.identification.spectra.scattered_response import ResponseScatter
+from middeck.identification.spectra.variance_of_lines import ResponseScatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen

@@ -15,8 +15,8 @@ from middeck.identification.spectra.averages import estimate_spectra
 from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
-from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
 from middeck.identification.spectra.start_up import steadied
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, trusted
 from middeck.signals.excitation.driven_band import floor_variance
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.repetition import blocks_of

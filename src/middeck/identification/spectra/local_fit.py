@@ -23,7 +23,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
 
-from middeck.identification.spectra.scattered_response import variance_of
+from middeck.identification.spectra.variance_of_lines import variance_of
 from middeck.values import record as frozen
 
 # Order of each polynomial. Even orders cost the same bias as the next odd one at the middle of a window.

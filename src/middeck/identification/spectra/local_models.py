@@ -16,7 +16,7 @@ from middeck.identification.spectra.excited_lines import (
     refuse_alike,
     refuse_silence,
 )
-from middeck.identification.spectra.scattered_response import ResponseScatter
+from middeck.identification.spectra.variance_of_lines import ResponseScatter
 from middeck.identification.spectra.zoom import zoomed_lines
 from middeck.signals.record import Record, RecordStream
 

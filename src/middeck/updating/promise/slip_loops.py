@@ -9,8 +9,8 @@ import scipy.linalg as sla
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.law.compensator import Compensator, locate_ports
+from middeck.control.robust.verification.batch import same_shapes
 from middeck.control.robust.verification.many_loops import decide_many
-from middeck.control.robust.verification.monte_carlo import same_shapes
 from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response

@@ -14,12 +14,8 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.verification.batch import (
-    row_rms,
-    same_shapes,
-    sampled_covariances,
-    warn_of_lost,
-)
+from middeck.control.robust.verification.batch import row_rms, same_shapes, warn_of_lost
+from middeck.control.robust.verification.sampled_covariances import sampled_covariances
 from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays

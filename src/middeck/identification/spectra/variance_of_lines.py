@@ -1,4 +1,4 @@
-"""A measured response, and what scatters it."""
+"""The variance of each line of a measured response, by what scatters it."""
 
 from __future__ import annotations
 
