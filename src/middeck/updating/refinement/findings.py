@@ -15,6 +15,7 @@ from middeck.updating.refinement.posterior import errors_shown
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
 from middeck.updating.refinement.wrong_channels import wrong_channels
+from middeck.updating.refinement.wrong_readings import wrong_readings
 from middeck.updating.residuals.damping import log_std
 from middeck.updating.residuals.surveys import Compared, left_open
 
@@ -76,6 +77,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
         *_of_other_pairs(refined),
         *(said for c in refined.compared for said in wrong_channels(c)),
+        *wrong_readings(refined),
     )
 
 

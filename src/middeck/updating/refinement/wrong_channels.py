@@ -88,18 +88,21 @@ class _Shapes(NamedTuple):
         return out
 
 
-def _said(compared: Compared, row: int, read: np.ndarray, moved: np.ndarray) -> str:
-    measured = compared.survey.measured
-    channel = f"channel {measured.node[row]} {measured.direction[row]}"
+def how_it_reads(read: np.ndarray, moved: np.ndarray) -> str:
+    """The matter with an instrument that reads ``read`` where the model moves by ``moved``."""
     by = float(read @ moved / max(moved @ moved, TINY))
     alike = abs(float(read @ moved)) / max(float(np.linalg.norm(read) * np.linalg.norm(moved)), TINY)
     if alike < ALIKE:
-        what = "does not read what the model moves there: another axis or place? The"
-    elif abs(by + 1.0) < WRONG:
-        what = "reads with the other sign. The"
-    else:
-        what = f"reads {by:.2g} times what the model moves there: its calibration or unit? The"
+        return "does not read what the model moves there: another axis or place? The"
+    if abs(by + 1.0) < WRONG:
+        return "reads with the other sign. The"
+    return f"reads {by:.2g} times what the model moves there: its calibration or unit? The"
+
+
+def _said(compared: Compared, row: int, read: np.ndarray, moved: np.ndarray) -> str:
+    measured = compared.survey.measured
+    channel = f"channel {measured.node[row]} {measured.direction[row]}"
     return (
-        f"{compared.survey.name}: {channel} {what} other channels agree with the model; correct it or "
-        "leave it out, for it shifts and widens all that is stated"
+        f"{compared.survey.name}: {channel} {how_it_reads(read, moved)} other channels agree with the model; "
+        "correct it or leave it out, for it shifts and widens all that is stated"
     )
