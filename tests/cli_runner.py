@@ -18,7 +18,7 @@ import pytest
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
 from middeck.identification.faults.detect import detect_faults
-from middeck.updating.candidates.foreseen import foresee
+from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine

@@ -82,7 +82,7 @@ def rig_case(article: str = "simple", environment: str = "lab") -> RigCase:
     """``article`` "simple" or "dm", ``environment`` "lab" or "orbit"."""
     control, modes = study().control, find_modes(*study().case(article, environment))
     if article == "simple":
-        plant, disturbed = control_plant(modes, control), tuple(control.disturbances)
+        plant, disturbed = control_plant(modes, study()), tuple(control.disturbances)
         loops, measured = control.pd_loops, (*control.angles, *_rates(control.angles))
         rest = [name for loop in control.disturbances for name in (loop, f"{loop}_rate")]
     else:
@@ -126,7 +126,7 @@ def _disturbance(article: str, environment: str) -> float:
         share = 1.0 if environment == "lab" else IN_ORBIT
         return share * TORQUE_RMS / np.sqrt(2.0 * 60.0 * PERIOD_S)
     control = study().control
-    plant = control_plant(find_modes(*study().case("simple", "orbit")), control)
+    plant = control_plant(find_modes(*study().case("simple", "orbit")), study())
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
     unit = Performance(np.array(control.metric_weights), np.eye(len(control.disturbances)), control.band_hz)
     metric = loop_metric(leave_open(close_inner_loop(plant, pd)), unit)

@@ -225,10 +225,10 @@ def _simple() -> list[dict[str, Any]]:
     study = load_study(ROOT / "studies" / "mace-1993.toml")
     modes, control = find_modes(*study.case("simple", "orbit")), study.control
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
-    bare = control_plant(modes, control)
+    bare = control_plant(modes, study)
     plant = close_inner_loop(bare, pd)
-    psd = disturbance_psd(plant, control)
-    weights, performance = design_weights(control, psd), performance_under(control, psd)
+    psd = disturbance_psd(plant, study)
+    weights, performance = design_weights(study, psd), performance_under(study, psd)
     box = Uncertainty(
         shifts=tuple(ModeShift((name,), 0.01) for name in SIMPLE_MODES),
         finish=partial(close_inner_loop, pd=pd),

@@ -55,7 +55,7 @@ def truth() -> Truth:
     control = study.control
     modes = solve_modes(solve_equilibrium(*study.case("simple", "orbit")))
     gains = np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad)
-    plant = close_inner_loop(control_plant(modes, control), PDLoops(control.pd_loops, *gains))
+    plant = close_inner_loop(control_plant(modes, study), PDLoops(control.pd_loops, *gains))
     system = subsystem(plant, control.inputs, plant.y)
     poles, shapes = scipy.linalg.eig(system.A)
     rows = np.linalg.solve(shapes, system.B)

@@ -21,10 +21,10 @@ from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
-from middeck.updating.promise.outlook import probability_interval
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
+from middeck.updating.promise.stability_probability import probability_interval
 
 # The frozen case is shared with the tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))

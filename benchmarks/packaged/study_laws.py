@@ -24,10 +24,10 @@ def study_laws() -> dict[str, Compensator]:
     """By "log10 authority", all that are stable by themselves."""
     study = load_study(STUDY)
     control, comparison = study.control, compare_environments(study)
-    psd = study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, control).disturbance_psd
+    psd = study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, study).disturbance_psd
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
-    plant = close_inner_loop(control_plant(comparison.orbit, control), pd)
-    weights = design_weights(control, psd)
+    plant = close_inner_loop(control_plant(comparison.orbit, study), pd)
+    weights = design_weights(study, psd)
     levels = np.linspace(control.log10_authority_first, control.log10_authority_last, control.levels)
     laws = {
         f"{level:g}": emulate(design_lqg(plant, weights, 10.0**level), 1.0 / study.rig.sample_hz)

@@ -117,7 +117,7 @@ from .structure.rest.equilibrium import (
 from .structure.sensitivity.frequencies import differentiate_frequencies as differentiate_frequencies
 from .structure.suspension.levelling import level as level
 from .systems.delay.delay_approximation import approximate_delays as approximate_delays
-from .systems.plants.own_plant import make_plant as make_plant
+from .systems.plants.plant_from_matrices import make_plant as make_plant
 from .systems.plants.plant import (
     delay_plant as delay_plant,
     Plant as Plant,

@@ -71,7 +71,7 @@ def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
 
 
 class _ArrayField(NamedTuple):
-    """What the annotation of an array says: kinds of number, and a name or a fixed size of each dimension."""
+    """The annotation of an array: kinds of number, and a name or a fixed size of each dimension."""
 
     name: str
     optional: bool

@@ -146,6 +146,26 @@ def test_tip_flexibility_is_the_integral(tmp_path, campaign):
         assert np.abs((R.T @ found @ R - exact) / scale).max() < DIGITS
 
 
+@pytest.mark.parametrize(("end", "off"), [(1e-1, 1e-6), (1e-2, 1e-3), (3e-3, 0.02), (1.3e-4, 0.05)])
+@pytest.mark.parametrize("of", [range(OWN), [1], [4]], ids=["all", "I1", "J"])
+def test_a_steep_taper_has_no_hinge(tmp_path, end, off, of):
+    """Constants that keep three integrals are negative where a beam changes steeply: means, and a note."""
+    taper = Taper(np.random.default_rng(0), steep=0.0)
+    taper.x, taper.blank = np.array([0.0, 1.0]), np.zeros((2, OWN), dtype=bool)
+    taper.numbers = np.tile(taper.numbers[0], (2, 1))
+    taper.numbers[:, [3, *range(OWN, len(NAMES))]] = 0.0
+    taper.numbers[1, of] *= end
+    structure, made = article(tmp_path, taper.deck(np.random.default_rng(1)))
+    K, _, keep = clamped_matrices(mesh_structure(structure))
+    found = np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
+    R = own_axes(taper)
+    taper.quadrature = lambda cells, rule=taper.quadrature: rule(50 * cells)
+    exact = flexibility(taper)
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    assert np.abs((R.T @ found @ R - exact) / scale).max() < off
+    assert any("divide the beam in the deck" in note for note in made.notes) == (off > 1e-3)
+
+
 @pytest.mark.parametrize("formulation", ["consistent", "coupled", "lumped"])
 def test_mass_is_the_integral(tmp_path, campaign, formulation):
     for seed in campaign(40):

@@ -154,6 +154,14 @@ def test_an_article_without_mass_has_no_modes(tmp_path):
         solved(tmp_path, [*lines, "CBAR,1,1,1,2,0.,1.,0."], "lumped")
 
 
+@pytest.mark.parametrize("end", ["1.", "1.,.1,.7"])
+def test_a_free_article_without_mass_has_no_modes(tmp_path, end):
+    """Nothing drives it, but rounding; it rests, and has no modes."""
+    lines = ["MAT1,1,7.+10,,.3", "PBAR,1,1,1.-4,1.-8,2.-8,4.-8", "GRID,1", f"GRID,2,,{end}", "SPC1,8,1,1"]
+    with pytest.raises(ConfigError, match="nothing that moves has mass"):
+        solved(tmp_path, [*lines, "CBAR,1,1,1,2,0.,1.,0."], "lumped")
+
+
 def test_what_a_selected_union_sums_is_not_left_out(tmp_path):
     lines = ["SPCADD,7,8", "SPC1,8,12356,2", "SPC1,8,123456,1", "FORCE,3,2,,1.,1.", "LOAD,4,1.,2.,3"]
     lines = [*lines, "GRID,1", "GRID,2,,1.", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,1.-4,1.-8,2.-8,4.-8"]

@@ -59,7 +59,7 @@ class Case:
     @functools.cached_property
     def control(self) -> ZeroGControl:
         simple = self.comparison["simple"]
-        return study_zero_g_control({"orbit": simple.orbit, "lab": simple.lab}, self.study.control)
+        return study_zero_g_control({"orbit": simple.orbit, "lab": simple.lab}, self.study)
 
     def _compare(self, article: str) -> ModeComparison:
         orbit, lab = (find_modes(*self.study.case(article, side)) for side in ("orbit", "lab"))

@@ -233,3 +233,12 @@ def test_an_upright_proof_mass_sinks_onto_its_spring_or_is_refused(capfd: Captur
     assert "joint 'pm' would rest at -0.248" in ended.err
     assert "beyond its travel -0.005 to 0.005" in ended.err
     assert str(file) in ended.err
+
+
+def test_a_key_of_the_file_below_a_table_is_told_to_stand_above(tmp_path: Path, capfd: Capture):
+    file = tmp_path / "late.toml"
+    text = '[section.tube]\nEA_n = 1.0\nnode = [{name = "a", x_m = 0.0}]\n'
+    file.write_text(f'schema = 1\nname = "late"\n{text}')
+    told = middeck(capfd, "check", file).err
+    assert "section.tube.node" in told
+    assert "a key of the file: write it above the first [table], here it belongs to section.tube" in told

@@ -8,12 +8,14 @@ import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 import middeck as package
 from cli_runner import ROOT, link_documents, middeck, script, share_results
+from middeck.cli import main
 from middeck.cli.app import VERBS
 from repeats import LONG, repeats
 
@@ -164,3 +166,15 @@ def test_a_reader_that_has_seen_enough_is_no_error() -> None:
         ["bash", "-c", f"{command} | true; echo ${{PIPESTATUS[0]}}"], capture_output=True, text=True, cwd=ROOT
     )
     assert (done.stdout, done.stderr) == ("0\n", "")
+
+
+def test_of_warnings_that_differ_in_numbers_alone_the_first_is_shown(capfd, monkeypatch):
+    monkeypatch.setattr(main, "SAID", Counter())
+    for text in ("modes 'a' couple by 0.21", "modes 'b' couple by 0.21", "modes 'a' couple by 1.9e-05"):
+        main._show_warning(text)
+    main._count_alike()
+    assert capfd.readouterr().err.splitlines() == [
+        "warning: modes 'a' couple by 0.21",
+        "warning: modes 'b' couple by 0.21",
+        "warning: more that differ from one above in numbers alone: 1",
+    ]

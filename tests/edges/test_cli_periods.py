@@ -209,7 +209,7 @@ def test_a_sampled_model_that_nobody_asked_for_is_said_to_have_no_delay(
     assert found["sampled"] is True
     chosen = [w for w in found["warnings"] if "--continuous" in w and "--band" in w and "no delay" in w]
     assert len(chosen) == 1
-    assert any("modes it lacks" in w for w in found["warnings"])
+    assert any("modes that the model lacks" in w for w in found["warnings"])
     for wanted in ("--sampled", "--continuous"):
         asked = json.loads(middeck(capfd, *ask, wanted).out)
         assert not any("was chosen" in w for w in asked["warnings"])

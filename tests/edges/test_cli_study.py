@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -91,6 +92,27 @@ def test_sigterm_ends_it_alike(tmp_path: Path, after: str | float) -> None:
     code, said = interrupted(tmp_path / "out", signal.SIGTERM, after=after)
     assert (code, said.rstrip().splitlines()[-1]) == (130, "interrupted")
     assert ("figure-4.svg" in whole_files_only(tmp_path / "out")) == isinstance(after, str)
+
+
+SWALLOWED = """
+import os, signal, sys, time, weakref
+from middeck.cli.main import catch_interrupts
+
+class Value: pass
+seen, value = catch_interrupts(), Value()
+watched = weakref.ref(value, lambda _: (os.kill(os.getpid(), signal.SIGINT), time.sleep(0.0)))
+del value
+print("goes on")
+try:
+    time.sleep(20.0)
+except KeyboardInterrupt:
+    sys.exit(130 if seen() else 1)
+"""
+
+
+def test_an_interruption_that_python_drops_in_a_callback_comes_again() -> None:
+    done = subprocess.run([sys.executable, "-c", SWALLOWED], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "goes on\n", "")
 
 
 def test_a_campaign_of_interruptions(tmp_path: Path, campaign) -> None:

@@ -19,7 +19,14 @@ from middeck.files.articles.checks import article_findings
 from middeck.files.articles.form import ArticleForm
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm
-from middeck.files.setups import find_document, load_environment, load_setup, load_structure
+from middeck.files.setups import (
+    BUILT_IN,
+    find_document,
+    find_stated,
+    load_environment,
+    load_setup,
+    load_structure,
+)
 from middeck.files.studies.documents import load_study, study_rules
 from middeck.files.studies.form import StudyForm
 from middeck.files.toml.faults import Fault
@@ -670,6 +677,32 @@ def test_documents_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
         find_document("orbt", "environment", beside=DM)
     with pytest.raises(ConfigError, match="give the path of an article file"):
         find_document("none", "article")
+
+
+def test_what_a_document_names_is_the_same_from_every_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A path from its own folder, or a name that the folders next to it have; then those of the reader."""
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "environments").mkdir()
+    document = tmp_path / "tests/refine.toml"
+    near, folder = tmp_path / "tests/e.toml", tmp_path / "environments/lab.toml"
+    for file in (near, folder):
+        file.write_text(LAB.read_text())
+    elsewhere = tmp_path / "elsewhere"
+    (elsewhere / "environments").mkdir(parents=True)
+    for name in ("e.toml", "environments/lab.toml", "environments/far.toml"):
+        (elsewhere / name).write_text(LAB.read_text())
+    for here in (elsewhere, tmp_path, tmp_path / "tests"):
+        monkeypatch.chdir(here)
+        assert find_stated("e.toml", document).samefile(near)
+        assert find_stated("e", document).samefile(near)
+        assert find_stated("lab", document).samefile(folder)
+        assert find_stated(str(folder), document).samefile(folder)
+        assert find_stated("orbit", document) == BUILT_IN["orbit"]
+    monkeypatch.chdir(elsewhere)
+    assert find_stated("environments/far.toml", document) == Path("environments/far.toml")
+    assert find_stated("far", document) == Path("environments/far.toml")
 
 
 @pytest.mark.parametrize("name", ["dm", "simple"])

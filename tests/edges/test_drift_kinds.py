@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cli_runner import detect_faults_once
-from middeck.cli.given.option_settings import FitSettings
+from middeck.cli.given.checked_options import FitSettings
 from middeck.cli.work.fit_records import alike, identify
 from middeck.files.measured.models import load_fitted, write_model
 from middeck.files.records import write_record

@@ -21,7 +21,7 @@ from engine_cases import plain_settings, random_article, random_package
 from engine_supervised import settings
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.shared_file import open_shared_file
-from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
 

@@ -11,7 +11,7 @@ import pytest
 from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still_article
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.shared_file import open_shared_file
-from middeck.realtime.engine.process.adopted import AdoptedEngine
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.package.filter_sections import LoopPath, static_gain

@@ -18,11 +18,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.files.exchange.vtu import vtu_text
+from middeck.plot.fit import fit_figure
+from middeck.plot.gravity_path import gravity_path_figure
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
+from middeck.structure.gravity.path_events import EventKind, GravityEvent
 from middeck.structure.modes.results.drawing import build_mode_drawing
-from structure_builders import TUBE, straight_beam
+from structure_builders import TUBE, body, on_cables, straight_beam, tube_bus
 from trusses import truss
 
 Capture = pytest.CaptureFixture[str]
@@ -312,3 +315,42 @@ def test_up_without_anything_to_turn(capfd, tmp_path):
     assert middeck(capfd, *ask, "--figure", tmp_path / "a.svg").code == 0
     compared = middeck(capfd, "compare", *ask[1:2], "--up", "x")
     assert (compared.code, "--figure" in compared.err) == (2, True)
+
+
+@pytest.mark.parametrize("share", [0.999, 0.001])  # of the way from the full weight to none
+def test_the_end_of_a_path_is_written_towards_the_middle_of_the_axes(share: float) -> None:
+    bus = tube_bus([2.0, 4.0, 2.0], (0.0, -0.03, 0.0), (0.01,) * 3, body(1.0, (0.0, -0.1, 0.0), (0.01,) * 3))
+    path = md.follow_gravity(bus, on_cables(3.0, 0.4), count=8)
+    s = float(share * path.s[-1])
+    slack = GravityEvent(
+        kind=EventKind.SLACK, s=s, gravity=np.zeros(3), branch=(), name=("a",), frequency_hz=0.0, gap_hz=0.0
+    )
+    figure = gravity_path_figure(dataclasses.replace(path, events=(slack,)))
+    figure.draw_without_rendering()
+    drawn = FigureCanvasAgg(figure).get_renderer()
+    for axes in figure.axes:
+        (text,) = (t for t in axes.texts if "slack" in t.get_text())
+        box, (low, high) = text.get_window_extent(drawn), axes.get_window_extent(drawn).intervalx
+        at = axes.transData.transform((path.size[0] * (1.0 - share), 0.0))[0]
+        assert (box.x0 > at) is (at < 0.5 * (low + high))
+        assert low < box.x0 < box.x1 < high
+
+
+def test_inputs_of_unlike_units_stand_over_their_own_columns() -> None:
+    rng = np.random.default_rng(0)
+    f = np.fft.rfftfreq(400, 0.01)
+    H = 900.0 / (900.0 - (2.0 * np.pi * f) ** 2 + 60.0j * f) * np.array([[1.0], [0.5]])
+    lines = (f > 0.0) & (f <= 20.0)
+    U = np.where(lines, np.exp(2j * np.pi * rng.random((2, 2, len(f)))), 0.0)
+    u, y = np.fft.irfft(U).transpose(0, 2, 1), np.fft.irfft(np.sum(U * H, axis=1))[..., None]
+    u, y = (np.repeat(x[:, None], 3, axis=1) for x in (u, y))
+    y += 1e-3 * np.std(y) * rng.standard_normal(y.shape)
+    ports = (md.Port("motor", "N m"), md.Port("push", "N"))
+    record = md.Record(
+        sample_hz=100.0, u=u, y=y, inputs=ports, outputs=(md.Port("turn", "rad"),), periodic=True
+    )
+    measured = md.estimate_response(record, band_hz=(1.0, 20.0))
+    figure = fit_figure(measured, md.fit_response(measured, states=2))
+    titles = [axes.get_title(loc) for axes in figure.axes for loc in ("left", "center")]
+    assert {"from motor [N m]", "from push [N]"} <= set(titles)
+    assert figure.axes[0].get_ylabel() == "turn\n[dB re rad per unit of the input]"

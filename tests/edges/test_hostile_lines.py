@@ -64,7 +64,7 @@ LINES = """
 2 | generate law.json --ramp nan -o a.mdk                        | not a finite number
 2 | generate law.json --single --form dense -o a.mdk             | --single with --form dense
 2 | generate law.json --name "a b" -o a.mdk                      | letters, digits
-2 | generate law.mdk --limit 2 -o a.mdk                          | cannot be told anew
+2 | generate law.mdk --limit 2 -o a.mdk                          | cannot be given again
 4 | gate law.json model.json --paper                             | looks like a compensator
 4 | gate cut.mdk model.json --paper                              | changed or cut short
 4 | gate model.json law.mdk --paper                              | looks like a fitted model

@@ -229,7 +229,7 @@ def test_a_mode_outside_the_band_is_flagged():
 
 def test_damping_below_what_the_lines_resolve_is_flagged():
     result = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.001), 1e-3), states=2)
-    assert any("half-power width is 0.006" in w and "0.1 Hz between lines" in w for w in result.warnings)
+    assert any("half-power width is 0.006" in w and "lines are 0.1 Hz apart" in w for w in result.warnings)
     wide = fit_response(noisy(a_mode(F, hz=3.04, zeta=0.05), 1e-3), states=2)
     assert not any("half-power" in w for w in wide.warnings)
 

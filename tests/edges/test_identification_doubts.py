@@ -150,7 +150,7 @@ def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_sam
     )
     of_lines = doubts_of_deviations(measured, known)
     assert [w for w in of_lines if "outside" in w] == [
-        "modes at 0.1, 20 Hz: they lie outside the band 1-9.9 Hz, and stand for whatever is there"
+        "modes at 0.1, 20 Hz: they lie outside the band 1-9.9 Hz, and represent all modes beyond it"
     ]
     assert any("half-power" in w for w in of_lines)
     of_samples = doubts_of_deviations(measured, known, of_samples=True)

@@ -9,7 +9,7 @@ import pytest
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import make_plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 

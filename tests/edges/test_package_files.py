@@ -233,6 +233,20 @@ def test_the_verb_writes_all_forms(law_file, tmp_path, capfd):
     assert load_package(tmp_path / "small.mdk").single
 
 
+def test_single_precision_of_several_outputs_is_shown(tmp_path, capfd):
+    file = tmp_path / "two.json"
+    write_compensator(file, random_law(np.random.default_rng(4), 6, 1, 2))
+    done = middeck(capfd, "generate", file, "--range", "0.1", "--limit", "0.25,0.5", "--single")
+    assert done.code == 0, done.err
+    package = to_single(package_law(load_compensator(file), "two", input_range=0.1, limit=(0.25, 0.5)))
+    shown = [
+        float(line.split()[-1])
+        for line in done.out.splitlines()
+        if line.startswith(package.outputs[0].name[:1])
+    ]
+    assert [float(f"{bound:g}") for bound in package.error_bound] == shown[-2:]
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "says"),
     [
@@ -278,7 +292,7 @@ def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):
         ["--name", "b"],
         ["--ramp", "0"],
     ):
-        assert "cannot be told anew" in middeck(capfd, "generate", package, *again).err
+        assert "cannot be given again" in middeck(capfd, "generate", package, *again).err
     assert middeck(capfd, "generate", tmp_path / "none.mdk").code == 4
     with pytest.raises(MiddeckError, match=r"begins otherwise|schema"):
         load_package(law_file)

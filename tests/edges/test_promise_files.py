@@ -97,6 +97,16 @@ slip_torque_tolerance = 0.1
 """
 
 
+SLIDE = """
+[[proof_mass]]
+name = "pm"
+node = "n3"
+axis = [0.0, 1.0, 0.0]
+mass_kg = 0.2
+natural_hz = 1.0
+"""
+
+
 def with_joint(promised: Path, folder: Path, joint: str) -> Path:
     """The plan with a joint, for three draws of one compensator."""
     for name in ("refine.toml", "mace-simple-lab.json"):
@@ -156,6 +166,20 @@ def test_no_draw_of_a_loop_with_friction_is_stable(
 def test_a_joint_with_a_fault_is_refused(promised: Path, tmp_path: Path, joint: str, what: str):
     with pytest.raises(ConfigError, match=what):
         load_plan(with_joint(promised, tmp_path, joint) / "promise.toml", ARTICLE)
+
+
+@pytest.mark.parametrize("of_plan", [True, False])
+def test_friction_of_a_slide_is_refused(promised: Path, tmp_path: Path, of_plan: bool):
+    """Its N and m have no place in N m and degrees, and would be read as such."""
+    article = tmp_path / "slide.toml"
+    article.write_text(ARTICLE.read_text(encoding="utf-8") + SLIDE, encoding="utf-8")
+    joint = JOINT.replace("pri_rel_z", "pm_rel") if of_plan else ""
+    folder = with_joint(promised, tmp_path, joint)
+    if not of_plan:
+        with (folder / "refine.toml").open("a", encoding="utf-8") as file:
+            file.write('\n[[friction]]\njoint = "pm"\nslip_torque_nm = 0.1\nslip_angle_deg = 0.1\n')
+    with pytest.raises(ConfigError, match=r"(?s)joint 'pm' slides.*in Python"):
+        load_plan(folder / "promise.toml", article)
 
 
 def test_what_came_is_compared(promised: Path, capfd: pytest.CaptureFixture[str]):

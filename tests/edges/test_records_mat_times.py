@@ -65,3 +65,14 @@ def test_slow_times_are_doubted(times: np.ndarray, tmp_path: Path) -> None:
 def test_others_are_refused(arrays: dict[str, np.ndarray], said: str, tmp_path: Path) -> None:
     with pytest.raises(DataError, match=said):
         md.load_record(written(tmp_path, **arrays))
+
+
+def test_the_one_structure_with_u_and_y_is_the_run(tmp_path: Path) -> None:
+    plain = scipy.io.loadmat(written(tmp_path, fs=256.0))
+    run = {name: plain[name] for name in ("u", "y", "fs")}
+    scipy.io.savemat(tmp_path / "one.mat", {"run": run, "note": {"who": "me"}})
+    found = md.load_record(tmp_path / "one.mat")
+    assert found == md.load_record(tmp_path / "run.mat")
+    scipy.io.savemat(tmp_path / "two.mat", {"run": run, "again": run})
+    with pytest.raises(DataError, match="6 variables"):
+        md.load_record(tmp_path / "two.mat")

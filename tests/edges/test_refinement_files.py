@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,16 @@ def test_the_verb_finds_what_was_changed_and_writes_it(tmp_path: Path, capfd: py
     factor = np.exp(found["unknowns"][0]["x"])
     refined = load_structure(written).members[0].section.GJ
     assert refined == pytest.approx(factor * load_structure(ARTICLE).members[0].section.GJ, rel=1e-9)
+
+
+def test_the_table_shows_the_factors_that_are_written(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """Changes of the parameters in per cent, not their logarithms."""
+    written = tmp_path / "refined.toml"
+    ended = middeck(capfd, "refine", ARTICLE, SURVEY / "refine.toml", "-o", written, "--count", 3)
+    assert ended.code == 0, ended.err
+    factors = tomllib.loads(written.read_text())["factors"]
+    (row,) = (line.split() for line in ended.out.splitlines() if line.startswith("modulus "))
+    assert row[-4:-2] == [f"{100.0 * (factors['members.E'] - 1.0):+.2f}", "%"]
 
 
 def test_a_survey_is_sought_beside_its_document():

@@ -98,7 +98,7 @@ def test_anti_resonances_stand_by_themselves(folder: Path):
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("relative_std = 0.005", "", "no place for how well"),
+        ("relative_std = 0.005", "", "holds no standard deviation"),
         ("heard.unv", "none.unv", "none.unv"),
         ("relative_std = 0.005", "relative_std = 0.0", "must be > 0"),
         ("band_hz = [0.8, 12.0]", "band_hz = [12.0, 0.8]", "low < high"),

@@ -210,7 +210,7 @@ def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(late: ZeroGCo
     rows = {row["claim"].partition(";")[0]: row for row in figure_7_claims(late)}
     low = rows["1-g is better than 0-g at low authority [dB]"]
     assert (low["holds"], low["number"]) == (False, None)
-    repeats = rows["the rigid sub-model repeats it with the same mode within 0.25 decade"]
+    repeats = rows["the rigid sub-model goes unstable in the same mode within 0.25 decade"]
     assert (repeats["holds"], repeats["number"]) == (False, None)
     json_text(ZERO_G_CONTROL.tabulate(late))  # raises for what is not finite
 

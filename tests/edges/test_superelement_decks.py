@@ -61,7 +61,7 @@ def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
     ("edits", "said"),
     [
         ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "")], r"there is no BEGIN SUPER"),
-        ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "GRID")], r"dat:\d+: the deck ends within this line"),
+        ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "GRID")], r"dat:\d+: the file ends within this line"),
         ([(MAIN, OUTER, "INCLUDE 'gone.pch'")], r"assemble\.dat:\d+: INCLUDE = gone\.pch: there is no such"),
         ([("outboard.asm", PAIRS, f"{PAIRS}\nINCLUDE 'gone.blk'")], r"\.asm:\d+: INCLUDE = gone\.blk: there"),
         ([(MAIN, OUTER, f"{OUTER}\nBEGIN SUPER=ALL")], r"BEGIN SUPER=ALL"),

@@ -17,7 +17,7 @@ from middeck.cli.app import VERBS, verb_options
 from middeck.cli.shown.advice import on_command_line, public_names
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.articles.form import ArticleForm
-from middeck.files.disk.looks import KEYS, looks_like
+from middeck.files.disk.kind_of_content import KEYS, looks_like
 from middeck.files.environments.form import EnvironmentForm
 from middeck.files.laws.packages import load_package
 from middeck.files.measured.models import load_model

@@ -13,8 +13,8 @@ from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.accuracy import expected_accuracy, structure_of
 from middeck.identification.uncertainty.covariance import draw_errors
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.excitation.binary import design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine

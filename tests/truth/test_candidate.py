@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.exchanged_modes import find_candidate, grown
+from middeck.identification.order.add_or_exchange_modes import grown
+from middeck.identification.order.mode_to_add import find_candidate
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import unpack
 from middeck.identification.search.least_squares_costs import weighted

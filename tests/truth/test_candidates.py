@@ -16,7 +16,7 @@ from middeck.structure.model.article import LoadCase, PointLoad
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.candidates import rank_tests
-from middeck.updating.candidates.foreseen import foresee
+from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.deflections import Deflection, predict_deflections
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.posterior import Linear, estimate_at

@@ -12,7 +12,8 @@ from scipy.special import ellipe, ellipk
 from middeck.errors import UnstableEquilibriumError
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.model.article import AttachPoint, Section
-from middeck.structure.model.environment import AnchoredSpring
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
 from repeats import repeats
@@ -139,6 +140,36 @@ def test_a_straight_column_beyond_its_critical_load_is_told(own: bool, load: flo
     below = clamped((0, 1, 0), 0.9 * load, own=own)
     assert below.stable
     assert rest_warnings(below) == ()
+
+
+def grows(weight: float, length: float, stiffness: float) -> tuple[bool, bool]:
+    """What the rest state of an upright column with a kilogram on top says, and what its modes say."""
+    section = Section(
+        EA=1e8, GJ=stiffness, EI_y=stiffness, EI_z=1.2 * stiffness, rho_A=1e-3, rho_I_y=1e-7, rho_I_z=1e-7
+    )
+    top = node("b", (0, length, 0), body(1.0, inertia=(1e-3, 1e-3, 1e-3)))
+    parts = structure([node("a", (0, 0, 0)), top], [member("a", "b", section, 4, up=(1, 0, 0))])
+    held = Environment(
+        title="clamped", gravity=np.array([0.0, -weight, 0.0]), suspension=None, clamps=(Clamp(node="a"),)
+    )
+    rest = solve_equilibrium(parts, held)
+    try:
+        solve_modes(rest)
+    except UnstableEquilibriumError:
+        return not rest.stable, True
+    return not rest.stable, False
+
+
+@pytest.mark.parametrize(("length", "stiffness"), repeats([(10.0, 0.1), (1.0, 10.0), (0.05, 1e-3)], 2))
+def test_rest_states_and_modes_agree_on_what_is_stable(length: float, stiffness: float):
+    """To 1e-9 of the critical load, however slowly the column would fall."""
+    euler = EULER * stiffness / length**2
+    critical = brentq(
+        lambda w: 1.0 if grows(w, length, stiffness)[1] else -1.0, 0.9 * euler, 1.1 * euler, rtol=1e-11
+    )
+    for beyond in (1e-2, 1e-5, 1e-9):
+        assert grows(critical * (1.0 + beyond), length, stiffness) == (True, True)
+        assert grows(critical * (1.0 - beyond), length, stiffness) == (False, False)
 
 
 @pytest.mark.parametrize("k", [1e4, 1e8, 1e10, 1e12])

@@ -219,8 +219,8 @@ def simple():
     study = load_study(ROOT / "studies" / "mace-1993.toml")
     modes, control = find_modes(*study.case("simple", "orbit")), study.control
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
-    plant = close_inner_loop(control_plant(modes, control), pd)
-    weights = design_weights(control, INTENSITY)
+    plant = close_inner_loop(control_plant(modes, study), pd)
+    weights = design_weights(study, INTENSITY)
     return plant, design_lqg(plant, weights, 1e3), {"weights": weights, "authority": 1e3}
 
 

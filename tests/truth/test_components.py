@@ -24,8 +24,8 @@ from middeck.structure.model.component import (
     component_faults,
     rigid_mass,
 )
-from middeck.structure.model.finer import refine_mesh
-from middeck.structure.modes.eigenproblem.left_out_stiffness import left_out
+from middeck.structure.model.finer_mesh import refine_mesh
+from middeck.structure.modes.motions.left_out_stiffness import left_out
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.sensitivity.rest import differentiate_rest

@@ -16,7 +16,7 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
-from middeck.files.exchange.named import as_compensator
+from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section

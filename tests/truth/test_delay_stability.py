@@ -32,8 +32,8 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.delay.delay_approximation import approximate_delays
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.poles.rounding import poles_with_rounding
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
@@ -384,6 +384,7 @@ def _estimated_modes(seed: int) -> tuple[list[Plant], Compensator]:
     return [plant, late(1.0 + 1e-2 * rng.standard_normal(n))], design_lqg(model, weights, 1e12)
 
 
+@pytest.mark.filterwarnings("ignore:margin and damping are uncertain")
 @pytest.mark.parametrize("scale", [1.0, 1e5, 1e6])
 def test_a_law_with_a_copy_of_the_mode_in_states_of_any_size(
     scale: float, campaign: Callable[[int], range]
@@ -473,6 +474,7 @@ def _three_modes(rng: np.random.Generator) -> Plant:
     return grouped_plant(modes, (FORCE,), (WAY,))
 
 
+@pytest.mark.filterwarnings("ignore:margin and damping are uncertain")
 @pytest.mark.parametrize("late", [0.0, 0.7])
 @pytest.mark.parametrize("condition", [1e4, 1e7, 1e8])
 def test_a_law_in_mixed_states_is_decided_as_in_its_own_or_not(

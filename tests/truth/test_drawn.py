@@ -68,6 +68,25 @@ def test_a_cantilever_is_drawn_with_its_own_deflection(axis: int, GA: float, ele
     assert [m.what for m in drawing.marks] == ["clamp", "force"]
 
 
+def test_a_member_of_one_element_is_curved_beside_one_of_many() -> None:
+    """Each member has its own points, as many as its elements leave to draw; diamonds are few on any."""
+    nodes = [node(name, (x, 0.0, 0.0)) for name, x in (("a", 0.0), ("b", 0.4 * L), ("c", L))]
+    parts = [member("a", "b", TUBE, 1), member("b", "c", TUBE, 24)]
+    load = PointLoad(name="tip", frame="c", force=np.array([0.0, P, 0.0]))
+    beam = dataclasses.replace(structure(nodes, parts), loads=(load,))
+    drawing = build_rest_drawing(md.solve_equilibrium(beam, md.Environment.clamped("a", gravity=0.0)))
+    lines = [line for line in drawing.lines if line.what == "member"]
+    assert [line.last - line.first for line in lines] == [17, 25]
+    for line in lines:
+        x, at_rest = (points[line.first : line.last] for points in (drawing.drawn, drawing.rest))
+        s = x[:, 0]
+        assert np.all(np.diff(s) > 0.0)
+        expected = P * s**2 * (3.0 * L - s) / (6.0 * 100.0)
+        np.testing.assert_allclose(at_rest[:, 1] - x[:, 1], expected, rtol=1e-6, atol=1e-15)
+    rings = [line.name for line in drawing.lines if line.what == "section"]
+    assert [rings.count(name) for name in ("a-b", "b-c")] == [2, 9]
+
+
 def test_a_bending_mode_is_the_closed_form_between_the_nodes() -> None:
     """Clamped and free: cosh - cos - 0.7341 (sinh - sin) with beta L = 1.8751; the mesh is good to 1e-4."""
     modes = md.solve_modes(clamped(TUBE, 4), 2)

@@ -19,7 +19,7 @@ from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
-from middeck.realtime.engine.rigs.rig_session import REPLY, REQUEST
+from middeck.realtime.engine.rigs.udp_replies import REPLY, REQUEST
 from middeck.realtime.engine.trials.trial import Stage, run_trial
 from middeck.realtime.engine.trials.udp_client import RigClient
 

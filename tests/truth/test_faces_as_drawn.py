@@ -15,7 +15,8 @@ from middeck.structure.model.article import AttachPoint, Body, Spring, Structure
 from middeck.structure.model.environment import Device, Environment
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import solve_modes
-from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, solve_equilibrium
+from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
+from repeats import repeats
 from structure_builders import member, node, structure
 
 PLACES = {"a": (0.0, 0.0, 0.0), "b": (0.6, 0.1, 0.0), "c": (0.9, -0.4, 0.3), "d": (0.2, -0.5, -0.2)}
@@ -69,6 +70,21 @@ def test_how_it_floats_and_hangs_is_the_same_in_other_axes_and_units(how):
         assert max(np.linalg.norm(v) for v in node_rotations(one).values()) > 0.05
         for name, turned in node_rotations(one).items():
             np.testing.assert_allclose(R.T @ node_rotations(other)[name], turned, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("metre", "shift"),
+    repeats([(1e-3, (1e3, 0.0, 0.0)), (0.01, (120.0, -150.0, 60.0)), (0.1, (0.0, 200.0, 0.0))]),
+)
+def test_a_small_article_far_away_lies_as_it_does_near(metre: float, shift: tuple[float, ...]):
+    """To what its coordinates round by, 1e-16 of the distance over its size."""
+    rounding = np.linalg.norm(shift) / metre * 1e-16
+    ways = [((0.0, 0.0, 0.0), at, 1.0, metre) for at in ((0.0, 0.0, 0.0), shift)]
+    for near, far in zip(*(rests(*how) for how in ways), strict=True):
+        turns, others = (np.array(list(node_rotations(one).values())) for one in (near, far))
+        np.testing.assert_allclose(others, turns, atol=20.0 * rounding)
+        moved = [np.array(list(node_shifts(one).values())) / metre for one in (near, far)]
+        np.testing.assert_allclose(*moved, atol=20.0 * rounding)
 
 
 @pytest.mark.parametrize("how", OTHERS)

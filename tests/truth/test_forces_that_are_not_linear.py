@@ -68,11 +68,11 @@ def test_dry_friction_on_the_article_is_told_of(share, campaign):
         plant = article(rng)[:2]
         plant = *plant, np.abs(8.0 * plant[0] ** 2), 0.0  # friction acts where the force does
         fit = fit_record(rubbing(plant, rng, share), states=2 * len(plant[0]))
-        assert any("direction of motion" in line for line in fit.warnings)
+        assert any("sign of the velocity" in line for line in fit.warnings)
 
 
 def test_what_a_linear_article_leaves_goes_by_no_cube_and_no_direction(campaign):
-    for seed in campaign(60, 10):
+    for seed in campaign(60):
         rng = np.random.default_rng([423, seed])
         plant = article(rng)
         fit = fit_record(driven(plant, rng, 3000, (0.5, 40.0), noise=1e-3), states=2 * len(plant[0]))

@@ -23,4 +23,4 @@ def test_ripple_of_a_sensor_s_gain_is_told_of(ripple, noise, campaign):
         y = summed(hz, a * gain * response(*plant, 2j * np.pi * hz), t)
         y = y + noise * y.std() * rng.standard_normal(len(t))
         fit = fit_record(record_of(summed(hz, a, t), y), states=2 * len(plant[0]))
-        assert any("still follows the inputs" in line for line in fit.warnings)
+        assert any("correlated with the inputs" in line for line in fit.warnings)

@@ -142,5 +142,5 @@ def test_held_inputs_are_integrated_exactly(delay_s):
 
 
 def test_integrators_exclude_rigid_modes():
-    with pytest.raises(ConfigError, match="told twice"):
+    with pytest.raises(ConfigError, match="same free motion twice"):
         fit_response(measured(), states=8, integrators=1, rigid=1)

@@ -10,9 +10,9 @@ import scipy.sparse as sp
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.factorisation import factorise, positive_factor
+from middeck.structure.eigenproblem.eigen import count_zero, solve_all, solve_lowest
 from middeck.structure.model.article import AttachPoint, Section
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.eigen import count_zero, solve_all, solve_lowest
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from repeats import repeats

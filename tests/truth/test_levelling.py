@@ -15,8 +15,8 @@ from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Device, Environment, GroundBushing
-from middeck.structure.rest.as_drawn import fit_rotation, split_rotation
 from middeck.structure.rest.equilibrium import solve_equilibrium
+from middeck.structure.rest.motion_as_a_whole import fit_rotation, split_rotation
 from middeck.structure.suspension.attitude import estimate_attitude
 from middeck.structure.suspension.hanging import doubt_attitude, sag
 from middeck.structure.suspension.levelling import LEVEL, level

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from middeck.errors import DataError
 from middeck.identification.spectra.estimate import estimate_response, response_scatter
 from middeck.identification.spectra.local_fit import LocalModel, fit_windows, freedom
-from middeck.identification.spectra.scattered_response import trusted
+from middeck.identification.spectra.variance_of_lines import trusted
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream, stream_record
 

@@ -15,8 +15,8 @@ from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import BODY, FORCE, RATE, WAY, gain, sum_of_modes

@@ -12,7 +12,7 @@ from test_updating import MODULUS, TOP, clamped, mast, modes_of, survey_of
 import structure_builders as build
 from middeck.structure.correlation.measured_modes import MeasurementNoise
 from middeck.structure.model.article import Structure
-from middeck.structure.model.finer import TUBE_SHEAR, add_shear, refine_mesh
+from middeck.structure.model.finer_mesh import TUBE_SHEAR, add_shear, refine_mesh
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes

@@ -44,7 +44,7 @@ def test_a_lacking_delay_is_named_in_place_of_modes():
     fitted = fit_response(rates(), states=5, integrators=1)
     said = hints(fitted)
     assert [w.split(":")[0] for w in said] == ["output hub", "output tip"]
-    assert not any("modes it lacks" in w for w in fitted.warnings)
+    assert not any("modes that the model lacks" in w for w in fitted.warnings)
     # The poles are those of a model without the delay; a twentieth of it is enough for a hint.
     np.testing.assert_allclose(missing_delay(rates(), fitted.model), DELAY, rtol=0.05)
     as_told = fit_response(rates(), states=5, integrators=1, delay="output", relative_degree=1)
@@ -64,7 +64,7 @@ def test_only_the_output_that_is_late_is_named():
 
 def test_a_lacking_mode_is_no_delay():
     fitted = fit_response(rates((0.0, 0.0), modes=3), states=5, integrators=1)
-    assert any("modes it lacks" in w or "unexplained" in w for w in fitted.warnings)
+    assert any("modes that the model lacks" in w or "unexplained" in w for w in fitted.warnings)
     assert not hints(fitted)
 
 
@@ -110,7 +110,7 @@ def test_a_constant_term_does_not_tell_the_delay_of_a_velocity():
     off = abs(constant.model.delay_s[0] - DELAY)
     assert off > 4.0 * constant.uncertainty.delay_s[0]
     assert constant.delay_standing == ("doubtful",)
-    assert any("constant term alone" in w for w in constant.warnings)
+    assert any("constant term separates" in w for w in constant.warnings)
     usual = fit_response(measured, states=6, delay="output")
     assert usual.model.delay_s[0] == pytest.approx(DELAY, abs=2e-4)
     assert not np.any(usual.model.direct)

@@ -47,6 +47,19 @@ def test_forces_in_turned_and_round_axes_are_summed_with_their_factors(tmp_path)
     np.testing.assert_allclose(second, 2.0 * 0.5 * 2.0 * np.array([2.0, 1.0, 0.0]) / 5.0**0.5, atol=1e-12)
 
 
+@pytest.mark.parametrize(("name", "key"), [("FORCE", "force_n"), ("MOMENT", "moment_nm")])
+def test_grids_give_a_direction_along_a_line_or_across_two(tmp_path, name, key):
+    """Quick Reference Guide, FORCE1 and FORCE2: F times the unit vector of G1 G2, or of G1 G2 times G3 G4."""
+    grids = ["GRID,7,,3.,-2.,6.", "GRID,8,6,1.,90.,2."]  # the latter at (0, 0, 2)
+    cards = [f"{name}1,40,3,-14.,1,7", f"{name}2,40,2,3.,1,7,3,8", "LOAD,41,2.,.5,40"]
+    (case,) = convert(tmp_path, ["LOAD = 41"], *grids, *cards).document["load_case"]
+    across = np.cross([3.0, -2.0, 6.0], [-2.0, 0.0, 2.0])
+    expected = [[-6.0, 4.0, -12.0], 3.0 * across / np.linalg.norm(across)]
+    assert [load["frame"] for load in case["load"]] == ["g3", "g2"]
+    for load, vector in zip(case["load"], expected, strict=True):
+        np.testing.assert_allclose(load[key], vector, atol=1e-12)
+
+
 def test_gravity_is_summed_in_any_axes_whatever_the_length_of_its_vector(tmp_path):
     made = convert(tmp_path, ["LOAD = 32"])
     assert made.environment["constants"]["gravity_m_s2"] == pytest.approx(2.0 * 9.81 - 2.0 * 3.0)
@@ -71,6 +84,17 @@ def test_gravity_of_each_subcase_counts_though_another_sums_it(tmp_path, other):
         ("FORCE,40,3,,2.", r"a.dat:24: FORCE 40 field 6 \(N1\): its direction is zero"),
         ("MOMENT,40,3,,2.,0.,0.", r"a.dat:24: MOMENT 40 field 6 \(N1\) = 0.: its direction is zero"),
         ("GRAV,40,,2.", r"a.dat:24: GRAV 40 field 5 \(N1\): its direction is zero"),
+        (
+            "FORCE1,40,3,2.,1,1",
+            r"a.dat:24: FORCE1 40 field 6 \(G2\) = 1: its direction is zero: grids",
+        ),
+        ("MOMENT1,40,3,2.,1,9", r"a.dat:24: MOMENT1 40 field 6 \(G2\) = 9: there is no grid 9"),
+        (
+            "FORCE2,40,3,2.,1,2,1,3",
+            r"a.dat:24: FORCE2 40 field 8 \(G4\) = 3: its direction is zero: two",
+        ),
+        ("MOMENT2,40,3,2.,1,2,3,3", r"a.dat:24: MOMENT2 40 field 8 \(G4\) = 3: its direction is zero: two"),
+        ("MOMENT2,40,3,2.,1,2,3", r"a.dat:24: MOMENT2 40 field 8 \(G4\): missing"),
         ("LOAD,30,1.,1.,11", r"a.dat:24: LOAD 30: a second LOAD 30 with other content"),
     ],
 )

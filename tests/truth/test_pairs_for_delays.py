@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from middeck.identification.fit.fit_response import fit_response
-from middeck.identification.fit.stands_for_delay import stands_for_delay
+from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response

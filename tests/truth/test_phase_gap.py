@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from middeck.study.chapters.gravity_responses.computation import phase_gap
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 
 DELAY_S, NOISE = 0.013, 1e-2

@@ -26,18 +26,24 @@ from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
 from middeck.systems.delay.delay_approximation import approximate_delays
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.promise import blocks
+from middeck.updating.promise import blocks_of_draws
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
-from middeck.updating.promise.outlook import LoopNoise, Outlook, highest_promised, look_ahead, risk_of
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
 from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise, set_sites
 from middeck.updating.promise.robustness_sweep import sweep_plants, try_sweep
+from middeck.updating.promise.stability_probability import (
+    LoopNoise,
+    Outlook,
+    highest_promised,
+    look_ahead,
+    risk_of,
+)
 from middeck.updating.refinement.refine import Refined
 from repeats import LONG
 
@@ -321,14 +327,14 @@ def test_what_a_block_warns_of_is_said_with_its_draws(refined: Refined, monkeypa
 
     asked = case.plan([1.0], 2)
     (site,) = set_sites(refined, asked).values()
-    monkeypatch.setattr(blocks, "noise_on", doubtful)
-    found = blocks.measure_block(site, 0)
-    kept = encode_result(blocks.values_of(found))
-    again = blocks.restore_block(decode_result(kept), site)
+    monkeypatch.setattr(blocks_of_draws, "noise_on", doubtful)
+    found = blocks_of_draws.measure_block(site, 0)
+    kept = encode_result(blocks_of_draws.values_of(found))
+    again = blocks_of_draws.restore_block(decode_result(kept), site)
     assert again.drawn == found.drawn
-    assert encode_result(blocks.values_of(again)) == kept
+    assert encode_result(blocks_of_draws.values_of(again)) == kept
     with pytest.warns(UserWarning, match="draws 0 to 1: undecided"):
-        blocks.join_blocks(site, [again])
+        blocks_of_draws.join_blocks(site, [again])
 
 
 def test_a_reading_whose_noise_is_not_stated_is_refused():

@@ -7,6 +7,7 @@ import numpy as np
 import promise_case as case
 import pytest
 from scipy.integrate import quad
+from scipy.linalg import expm
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.robust.verification.monte_carlo import noise_on
@@ -19,8 +20,8 @@ from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.structure.model.environment import Environment
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.promise import slip_run, slip_time
@@ -239,6 +240,26 @@ def test_loops_around_sliders_are_the_linear_loops():
     delayed = G[:1, :, :] * np.exp(-0.3j * 2.0 * np.pi * hz[0])
     K = statespace_response(law.system, 2.0 * np.pi * hz[:1])
     np.testing.assert_allclose(H[0, 1, 0], (G[0, 0, 0] / (1.0 - K[0, 0, 0] * delayed[0, 0, 0])), rtol=1e-9)
+
+
+def test_joints_answer_their_sliders_beside_a_long_delay(refined: Refined, monkeypatch: pytest.MonkeyPatch):
+    """At the end of a step, against the exponential of the loop; the laws were designed with such a delay."""
+    monkeypatch.setattr(case, "DELAY_S", 0.03)
+    plan = case.with_slips(case.plan([1.0, 1e3], 4), 0.3)
+    laws, truth = design_ladder(case.modes_in_orbit(refined), plan), case.true_plant(0, plan)
+    run = set_run(truth, laws, draw_slips(plan.joints, 4, np.random.default_rng(0)), plan)
+    step_s = 1.0 / run.time.sample_hz
+    for law in laws.values():
+        loop = around_sliders(truth, law, run.wiring, run.order)
+        n, torques = loop.B.shape
+        both = np.zeros((n + torques, n + torques))
+        both[:n] = np.hstack([loop.A, loop.B]) * step_s
+        exact = (loop.C @ expm(both)[:n, n:])[:torques]
+        form = pole_form(loop)
+        assert form is not None
+        gain = form.drives * np.expm1(form.poles * step_s) / form.poles
+        by_poles = np.real(np.einsum("op,jp->oj", form.reads, gain))[:torques]
+        np.testing.assert_allclose(by_poles, exact, atol=2e-3 * np.abs(exact).max())
 
 
 def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatch):

@@ -23,7 +23,7 @@ from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
 from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.finer import TUBE_SHEAR
+from middeck.structure.model.finer_mesh import TUBE_SHEAR
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.poles.stability import growth_rates

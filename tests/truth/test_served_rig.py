@@ -25,7 +25,7 @@ from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
-from middeck.realtime.engine.rigs.rig_session import HOLD, LONGEST, REPLY, REQUEST, RigSession
+from middeck.realtime.engine.rigs.udp_replies import HOLD, LONGEST, REPLY, REQUEST, RigSession
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw

@@ -23,8 +23,8 @@ from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record
 from middeck.systems.delay.delay_approximation import approximate_delays, evaluate_approximation
-from middeck.systems.plants.own_plant import make_plant
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports, name_states
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.modal_system import ModalSystem

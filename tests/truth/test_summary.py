@@ -14,10 +14,10 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.eigenproblem.eigen import solve_lowest
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import Body, Section, Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.eigen import solve_lowest
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.summary.summary import summarise

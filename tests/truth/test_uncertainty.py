@@ -19,7 +19,6 @@ from middeck.identification.model.measurement_model import (
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.spectra.excess_variance import spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     model_at,
@@ -36,6 +35,7 @@ from middeck.identification.uncertainty.parameter_deviations import (
     zero_deviation,
 )
 from middeck.identification.uncertainty.response_bounds import response_bounds
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse, ResponseCovariance
 from repeats import LONG, repeats
 

@@ -17,7 +17,7 @@ from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.environment import AnchoredSpring, Device
 from middeck.structure.summary.environment_plausibility import doubt_environment
 from middeck.structure.summary.summary import summarise
-from structure_builders import body, node, structure
+from structure_builders import TUBE, body, member, node, structure
 
 MASSES = (("node", "mass_kg"), ("revolute", "mass_kg"), ("gimbal", "payload_mass_kg"))
 INERTIAS = tuple((table, key.replace("mass_kg", "inertia_kg_m2")) for table, key in MASSES)
@@ -125,3 +125,15 @@ def test_an_inertia_that_no_body_has_is_refused_unless_it_leaves_rotors_out():
             with pytest.raises(ConfigError, match=r"'hub' .* 1 \+ 1 < 2\.1 kg m\^2 .* rotors_excluded"):
                 check_structure(parts)
         check_structure(structure([node("hub", (0, 0, 0), dataclasses.replace(own, rotors_excluded=True))]))
+
+
+@pytest.mark.parametrize("ties", [0, 7, 8, 100])
+def test_the_next_node_is_found_behind_all_that_stands_in_one_place(ties: int) -> None:
+    """0.5 (m / 8000)^(1/3) m reaches past 0.2 m; nodes that are tied to it there are no neighbours."""
+    heavy = node("heavy", (0.0, 0.0, 0.0), body(2000.0))
+    others = [node(f"tie{i}", (0.0, 0.0, 0.0)) for i in range(ties)]
+    near = [*others, heavy, node("next", (0.0, 0.2, 0.0))]
+    far = node("far", (0.9, 0.0, 0.0))
+    article = structure([*near, far], [member(n.name, "far", TUBE, 1, (0.0, 0.0, 1.0)) for n in near])
+    (said,) = [w for w in summarise(article).warnings if "steel" in w]
+    assert "would reach past the next node, 0.2 m away" in said

@@ -26,7 +26,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
-from middeck.updating.orbit.removed import removed_terms
+from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen

@@ -15,8 +15,8 @@ from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.pole_zero_gain import pole_zero_gain
 from middeck.identification.plants.zeros import matrix_zeros, name_zeros, path_zeros
 from middeck.identification.spectra.estimate import estimate_response
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.parameter_deviations import zero_deviation
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros

@@ -19,7 +19,7 @@ from middeck.laboratory.hidden_errors import draw_hidden_errors, spread_damping
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.finer import TUBE_SHEAR
+from middeck.structure.model.finer_mesh import TUBE_SHEAR
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.sensitivity.parameters import find_parameters, scale_parameters, set_parameter

@@ -18,7 +18,7 @@ class Case:
 
     Attributes:
         index: Place in the campaign, from 0.
-        seed: Of the case's own random numbers, ``numpy.random.default_rng(case.seed)``.
+        seed: Seed of the case's own random numbers, ``numpy.random.default_rng(case.seed)``.
         names, values: The sampled parameters.
     """
 

@@ -81,7 +81,7 @@ def from_normal(distribution: Distribution, z: Float[np.ndarray, " case"]) -> Fl
 
 
 def _truncated(d: TruncatedNormal, z: np.ndarray) -> np.ndarray:
-    """By logarithms of probabilities, so that a far tail keeps its digits; the upper as the lower."""
+    """Truncated normal numbers by logarithms of probabilities: both far tails keep their digits."""
     ends = (d.low - d.mean) / d.std, (d.high - d.mean) / d.std
     sign = 1.0 if ends[0] + ends[1] <= 0.0 else -1.0
     low, high = sorted(sign * e for e in ends)

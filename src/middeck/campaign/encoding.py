@@ -26,7 +26,7 @@ def encode_result(result: Any) -> str:
 
 
 def decode_result(text: str) -> Any:
-    """What `encode_result` was given."""
+    """The value that `encode_result` was given."""
     return json.loads(text, object_hook=_restored)
 
 

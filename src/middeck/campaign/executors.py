@@ -64,7 +64,7 @@ def run_campaign(
     Args:
         function: ``"package.module:name"``, or a function at the top of a module; its result must follow from
             case and inputs alone.
-        cases: Of a sampler.
+        cases: Cases of a sampler.
         ledger: A file for this campaign alone. Function (by name), inputs and cases must be those of its
             first run: `DataError` if not, or while another process is at it.
         inputs: Common to all cases; numbers, text, arrays, and lists and mappings of them (tuples arrive as

@@ -27,7 +27,7 @@ NEW = "keep it, and name another ledger"
 
 @record(kw_only=True)
 class Outcome:
-    """What became of one case: its result, or the text of its error."""
+    """The result of one case, or the text of its error."""
 
     index: int
     result: Any
@@ -162,6 +162,6 @@ def _explained(path: Path) -> Generator[None, None, None]:
                 f"the ledger cannot be written ({text})",
                 where=str(path),
                 hint="a folder that exists, may be written and has room; cases in the ledger are kept, and "
-                "the same call goes on behind them",
+                "the same call continues after them",
             ) from error
         raise _damaged(path, text) from error

@@ -17,9 +17,11 @@ Nothing heavy is imported before `run` has arranged for interruptions.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 
 INTERNAL = 70
 INTERRUPTED = 130
+NUMBER = re.compile(r"\d+(\.\d+)?([eE][+-]?\d+)?")
+SAID: Counter[str] = Counter()
+"""How often each warning came, numbers aside."""
 
 
 def run() -> NoReturn:
@@ -36,7 +41,9 @@ def run() -> NoReturn:
         os.environ.setdefault(variable, "1")  # docs/decisions/0004-one-blas-thread.md
     interrupted = catch_interrupts()
     warnings.showwarning = _show_warning  # ty: ignore[invalid-assignment]
-    sys.exit(execute(sys.argv[1:], interrupted))
+    code = execute(sys.argv[1:], interrupted)
+    _count_alike()
+    sys.exit(code)
 
 
 def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
@@ -117,8 +124,20 @@ def _usage(error: click.UsageError, context: click.Context) -> int:
 
 
 def _show_warning(message: Warning | str, *place: object) -> None:
-    """A library's warning in the form of ours, without the line of code."""
-    print(f"warning: {message}", file=sys.stderr)
+    """A library's warning in the form of ours, without the line of code.
+
+    Of warnings that differ in numbers alone, as those of the plants of many draws do, it shows the first.
+    """
+    words = NUMBER.sub("#", str(message))
+    SAID[words] += 1
+    if SAID[words] == 1:
+        print(f"warning: {message}", file=sys.stderr)
+
+
+def _count_alike() -> None:
+    alike = SAID.total() - len(SAID)
+    if alike:
+        print(f"warning: more that differ from one above in numbers alone: {alike}", file=sys.stderr)
 
 
 def _say(message: str, code: int) -> int:
@@ -145,13 +164,10 @@ def catch_interrupts() -> Callable[[], bool]:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             sys.__unraisablehook__(lost)
             return
-        import threading
+        # No thread: one that still raises while Python ends is a fatal error of Python.
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
 
-        timer = threading.Timer(AGAIN_S, signal.raise_signal, [signal.SIGINT])
-        timer.daemon = True
-        timer.start()
-
-    signal.signal(signal.SIGINT, interrupt)
-    signal.signal(signal.SIGTERM, interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, interrupt)
     sys.unraisablehook = dropped
     return lambda: bool(seen)

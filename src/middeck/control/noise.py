@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_noise
 from middeck.control.law.compensator import Compensator, arrange_ports, driven_ports, measured_ports
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.sampled.sampled_loop import measure_held
@@ -52,7 +52,7 @@ def _measure(plant: Plant, compensator: Compensator, weights: LQGWeights) -> Noi
 
 
 def _measure_late_modes(plant: Plant, law: Compensator, weights: LQGWeights) -> NoiseOutcome | None:
-    """In a third of the time, for a plant with delays in modal form; None where undecided."""
+    """The outcome for a delayed plant in modal form, three times as fast; None where undecided."""
     if plant.modal is None or not plant.delayed:
         return None
     generalize(remove_delays(plant), weights, 1.0)  # refuses a plant of infinite cost

@@ -5,7 +5,7 @@ from .exchange.mat import (
     load_mat as load_mat,
     write_mat as write_mat,
 )
-from .exchange.named import as_compensator as as_compensator
+from .exchange.named_system import as_compensator as as_compensator
 from .exchange.scipy_signal import (
     from_scipy as from_scipy,
     to_scipy as to_scipy,
@@ -23,6 +23,6 @@ from .records import (
     write_response as write_response,
 )
 from .records.columns import name_columns as name_columns
-from .records.together import split_periods as split_periods
+from .records.experiments_and_periods import split_periods as split_periods
 
 __all__: list[str]

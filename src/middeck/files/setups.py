@@ -12,7 +12,7 @@ from middeck.files.articles.checks import article_findings
 from middeck.files.articles.components import PUNCHED
 from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names, hanging_names, node_names, wheel_names
-from middeck.files.disk import looks
+from middeck.files.disk import kind_of_content
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.nastran.deck.deck_lines import Lines
@@ -31,7 +31,7 @@ FOLDERS: dict[Kind, str] = {"article": "articles", "environment": "environments"
 
 def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure:
     """The article in file ``path``; raises `ConfigError` with all its faults."""
-    source = read_source(path, looks.ARTICLE)
+    source = read_source(path, kind_of_content.ARTICLE)
     article = _check_all([(source, ArticleForm, article_findings)], overrides)[0]
     return build_article(article)
 
@@ -39,7 +39,7 @@ def load_structure(path: str | Path, overrides: Sequence[str] = ()) -> Structure
 def article_files(path: str | Path) -> tuple[Path, ...]:
     """The file of an article, those of its components, and what their cards include."""
     found = [Path(path)]
-    for part in read_source(path, looks.ARTICLE).data.get("component", ()):
+    for part in read_source(path, kind_of_content.ARTICLE).data.get("component", ()):
         matrices, *cards = (Path(path).parent / f for f in (part["file"], *part.get("cards", ())))
         held = matrices.suffix in PUNCHED
         found += [] if held else [matrices]
@@ -52,7 +52,7 @@ def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environ
 
     "lab" hangs on the attach points of an article: see `load_setup`.
     """
-    source = read_source(_environment_file(path), looks.ENVIRONMENT)
+    source = read_source(_environment_file(path), kind_of_content.ENVIRONMENT)
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]
     return _environment(checked)
 
@@ -86,7 +86,10 @@ def load_offset_keys(
 def _check_case(article: str | Path, environment: str | Path, overrides: Sequence[str]) -> list[Checked[Any]]:
     """The article, then the environment."""
     around = _environment_file(environment)
-    if (looks.looks_like(article), looks.looks_like(around)) == (looks.ENVIRONMENT, looks.ARTICLE):
+    if (kind_of_content.looks_like(article), kind_of_content.looks_like(around)) == (
+        kind_of_content.ENVIRONMENT,
+        kind_of_content.ARTICLE,
+    ):
         refuse(f"{article}, {around}", "environment and article are swapped", "the article first")
     body, surroundings = read_sources([article, around], ["article", "environment"])
     return _check_all(
@@ -150,12 +153,22 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
     ]
 
 
-def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Path:
+def find_stated(name: str, document: str | Path) -> Path:
+    """The environment that a document calls ``name``: the same from whatever folder it is read.
+
+    A path from the document's folder, else as `find_document`, the folders next to the document first.
+    """
+    own = Path(document).parent / name
+    return own if name and own.is_file() else find_document(name, "environment", document, stated=True)
+
+
+def find_document(name: str, kind: Kind, beside: str | Path | None = None, *, stated: bool = False) -> Path:
     """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
 
     The folder is sought in the current folder, then next to the folder of the file ``beside``, so that an
-    article's environments are found from anywhere; so is a file of this name beside that file. The
-    environments ``orbit`` and ``lab`` need no file. Raises `ConfigError` with the nearest name there is.
+    article's environments are found from anywhere; so is a file of this name beside that file. Where that
+    file ``stated`` the name, the current folder comes last. The environments ``orbit`` and ``lab`` need no
+    file. Raises `ConfigError` with the nearest name there is.
     """
     given, wanted = Path(name), WANTED[kind]
     if not name:
@@ -165,7 +178,8 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     if given.is_dir():
         raise ConfigError(f"{name} is a folder, not {wanted}", hint=f"the path of {wanted} file")
     own = [] if beside is None else [Path(beside).resolve().parent]
-    folders = [*(root / FOLDERS[kind] for root in (Path(), *(folder.parent for folder in own))), *own]
+    near = [*(folder.parent / FOLDERS[kind] for folder in own), *own]
+    folders = [*reversed(near), Path(FOLDERS[kind])] if stated else [Path(FOLDERS[kind]), *near]
     for folder in folders:
         if (folder / f"{name}.toml").is_file():
             return folder / f"{name}.toml"
@@ -173,6 +187,6 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
         return BUILT_IN[name]
     built_in = BUILT_IN if kind == "environment" else ()
     files = [p for folder in folders for p in folder.glob("*.toml")]
-    known = sorted({*built_in, *(p.stem for p in files if looks.looks_like(p) == wanted)})
+    known = sorted({*built_in, *(p.stem for p in files if kind_of_content.looks_like(p) == wanted)})
     advice = nearest(name, known) or f"give the path of {wanted} file"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

@@ -1,4 +1,4 @@
-"""Elements attached to the joints of a plant: which port is whose, viscous drag, and what is refused.
+"""Elements attached to the joints of a plant: their ports, viscous drag, and refusals.
 
 A rig (`middeck.laboratory.rig.rig`) steps them. Between two substeps its linear part is exact under held
 torques. The torque of an element is held too, at its mean over the way that the joint goes in this step,

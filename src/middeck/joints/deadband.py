@@ -23,7 +23,7 @@ class Deadband:
 
     Attributes:
         gap: Half the free play [rad]: to either side of the middle.
-        stiffness: Of each flank [N m/rad].
+        stiffness: Stiffness of each flank [N m/rad].
         preload: Constant torque [N m] that the flank carries at rest, e.g. of a weight; zero rests in the
             middle. It is a dead load: it does not change with the angle.
 

@@ -27,7 +27,7 @@ class SlidingLoops:
         poles: One of each conjugate pair [rad/s].
         drives, reads: Of each pole, the response to a torque being the real part of the sum of
             reads exp(poles t) drives. The first outputs are the joints' angles, in the order of the joints.
-        stiffness, slip_torque: Of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
+        stiffness, slip_torque: Those of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
     """
 
     poles: Complex[np.ndarray, "loop pole"]
@@ -47,7 +47,7 @@ def slide(
     grown = np.exp(loops.poles * period_s)
     gain = loops.drives * (np.expm1(loops.poles * period_s) / loops.poles)[:, None]
     joints = loops.stiffness.shape[1]
-    # Of outputs at the end of a step, by the torques held in it.
+    # Response of outputs at the end of a step to torques held in it.
     at_once = np.real(np.einsum("lop,ljp->loj", loops.reads, gain))
     given = np.abs(at_once[:, :joints] * loops.stiffness[:, None]).sum(axis=2).max(initial=0.0)
     if not given <= GIVEN:

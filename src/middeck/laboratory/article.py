@@ -19,7 +19,7 @@ from middeck.laboratory.hidden_errors import (
 )
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.finer import TUBE_SHEAR, refine_mesh
+from middeck.structure.model.finer_mesh import TUBE_SHEAR, refine_mesh
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant

@@ -104,7 +104,7 @@ def linear_plant(
     outputs: Sequence[str],
     inner: PDLoops | None,
 ) -> Plant:
-    """As `held_plant`, with the drag of its bearings and the rig's delay: all of the rig that is linear."""
+    """`held_plant` with the drag of its bearings and the rig's delay: all linear parts of the rig."""
     rubs = tuple(a.name for a in _gimbal_motors(article.equilibrium.model.structure))
     drag = sum(e.viscous for e in settings.gimbal_elements if isinstance(e, Friction))
     ports = _once(*inputs, *rubs), _once(*outputs, *rubs, *(f"{name}{RATE}" for name in rubs))

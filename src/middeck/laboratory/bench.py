@@ -1,4 +1,4 @@
-"""The bench: one article on its rig, the excitation it is driven with, and what is taken from it.
+"""The bench: one article on its rig, its excitation, and the responses measured on it.
 
 Open loop and closed loop, before or after its pair of modes has shifted: commands in, records out. A design
 uses nothing else of the rig; only the stability of a loop is read from the rig's own eigenvalues.

@@ -26,15 +26,15 @@ class HiddenErrors:
     """Factors by which a rig's article differs from the sheet; all one for none.
 
     Attributes:
-        modulus, strut: Of E of all members, and beside it of each member's bending stiffness.
+        modulus, strut: Factor on E of all members, and another on each bending stiffness.
         mass, inertia: Of each node's mass and each principal inertia, by node; nodes that are not named keep
             theirs.
         payload_inertia, payload_cg: Of each principal inertia, and of the distance of the centre of mass, by
             payload joint.
-        bounce, cable_length: Of the suspension.
+        bounce, cable_length: Bounce and cable length of the suspension.
         damping: Standard normal numbers, one a mode from the lowest: its ratio is multiplied with exp(0.3 d).
         delay_s: Added to the rig's total delay.
-        gain: Of each sensor, by name.
+        gain: Gain of each sensor, by name.
     """
 
     modulus: float
@@ -148,7 +148,11 @@ def hide_in_suspension(environment: Environment, hidden: HiddenErrors) -> Enviro
 def spread_damping(damping: Damping, modes: Modes, drawn: np.ndarray, count: int) -> Damping:
     """Each mode's own ratio times its factor; numbered, since names may repeat."""
     if count > len(drawn):
-        raise ConfigError(f"damping drawn for {len(drawn)} modes of {count}", where="HiddenErrors")
+        raise ConfigError(
+            f"damping drawn for {len(drawn)} modes of {count}",
+            where="HiddenErrors",
+            hint="draw_hidden_errors with as many modes as the plant keeps",
+        )
     if damping.table is not None or damping.dampers or damping.loss_factor or damping.by_mode:
         raise ConfigError(
             "hidden damping is for ratios by kind of mode", where="damping", hint="leave the others out"

@@ -24,14 +24,14 @@ SETTLE = 2  # unrecorded periods of an experiment
 
 @record(kw_only=True)
 class ModalTest:
-    """As many experiments as motors tell these apart, and one more at a smaller drive.
+    """As many experiments as there are motors, and one more at a smaller drive.
 
     Two drives tell friction from the structure.
 
     Attributes:
         torque_nm: Rms of each motor's command.
         weaker: Drive of the last experiment, as a share.
-        period_s, periods: Of the multisines, and how many periods of each are recorded.
+        period_s, periods: Period of the multisines, and how many periods of each are recorded.
     """
 
     inputs: tuple[str, ...]

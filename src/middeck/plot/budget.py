@@ -15,7 +15,7 @@ SHADE = {"suspension": COLOUR["orbit"], "stiffness": COLOUR["lab"], "deformation
 LINES = "suspension", "inner forces and weight", "deformation"
 ROW_IN = 0.28
 THICK = 0.44
-# Of a row: from its middle up to that of its bar, and down to each effect's whisker.
+# Offsets in a row, from its middle up to its bar and down to the whisker of each effect.
 BAR, WHISKERS = -0.16, (0.17, 0.28, 0.39)
 NOTE = "thin lines, in the colour of each effect: range of its share over the six orders of switching"
 DOUBT = "* in some state between orbit and {place} less than half of the shape in orbit"

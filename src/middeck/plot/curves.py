@@ -1,4 +1,4 @@
-"""Responses as curves: what is drawn of thousands of lines keeps every peak and every notch."""
+"""Responses as curves: thousands of lines are thinned so that every peak and notch stays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fit beside what it was fitted to, with the bounds of its response."""
+"""A fit beside its data, with the bounds of its response."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ def fit_figure(measured: FrequencyResponse, fit: FitResult) -> Figure:
     bounds = response_bounds(fit.covariance, np.geomspace(low, high, BOUND_LINES))
     figure = new_figure(HEAD_IN + ROW_IN * max(len(outputs), 2))
     grid = figure.subplots(len(outputs), len(inputs), sharex=True, sharey="row", squeeze=False)
+    alike = len({port.unit for port in inputs}) == 1
     for row, output in enumerate(outputs):
         level = decibels(measured.H[:, row].ravel())
         for column, port in enumerate(inputs):
@@ -34,8 +35,9 @@ def fit_figure(measured: FrequencyResponse, fit: FitResult) -> Figure:
             _draw_path(axes, measured, bounds, row, column)
             frequency_axis(axes, low, high, label=row == len(outputs) - 1)
             if row == 0:
-                axes.set_title(f"from {port.name}")
-        grid[row, 0].set_ylabel(f"{output.name}\n[dB re {output.unit}/{inputs[0].unit}]")
+                axes.set_title(f"from {port.name}" if alike else f"from {port.name} [{port.unit}]")
+        ratio = f"{output.unit}/{inputs[0].unit}" if alike else f"{output.unit} per unit of the input"
+        grid[row, 0].set_ylabel(f"{output.name}\n[dB re {ratio}]")
         grid[row, 0].set_ylim(float(np.quantile(level, 0.1)) - FLOOR_DB, float(level.max()) + 5.0)
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     return figure

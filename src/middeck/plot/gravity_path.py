@@ -19,10 +19,11 @@ KIND = {
 }
 MARK = {EventKind.CROSSING: "x", EventKind.VEERING: "s"}
 WORD = {EventKind.CROSSING: "crossing", EventKind.VEERING: "veering"}
-# Of the largest gravity: a path that varies by less is drawn against the angle that gravity has turned.
+# Relative variation of gravity below which a path is drawn against the angle that gravity has turned.
 SAME_SIZE = 1e-6
 # Room between two names at the edge, in the height of the axes.
 ROOM = 0.034
+PAPER: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
 LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 0.0}
 
 
@@ -98,9 +99,10 @@ def _mark(axes: Axes, path: GravityPath, x: np.ndarray, event: GravityEvent, see
     at = float(np.interp(event.s, path.s, x))
     if event.ends:
         axes.axvline(at, color="#B00020", linewidth=1.0)
+        aside, near = (4, "left") if at < 0.5 * (x.min() + x.max()) else (-4, "right")  # into the axes
         axes.annotate(event.sentence, (at, 0.5), xycoords=("data", "axes fraction"), rotation=90,
-                      xytext=(-4, 0), textcoords="offset points", ha="right", va="center", fontsize=7.5,
-                      color="#B00020")  # fmt: skip
+                      xytext=(aside, 0), textcoords="offset points", ha=near, va="center", fontsize=7.5,
+                      color="#B00020", bbox=PAPER)  # fmt: skip
         return
     word = WORD[event.kind]
     axes.plot(at, event.frequency_hz, MARK[event.kind], color="black", markerfacecolor="none",

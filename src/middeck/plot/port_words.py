@@ -1,4 +1,4 @@
-"""Ports in words: whose angle, rate or torque a name of the two articles stands for."""
+"""Ports in words: the angle, rate or torque behind a name of the two articles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A promise at a glance, and what came of it: intervals row by row, outcomes as points."""
+"""A promise and its outcome at a glance: intervals row by row, outcomes as points."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def turned(azimuth_deg: float, elevation_deg: float) -> Float[np.ndarray, "3 3"]
 
 
 def factor_of(drawing: Drawing, shape: int) -> float:
-    """What a shape is multiplied by, so that its largest motion is `REACH` of the article's size."""
+    """Factor on a shape that makes its largest motion `REACH` of the article's size."""
     largest = float(np.linalg.norm(drawing.motion[shape], axis=1).max(initial=0.0))
     return REACH * drawing.size / largest if largest > 0.0 else 0.0
 
@@ -226,7 +226,7 @@ def _scale(figure: Figure, heading: str, foot: float) -> None:
 
 
 def _entries(drawings: Sequence[Drawing]) -> list[Line2D]:
-    """Of the legend: what marks, boxes and dashed lines are."""
+    """Entries of the legend: marks, boxes and dashed lines."""
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
     entries = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
     lines = {line.what for drawing in drawings for line in drawing.lines}

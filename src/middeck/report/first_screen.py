@@ -1,4 +1,4 @@
-"""The first screen: what came out, in a line each, and what does not hold, with its number."""
+"""The first screen: each result in a line, and each claim that does not hold with its number."""
 
 from __future__ import annotations
 

@@ -34,12 +34,12 @@ SHEET = 20  # stills on a printed page
 
 @record(kw_only=True)
 class ShapePage:
-    """What the page shows.
+    """The content of the page.
 
     Attributes:
-        title: Of the page.
+        title: Title of the page.
         drawings, sides: Drawings, and what each is called, such as "0-g".
-        rows: Of each choice of mode the shape of every drawing, None where it has none.
+        rows: The shape of every drawing for each choice of mode; None where it has none.
         headers, table: A table of all modes under the pictures.
         warnings: Sentences that stand with it.
         circling: Whether shapes are complex: real parts, then as many imaginary parts, a quarter of a period

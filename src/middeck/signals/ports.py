@@ -1,4 +1,4 @@
-"""Named inputs and outputs, and what stands behind them on the bench."""
+"""Named inputs and outputs, and the transducers behind them on the bench."""
 
 from __future__ import annotations
 

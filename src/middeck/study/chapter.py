@@ -77,7 +77,7 @@ class Chapter(Generic[T]):
     """One stage of the study, and all that the report shows of its outcome.
 
     Attributes:
-        tables: Of the study file, without which the chapter is not run.
+        tables: Tables of the study file that the chapter needs; without them it is not run.
         name, topic: As progress is told of a study of the 1993 paper, and of any other.
         share: The part of the whole time, measured, for the estimate of what remains.
         stream: Which stream of the study's seed it draws from; its own, so that it depends on no other

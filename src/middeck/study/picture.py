@@ -28,7 +28,7 @@ def draw_picture(outcomes: Mapping[str, Any]) -> Figure | None:
 
 @styled
 def picture(comparison: ModeComparison, control: ZeroGControl) -> Figure:
-    """What gravity and suspension do to the modes (Figure 4), and to controllers designed without (7a)."""
+    """Effects of gravity and suspension on the modes (Figure 4), and on controllers designed without (7a)."""
     figure = new_figure(7.4, 8.6)
     grid = figure.add_gridspec(2, 2, height_ratios=[1.15, 1.0], width_ratios=[1.0, 1.15])
     performance = figure.add_subplot(grid[0, :])
@@ -41,7 +41,7 @@ def picture(comparison: ModeComparison, control: ZeroGControl) -> Figure:
 
 
 def headline(control: ZeroGControl) -> str:
-    """What the curves show: whether 0-g only ever improves, and whether 1-g goes unstable in the range."""
+    """The message of the curves: whether 0-g always improves, and whether 1-g goes unstable in the range."""
     sweep = dict(control.sweeps)["all"].sweep
     orbit, lab = (sweep.plants.index(name) for name in ("orbit", "lab"))
     if not sweep.stable[orbit].all():

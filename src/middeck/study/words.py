@@ -82,7 +82,7 @@ def percent(share: float, digits: int = 2) -> str:
 
 
 def signed(value: float) -> str:
-    """With its sign.
+    """The number with its sign.
 
     >>> signed(2.0)
     '+2'
@@ -91,7 +91,7 @@ def signed(value: float) -> str:
 
 
 class Claim(TypedDict):
-    """What is claimed, whether it holds here, and the number that says so.
+    """A claim, whether it holds here, and the number that shows it.
 
     ``number`` and ``asked`` are in one ``unit`` and have one sign; a number of decibels is a change: negative
     is less. Where a loop is unstable or nothing was found there is no number, and the claim does not hold. A

@@ -1,1 +1,1 @@
-"""From what was typed to what the library takes: cases, plants, compensators, settings, limits."""
+"""From typed options to the library's arguments: cases, plants, compensators, settings, limits."""

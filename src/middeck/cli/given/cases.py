@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from middeck.cli.options import Case
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import MiddeckError
-from middeck.files.disk.looks import ARTICLE
+from middeck.files.disk.kind_of_content import ARTICLE
 from middeck.files.setups import BUILT_IN, find_document, load_setup
 from middeck.files.toml.source import read_source
 from middeck.structure.model.article import Structure

@@ -11,13 +11,13 @@ import numpy as np
 from middeck.cli.given.cases import solve_case
 from middeck.cli.given.design_plants import tell_warnings
 from middeck.cli.options import Case, Tried
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator, sampled_forms
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import PROMISE, looks_like
+from middeck.files.disk.kind_of_content import PROMISE, looks_like
 from middeck.files.measured.models import load_model
 from middeck.files.promises.plants import PromisedPlants, load_promised_plants
 from middeck.identification.model.measurement_model import MeasurementModel
@@ -48,7 +48,7 @@ class Gathered:
 
     Attributes:
         hold_unknown: Those of models that do not say whether the inputs of their data were held.
-        dispersed: Of articles, the modes that a sweep shifts.
+        dispersed: Modes of articles that a sweep shifts.
         promises: Those whose plants are there.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from middeck.cli.given.plants_to_try import Gathered, Law, Shift, chosen_modes, natural_hz, shifted_plants
 from middeck.cli.options import Tried
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
 from middeck.systems.plants.dispersed_frequencies import DispersedModes, dispersed_factors

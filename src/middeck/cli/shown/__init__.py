@@ -1,1 +1,1 @@
-"""What a run says: results, progress, errors with their file, and advice in words of the command line."""
+"""Output of a run: results, progress, errors with their file, and hints in words of the command line."""

@@ -1,4 +1,4 @@
-"""How an article weighs, measures and hangs, in numbers and in lines."""
+"""Mass, size and attitude of an article, as numbers and as lines of text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROUNDING = 1e-12
 
 
 def summary_numbers(summary: Summary) -> dict[str, Any]:
-    """As keys of a JSON document."""
+    """The summary as keys of a JSON document."""
     slim = summary.slenderness
     return {
         "mass_kg": summary.mass,
@@ -61,7 +61,7 @@ def _row(values: Sequence[float] | np.ndarray, size: float = 0.0) -> str:
 
 
 def attitude_numbers(attitude: Attitude) -> dict[str, Any]:
-    """As keys of a JSON document."""
+    """The attitude as keys of a JSON document."""
     node_tilt = np.degrees(attitude.node_tilt) + 0.0
     return {
         "tilt_deg": np.degrees(attitude.tilt) + 0.0,

@@ -90,7 +90,7 @@ def _bar(shares: Mapping[str, float]) -> Generator[tuple[Begin, End]]:
         """The estimate of `remaining_s`, counting down between stages."""
 
         def render(self, task: Task) -> Text:
-            """In words."""
+            """The remaining time in words."""
             return Text(left_words(remaining_s(shares, times, time.monotonic() - since[0])))
 
     columns = (

@@ -22,12 +22,9 @@ class Table:
 
     @property
     def flush_right(self) -> list[bool]:
-        """For each column, whether it holds numbers."""
-        return [all(_is_number(row[i]) for row in self.rows) for i in range(len(self.headers))]
-
-
-def _is_number(cell: str) -> bool:
-    return not cell or cell[0] in "+-.0123456789"
+        """Whether each column holds numbers."""
+        columns = range(len(self.headers))
+        return [all(row[i][:1] in "+-.0123456789" for row in self.rows) for i in columns]
 
 
 def is_terminal(stream: TextIO) -> bool:

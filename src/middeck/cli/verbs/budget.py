@@ -31,8 +31,8 @@ def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool)
 
     Between orbit and an environment, three effects are switched on one at a time, in all six orders:
     suspension, stiffness from internal forces and weight, and static pre-deformation. Prints the mean
-    contribution of each to the frequency, and how far it depends on the order. Clamps, and the
-    masses of a load case, are there in orbit too.
+    contribution of each to the frequency, and its range over the orders. Clamps and the masses of a load case
+    act in orbit too.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""``middeck candidates``: tests that may be made, ranked by what they would tell."""
+"""``middeck candidates``: tests that may be made, ranked by how much they would narrow the predictions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
@@ -28,12 +28,12 @@ EXAMPLES = """\
 @click.argument("candidates", metavar="CANDIDATES")
 @options.printing
 def verb(article: str, candidates: str, as_json: bool) -> None:
-    """Rank tests by what they would tell.
+    """Rank tests by how much they would narrow the predictions.
 
-    ARTICLE is refined on the tests that were made; each of CANDIDATES, a test that may be made, is then
-    added in thought: docs/reference/files.md. The answer is by how much each narrows what is promised,
-    frequencies and readings of gauges, first of all the widest. Each test is taken as it stands, alone; none
-    is optimised.
+    ARTICLE is refined on the tests already made. For each test in CANDIDATES (docs/reference/files.md) the
+    refinement is then computed as if that test had been made too. The tests are ranked by how much they
+    narrow the promised frequencies and gauge readings, the widest interval first. Each is judged alone and as
+    it stands; none is optimised.
     """
     from middeck.files.refinements.candidates import load_candidates
     from middeck.files.setups import find_document

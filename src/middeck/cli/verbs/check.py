@@ -1,4 +1,4 @@
-"""``middeck check``: what an article weighs and measures, and what is wrong or doubtful about it."""
+"""``middeck check``: mass, size and faults of an article, and warnings about it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import show
 from middeck.errors import NumericalError
 
@@ -16,7 +16,7 @@ EXAMPLES = """\
   middeck check articles/mace-simple.toml
   middeck check articles/mace-simple.toml lab --require
 """
-# Of the lowest modes: what is loose or unstable is among them.
+# Number of lowest modes examined: loose and unstable ones are among them.
 COUNT = 40
 SHOWN = 26  # whose mesh is judged: those that `modes` prints
 
@@ -37,9 +37,9 @@ def verb(
 ) -> None:
     """Mass, size and plausibility of ARTICLE.
 
-    Mass, centre of mass, inertia and size come first, then warnings about units and mesh. With an ENVIRONMENT
-    (orbit, lab, or a file) also the rest state: how the article hangs, attach points and directions that
-    nothing holds, loose joints and instability. Mistakes in the files are errors, as everywhere.
+    Prints mass, centre of mass, inertia and size, then warnings about units and mesh. With an ENVIRONMENT
+    (orbit, lab, or a file) it also examines the rest state: attitude, unrestrained attach points and
+    directions, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
     from middeck.cli.given.cases import apply_case, read_case
     from middeck.cli.shown.mass_and_attitude import (

@@ -12,7 +12,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -33,7 +33,8 @@ EXAMPLES = """\
 @click.option(
     "--units",
     metavar="UNITS",
-    help="Of the deck, such as mm-kg-s-mN, m-kg-s-N, mm-t-s-N, in-slinch-s-lbf; a deck does not say.",
+    help="Units of the deck, such as mm-kg-s-mN, m-kg-s-N, mm-t-s-N, "
+    "in-slinch-s-lbf; a deck does not state them.",
 )
 @click.option(
     "--mass-formulation",
@@ -45,7 +46,7 @@ EXAMPLES = """\
     "--subcase",
     type=int,
     metavar="NUMBER",
-    help="Case control's subcase that holds and loads the deck; needed where subcases differ.",
+    help="Subcase of case control; needed if subcases hold or load the deck differently.",
 )
 @options.written(
     "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
@@ -55,7 +56,7 @@ EXAMPLES = """\
     "held_target",
     endings=options.ARTICLES,
     metavar="ENVIRONMENT",
-    help="Write what holds the deck, its SPC as clamps and its springs to the ground, and its gravity.",
+    help="Write SPC (as clamps), springs to the ground and gravity as an environment.",
 )
 @options.common
 def verb(
@@ -71,13 +72,13 @@ def verb(
     """Convert a Nastran DECK to an article, in SI units.
 
     Bars, beams, rods, masses, springs, bushings, point loads, rigid links, averages (RBE3) and equations
-    (MPC) are converted; what holds the deck, and its gravity, goes to the environment of --environment; what
-    has no part in the modes is left out, listed and counted; what has, and cannot be converted, is an error
-    with file, line, card and field. Superelements whose matrices are in OUTPUT4 or punched become components,
-    in NPZ files beside the article. Without --units their likeliest set is named, and nothing is written.
-    --set takes units, mass_formulation and subcase.
+    (MPC) are converted. Constraints, springs to the ground and gravity go to the file of --environment. Cards
+    that do not affect the modes are left out, listed and counted. A card that affects them and cannot be
+    converted is an error with file, line, card and field. Superelements whose matrices are in OUTPUT4 or
+    punched become components, in NPZ files beside the article. Without --units the command names the
+    likeliest set and writes nothing. --set takes units, mass_formulation and subcase.
     """
-    from middeck.cli.given.option_settings import ConvertSettings, settle
+    from middeck.cli.given.checked_options import ConvertSettings, settle
     from middeck.cli.shown.mass_and_attitude import measure_lines, summary_lines, summary_numbers
     from middeck.files.nastran.article.convert import convert_deck
 
@@ -179,7 +180,7 @@ def _written(
     target: str | None,
     held_target: str | None,
 ) -> Any:
-    """What the article is, read back and meshed; nothing is written where that fails."""
+    """The article as written, read back and meshed; nothing is written where that fails."""
     from middeck.files.articles.components import write_component
     from middeck.files.articles.document import document_text
     from middeck.files.disk.atomic import write_text

@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Judge the modes of ARTICLE by measured ones.
+    """Compare the modes of ARTICLE with measured ones, by criteria.
 
     MODES is JSON, a universal file (.unv, .uff) or CSV; a survey of frequencies alone is judged by frequency.
 
@@ -203,7 +203,7 @@ def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
 
 
 def _common(found: Correlation | FrequencyComparison) -> dict[str, Any]:
-    """What both documents hold: the case, the verdict, the pairs and what has none."""
+    """The content that both documents share: the case, the verdict, the pairs and the modes without one."""
     modes, (ours, theirs) = found.modes, found.pairs.T
     return {
         "article": modes.equilibrium.model.structure.title,

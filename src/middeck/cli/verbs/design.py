@@ -10,13 +10,13 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
+    from middeck.cli.given.checked_options import LoopSettings
     from middeck.cli.given.design_plants import FittedPlant, Wanted
-    from middeck.cli.given.option_settings import LoopSettings
     from middeck.cli.work.design_loop import DesignedLoop
 
 EXAMPLES = """\
@@ -35,8 +35,12 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.load_case
 @options.count
 @click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
-@click.option("--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; same.")
-@click.option("--authority", type=options.POSITIVE, help="1/rho.  [default: 10]")
+@click.option(
+    "--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; may be repeated."
+)
+@click.option(
+    "--authority", type=options.POSITIVE, help="1/rho, the inverse weight of control.  [default: 10]"
+)
 @click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
 @click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)
@@ -85,8 +89,8 @@ def verb(
     --set takes the article's and the environment's keys, or for a fitted plant log10_authority, angle_noise,
     disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
+    from middeck.cli.given.checked_options import LoopSettings, settle
     from middeck.cli.given.design_plants import Wanted
-    from middeck.cli.given.option_settings import LoopSettings, settle
     from middeck.cli.work.design_loop import design_loop
 
     measured = (".json", ".npy", *options.RECORDS)
@@ -144,8 +148,8 @@ def _log10_authority(authority: float | None, log10_authority: float | None) -> 
 
 
 def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Wanted) -> FittedPlant:
+    from middeck.cli.given.checked_options import FitSettings, settle
     from middeck.cli.given.design_plants import model_plant
-    from middeck.cli.given.option_settings import FitSettings, settle
     from middeck.cli.work.fit_records import identify
     from middeck.files.measured.models import load_fitted
 

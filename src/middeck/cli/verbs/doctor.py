@@ -20,7 +20,7 @@ EXAMPLES = """\
 
 
 @click.command("doctor", cls=options.Verb, examples=EXAMPLES)
-@click.option("--realtime", is_flag=True, help="Run the engine by the clock and report its lateness.")
+@click.option("--realtime", is_flag=True, help="Run the engine in real time and report its lateness.")
 @click.option(
     "--rate", type=options.Real(1.0, 1e5), default=500.0, show_default=True, help="Samples a second."
 )
@@ -30,8 +30,12 @@ EXAMPLES = """\
 @click.option(
     "--states", type=click.IntRange(0, 1024), default=60, show_default=True, help="States of a random law."
 )
-@click.option("--inputs", type=click.IntRange(1, 64), default=14, show_default=True, help="Its inputs.")
-@click.option("--outputs", type=click.IntRange(1, 64), default=5, show_default=True, help="Its outputs.")
+@click.option(
+    "--inputs", type=click.IntRange(1, 64), default=14, show_default=True, help="Inputs of that law."
+)
+@click.option(
+    "--outputs", type=click.IntRange(1, 64), default=5, show_default=True, help="Outputs of that law."
+)
 @click.option(
     "--priority", type=click.IntRange(0, 99), default=80, show_default=True, help="FIFO priority; 0: none."
 )
@@ -51,9 +55,9 @@ def verb(
 ) -> None:
     """Timing of the engine on this machine.
 
-    A random stable law runs in the engine by the clock. The report gives lateness, samples later than a
-    period, time of a step beside its operations and bytes, what the system granted, and the machine. It
-    judges nothing. --set takes no keys.
+    A random stable law runs in the engine in real time. The report gives lateness, samples delayed by more
+    than a period, the time, operations and bytes of a step, the granted priority, memory lock and processor,
+    and the machine. It gives no verdict. --set takes no keys.
     """
     if not realtime:
         raise ConfigError("nothing to examine", hint="middeck doctor --realtime")

@@ -8,12 +8,12 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.cli.given.option_settings import FitSettings
+    from middeck.cli.given.checked_options import FitSettings
     from middeck.identification.uncertainty.fit_drift import Drift
     from middeck.identification.uncertainty.response_drift import ResponseDrift
 
@@ -66,13 +66,12 @@ def verb(
 ) -> None:
     """Test whether an article has changed between two records.
 
-    BEFORE and AFTER are records as identify takes them; both are fitted with one order, and every mode's
-    move is judged by the deviations of both fits. Where both have two periods or more, their responses are
-    compared line by line as well. BEFORE may be a MODEL.json of identify: has the article left the model?
-    AFTER is then fitted as the model was; a model without the covariance of a fit is taken as exact. --set
-    takes what it takes of identify.
+    BEFORE and AFTER are records as identify takes them. Both are fitted with one order, and the change of
+    every mode is compared with the standard deviations of both fits. If both have two periods or more, their
+    responses are also compared line by line. BEFORE may be a MODEL.json of identify; AFTER is then fitted
+    with the model's options. A model without a covariance counts as exact. --set takes the keys of identify.
     """
-    from middeck.cli.given.option_settings import FitSettings, settle
+    from middeck.cli.given.checked_options import FitSettings, settle
 
     given = {"states": states, "band_hz": band_hz, "sampled": sampled, "periods": periods}
     document = compare(before, after, settle(FitSettings, given, overrides), level)
@@ -84,7 +83,7 @@ def verb(
 def compare(before: str, after: str, settings: FitSettings, level: float) -> dict[str, Any]:
     """The JSON document of a comparison."""
     from middeck.cli.work.fit_records import alike, identify
-    from middeck.files.disk.looks import SCHEMAS, looks_like
+    from middeck.files.disk.kind_of_content import SCHEMAS, looks_like
     from middeck.files.measured.models import load_fitted
     from middeck.files.records import require_record
     from middeck.identification.uncertainty.covariance import as_exact

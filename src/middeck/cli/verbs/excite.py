@@ -1,4 +1,4 @@
-"""``middeck excite``: a test signal, and what a test with it would say."""
+"""``middeck excite``: a test signal, and the accuracy of a test with it."""
 
 from __future__ import annotations
 
@@ -39,8 +39,10 @@ EXAMPLES = """\
 @click.option("--inputs", type=int, help="Number of inputs, separated over as many experiments.")
 @click.option("--realisations", type=int, help="Independent sets of experiments.")
 @click.option("--periods", type=int, help="Periods of each experiment.  [default: 1]")
-@click.option("--seed", type=int, help="Of all that is random.  [default: 0]")
-@click.option("--model", "model_file", metavar="MODEL.json", help="What is thought to be there: identify -o.")
+@click.option("--seed", type=int, help="Seed of the random numbers.  [default: 0]")
+@click.option(
+    "--model", "model_file", metavar="MODEL.json", help="Model of the article, as identify -o writes it."
+)
 @click.option(
     "--noise",
     "noise_rms",
@@ -72,16 +74,18 @@ def verb(
 ) -> None:
     """Design a test signal within limits, as large as they allow.
 
-    With --model and --noise it says how well a test of so many periods would identify that model.
+    --model and --noise add the accuracy with which such a test would identify that model.
     --set takes the names of the options, with units: band_hz, period_s, sample_hz.
     """
-    from middeck.cli.given.option_settings import settle
+    from middeck.cli.given.checked_options import settle
     from middeck.cli.work.design_excitation import ExciteSettings, design, expect
     from middeck.files.records.commands import write_command
 
     settings = settle(ExciteSettings, given, overrides)
     if (model_file is None) != (noise_rms is None):
-        raise ConfigError("an accuracy is expected of a model under a noise", hint="--model and --noise")
+        raise ConfigError(
+            "the expected accuracy of a test needs a model and its noise", hint="--model and --noise"
+        )
     made = design(settings)
     expected = None
     if model_file is not None and noise_rms is not None:

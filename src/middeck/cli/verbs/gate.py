@@ -55,7 +55,7 @@ EXAMPLES = """\
     type=click.IntRange(1, 65535),
     help="Shadow run and engagement on the rig that answers at this UDP port of this machine.",
 )
-@click.option("--driver", metavar="DRIVER.c", help="The same on converters, by the clock.")
+@click.option("--driver", metavar="DRIVER.c", help="The same on converters, in real time.")
 @click.option(
     "--share",
     type=options.Real(0.0, 1.0, min_open=True),
@@ -75,7 +75,7 @@ EXAMPLES = """\
     "--engaged",
     "relieved",
     metavar="PACKAGE.mdk|json",
-    help="The package that is relieved: the cross-fade from it is tried on every PLANT.",
+    help="Package to be replaced: the cross-fade from it is tested on every PLANT.",
 )
 @options.written(
     "--blacklist",
@@ -83,7 +83,7 @@ EXAMPLES = """\
     cls=options.Updated,
     endings=(".json",),
     metavar="BLACKLIST.json",
-    help="Laws that have tripped: consulted first; one that trips when engaged is added.",
+    help="Laws that caused a trip: they are refused, and one that trips when engaged is added.",
 )
 @click.option(
     "--adaptive",
@@ -91,13 +91,15 @@ EXAMPLES = """\
     metavar="SENSOR MAXIMUM RATE",
     help="Prove an adaptive gain up to MAXIMUM that moves by RATE 1/s with the band rms of SENSOR.",
 )
-@click.option("--adaptive-band", "band_hz", type=options.Frequencies(2), metavar="HZ,HZ", help="That band.")
+@click.option(
+    "--adaptive-band", "band_hz", type=options.Frequencies(2), metavar="HZ,HZ", help="Band of that rms."
+)
 @click.option(
     "--adaptive-rms",
     "rms",
     type=options.Numbers(2),
     metavar="QUIET,LOUD",
-    help="Its rms below which the gain rises, and above which it falls.",
+    help="Rms below which the gain rises, and above which it falls.",
 )
 @click.option(
     "--adaptive-least", "least", type=options.NOT_NEGATIVE, metavar="GAIN", help="Least gain.  [default: 0]"
@@ -115,17 +117,18 @@ def verb(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Steps before a controller package may run.
+    """Test a controller package before it may run.
 
-    Blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT (an article in each
-    environment, a fitted model.json, or a promise.json with the plants that it was made on; with and without
-    shifted modes) stable with margin at eleven points of the fade, without growth while motors are limited;
-    with --engaged also while that package fades out and this one in; with --adaptive also a proof that each
-    loop decays at every gain and for every move within the rate. With --hold the engine's hold is closed
-    beside the package. Then a dry run with noise on each PLANT, and on a rig, if one is given, a shadow run
-    and engagement at a share and at full authority: by the engine, or by the reference law where
-    no C compiler is at hand. Exit code 1 where a step is not passed. --set takes the keys of articles and
-    environments.
+    On paper: blacklist, interface, poles, test vectors and error bound. The loop with each PLANT must be
+    stable with margins at eleven values of the fade, and must not grow while motors are limited. A PLANT is
+    an article in each environment, a fitted model.json, or a promise.json with its drawn plants, with and
+    without shifted modes. --engaged also tests the cross-fade from that package. --adaptive also proves that
+    each loop decays at every gain and for every change within the rate. --hold closes the engine's hold
+    beside the package.
+
+    Then follow a dry run with noise on each PLANT and, on a rig, a shadow run and engagement at a share of
+    authority and at full authority. They run on the engine or, without a C compiler, on the reference law.
+    The exit code is 1 if a step fails. --set takes the keys of articles and environments.
     """
     from middeck.cli.given.plants_to_try import gather_plants
     from middeck.cli.given.shifted_plants import all_plants

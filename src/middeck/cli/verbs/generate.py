@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -66,16 +66,20 @@ def _each(flag: str, name: str, help: str) -> Any:
     help="Form of the law; auto is modal where its poles are far enough apart.  [default: auto]",
 )
 @click.option("--unstable", is_flag=True, help="Declare poles on or outside the unit circle.")
-@click.option("--without-applied", is_flag=True, help="Estimate from the command asked for.")
+@click.option(
+    "--without-applied",
+    is_flag=True,
+    help="Let the estimator use the commanded outputs, not the applied ones.",
+)
 @click.option("--single", is_flag=True, help="Single precision, with a proved bound of its error.")
 @click.option("--name", metavar="NAME", help="Name of the package.  [default: that of LAW]")
 @options.printing
 def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) -> None:
-    """A controller package of a compensator, and its C.
+    """Write a compensator as controller package and C code.
 
-    A package is data: the law, its ports, limits and test vectors, known by its hash. The same bits come out
-    of the C here, on a small processor and in the reference. LAW is a compensator (at --rate, if it is
-    continuous), or a package, which is written anew or in single precision.
+    A package is data, identified by its hash: the law, its ports, limits and test vectors. The C code gives
+    the same bits as the Python reference on every processor. LAW is a compensator (--rate samples a
+    continuous one), or a package to write again or in single precision.
     """
     from middeck.files.laws.packages import write_package
 
@@ -110,7 +114,7 @@ def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
         told = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
         if settings or told or given["unstable"]:
             raise ConfigError(
-                "a package has its name, rate, form, ranges and limits: they cannot be told anew",
+                "name, rate, form, ranges and limits are fixed in a package and cannot be given again",
                 where=law_file,
                 hint="generate from the compensator",
             )
@@ -181,7 +185,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     sees = "the torque really applied" if document["applied"] else "the torque asked for"
     ranges = zip(document["inputs"], document["input_range"], strict=True)
     columns = ("lower", "upper", "slew_per_sample", "error_bound")
-    limits = [document[k] or [None] * len(document["outputs"]) for k in columns]
+    none = [None] * len(document["outputs"])
+    limits = [none if document[k] is None else document[k] for k in columns]
     outputs = zip(document["outputs"], *limits, strict=True)
     return [
         f"package      {document['name']}, {document['bytes']} bytes, SHA-256 {document['sha256']}",

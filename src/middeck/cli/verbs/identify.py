@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, deviation_words, show
 from middeck.errors import NumericalError
 
@@ -49,14 +49,14 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--method",
     type=click.Choice(METHODS),
-    help="What is fitted: the samples, or a response estimated so.  [default: steady periods, else samples]",
+    help="Fit the samples, or a response estimated by this method.  [default: steady periods, else samples]",
 )
 @click.option(
     "--reference",
     multiple=True,
     callback=options.listed,
     metavar="CHANNEL,...",
-    help="Channels from outside a closed loop.",
+    help="External reference channels of a record taken in closed loop.",
 )
 @click.option(
     "--cost",
@@ -85,7 +85,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     multiple=True,
     callback=options.listed,
     metavar="JOINT,...",
-    help="Joints, as MOTOR=ANGLE or a name that both have, whose friction is found and taken out.",
+    help="Joints whose friction is estimated and removed: MOTOR=ANGLE, or one name that both have.",
 )
 @click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
 @options.model_file
@@ -110,13 +110,13 @@ def verb(
 ) -> None:
     """Fit poles, residues and delays to measured records.
 
-    RECORDs are .npz, .h5, .mat, .csv, .npy or universal files; several are experiments of one test. Whole
-    steady periods are used where the record has them (the input shows it, or --periods says so) and the
-    response is fitted line by line; otherwise the samples are fitted, with a transient that shares the poles.
-    --set takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants,
-    delay, rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
+    RECORDs are .npz, .h5, .mat, .csv, .npy or universal files; several are experiments of one test. If the
+    record has whole steady periods (recognised from the input, or given by --periods), the response is fitted
+    line by line. Otherwise the samples are fitted, with a transient that shares the poles. --set takes the
+    names of the options: states, band_hz, sampled, held, method, reference, cost, constants, delay, rigid,
+    integrators, residuals, full_rank, relative_degree, friction and periods.
     """
-    from middeck.cli.given.option_settings import FitSettings, settle
+    from middeck.cli.given.checked_options import FitSettings, settle
     from middeck.cli.shown.progress import status
     from middeck.cli.work.fit_records import identify
     from middeck.files.records import require_record
@@ -234,7 +234,7 @@ def describe(found: Identified) -> dict[str, Any]:
 
 
 def _friction(found: JointFriction | None) -> dict[str, Any] | None:
-    """What was taken out of the record; None for nothing."""
+    """The friction taken out of the record; None for nothing."""
     if found is None:
         return None
     return {

@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, cells, deviation_words, show
 
 if TYPE_CHECKING:
@@ -74,11 +74,11 @@ def verb(
 ) -> None:
     """Find the blows of a hammer test, average and fit them.
 
-    RECORDs hold one force and the responses to it, of one blow or several each. Double hits, overloads, weak
-    blows, blows cut short and those struck while the article still rings are listed with their reason and
+    Each RECORD holds one force and the responses to it, with one or several blows. Double hits, overloads,
+    weak blows, blows cut short, and blows struck while the article still rings are listed with the reason and
     left out. --set takes states and band_hz.
     """
-    from middeck.cli.given.option_settings import ImpactSettings, settle
+    from middeck.cli.given.checked_options import ImpactSettings, settle
     from middeck.files.records import load_records, write_response
 
     chosen = settle(ImpactSettings, {"states": states, "band_hz": band_hz}, overrides)

@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
 
@@ -56,8 +56,8 @@ def verb(
 ) -> None:
     """Move attach points of ARTICLE until it hangs level.
 
-    Prints how it hangs before and after, and the new offsets by their keys in the article's file, as --set
-    takes them. The file is left as it is. An article that cannot be levelled so ends with exit code 5.
+    Prints the attitude before and after, and the new offsets under their keys in the article's file, as --set
+    takes them. The file is not changed. The exit code is 5 if these offsets cannot level the article.
     """
     from middeck.cli.given.cases import case_doubts, read_case
     from middeck.files.setups import load_offset_keys

@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
 
@@ -54,10 +54,10 @@ def verb(
 ) -> None:
     """Natural modes of ARTICLE at rest in an environment.
 
-    First its mass, centre of mass and inertia; with the modes the reactions of the suspension and of clamps,
-    the torques that hold the joints, and how far the nodes turn. Of a load case that is applied the masses
-    count as the article's. Where wheels spin, the modes are those at their speeds, forward and backward;
-    those at standstill stand below them.
+    Prints mass, centre of mass and inertia, the modes, the reactions of suspension and clamps, the torques
+    that hold the joints, and the rotation of the nodes. The masses of an applied load case count as the
+    article's. With spinning wheels the modes are forward and backward whirl at the wheels' speeds; the modes
+    at standstill follow.
     """
     from middeck.cli.given.cases import read_case, solve_in
     from middeck.cli.shown.mass_and_attitude import summary_lines, summary_numbers

@@ -1,4 +1,4 @@
-"""``middeck outcome``: what came, beside what was promised, and how good many promises were."""
+"""``middeck outcome``: a measured outcome beside its promise, and the score of many promises."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -28,16 +28,16 @@ EXAMPLES = """\
 def verb(
     files: tuple[str, ...], date: str | None, target: str | None, figure_file: str | None, as_json: bool
 ) -> None:
-    """Compare what came with a promise, or score many.
+    """Compare a measured outcome with its promise, or score many.
 
-    OUTCOME has frequencies, shapes and decibels as they came: docs/reference/files.md. Modes are paired with
-    promised ones by shape where OUTCOME names a survey, else by name or number, and what this leaves open is
-    said. The comparison is a document of its own, which names the promise by its hash; a promise that was
-    changed is refused, and a file beside it that it was made of and that was changed is named.
+    OUTCOME holds the measured frequencies, shapes and decibels (docs/reference/files.md). Modes are paired
+    with promised ones by shape if OUTCOME names a survey, otherwise by name or number; ambiguous pairs are
+    marked. The comparison names the promise by its hash. A changed promise is refused; a changed input file
+    of the promise is reported.
 
     COMPARISONs of many promises, as this verb writes them, are scored together.
     """
-    from middeck.files.disk.looks import COMPARED, looks_like
+    from middeck.files.disk.kind_of_content import COMPARED, looks_like
     from middeck.files.json.output import write_json
     from middeck.files.promises.scores import score_document
 

@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -44,7 +44,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/gravity_levels.py, which 
     type=click.Choice(RULES),
     default=RULES[0],
     show_default=True,
-    help="Devices as tuned, force scaled; or tuned again in each gravity.",
+    help="Keep the devices as tuned and scale their force, or tune them again in each gravity.",
 )
 @click.option("--require", is_flag=True, help="End with exit code 1 if the path ends early.")
 @figures.figure
@@ -61,9 +61,9 @@ def verb(
 ) -> None:
     """Modes of ARTICLE while gravity changes.
 
-    Follows the modes from place to place. Reports crossings and veerings, and a loss of stability with its
-    gravity and mode. Devices are tuned in the environment's own gravity, and released in orbit. A load case
-    acts all the way.
+    Follows the modes from one gravity to the next. Reports crossings, veerings, and a loss of stability with
+    its gravity and mode. Suspension devices are tuned in the environment's own gravity and released in orbit.
+    A load case acts at every gravity.
     """
     from middeck.cli.given.cases import case_doubts, read_case
     from middeck.structure.gravity.gravity_levels import DeviceRule
@@ -99,7 +99,7 @@ def _places(
     from middeck.structure.gravity.gravity_levels import GravityLevel, find_place, tilt_place
 
     if through is not None and tilt is not None:
-        raise ConfigError("--through or --tilt: one of them, not both")
+        raise ConfigError("--through or --tilt: one of them, not both", hint="leave one of them out")
     if tilt is not None:
         start = GravityLevel(environment.title, environment.gravity)
         return start, tilt_place(start, float(np.radians(tilt[0])), np.array(tilt[1:]))

@@ -10,12 +10,12 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.updating.promise.blocks import Measured
+    from middeck.updating.promise.blocks_of_draws import Measured
     from middeck.updating.promise.plan import Plan
     from middeck.updating.refinement.refine import Refined
 
@@ -40,13 +40,13 @@ EXAMPLES = """\
     "plants_file",
     endings=(".json",),
     metavar="PLANTS.json",
-    help="Write the drawn plants beside it: `middeck gate` and `qualify` take the promise then.",
+    help="Write the drawn plants too, in the same folder: gate and qualify then accept the promise.",
 )
 @options.written(
     "--ledger",
     endings=(".ledger",),
     cls=options.Updated,
-    help="Keep draws here as they come: after a kill the same call goes on behind them.",
+    help="Store draws here: after a kill the same call continues.",
 )
 @click.option(
     "--workers", type=click.IntRange(min=1), help="Processes that draw, with --ledger.  [default: 1]"
@@ -67,11 +67,11 @@ def verb(
 ) -> None:
     """Promise what compensators will do in orbit.
 
-    ARTICLE is refined on the surveys that PLAN names; plants are then drawn from what stays open, and every
-    compensator is tried on all of them: docs/reference/files.md. The document says with which probability it
-    is stable, how many decibels to expect, what the risk hangs on and how far an ideal compensator is. It
-    carries the hash of its own content and of all files behind it; with --ledger and --workers it is the
-    same to the last byte. With --load-cases it says what gauges will read of the refined article at rest.
+    ARTICLE is refined on the surveys that PLAN names (docs/reference/files.md). Plants are drawn within the
+    remaining uncertainty, and every compensator is tried on all of them. The document gives the probability
+    of stability, the decibels to expect, the parameter on which the risk depends most, and the distance to
+    an ideal compensator. It holds the hashes of its content and of all input files; --ledger and --workers
+    do not change a byte of it. With --load-cases it promises gauge readings of the refined article at rest.
     """
     from middeck.files.json.output import write_json
     from middeck.files.setups import find_document
@@ -198,7 +198,7 @@ def _modes(place: dict[str, Any]) -> Table:
 
 
 def _removed(place: dict[str, Any]) -> Table:
-    """What gravity made of each frequency on the ground; * where the effects cannot be told apart."""
+    """Contributions of gravity to each frequency on the ground; * where they cannot be separated."""
     removed = place["removed"]
     rows = [
         [
@@ -252,12 +252,12 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
         for c in place["compensators"]
     ]
     headers = ["compensator", "stable [%]", "at least", "median [dB]", "2.5 %", "97.5 %", "99 %",
-               "worst above the bound [dB]", "would grow", "hangs on"]  # fmt: skip
+               "worst above the bound [dB]", "unstable mode", "depends most on"]  # fmt: skip
     return Table(f"promised in {place['name']}: {document['draws']} draws", headers, rows)
 
 
 def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Table]:
-    """What friction costs, where the plan states any."""
+    """The cost of friction, where the plan states any."""
     if "friction" not in place:
         return []
     middle = document["shares"].index(0.5)

@@ -61,12 +61,12 @@ def verb(
 ) -> None:
     """Test a compensator on plants that it was not designed for.
 
-    Each PLANT is an article, in each environment, a fitted model.json, or a promise.json with the plants that
-    it was made on, with and without shifted modes,
-    continuous and at each rate. Reports stability by eigenvalues, margins at the plant's inputs, and the rms
-    of the measured outputs under disturbance and noise, over all frequencies, relative to that without
-    control (dB, less is better). Delays of a model are exact; a rate adds a hold, so a model must say whether
-    its data had one. --set takes the keys of articles and environments.
+    Each PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
+    plants. Each is tried with and without shifted modes, in continuous time and at each rate. The table gives
+    stability by eigenvalues, margins at the plant's inputs, and the rms of the measured outputs under
+    disturbance and noise over all frequencies, relative to that without control (dB, less is better). Delays
+    of a model are exact. A rate adds a hold, so a model must say whether its data had one. --set takes the
+    keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
     law, found, allowed, said = _qualify(law_file, tried, given)

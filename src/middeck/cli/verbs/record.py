@@ -1,4 +1,4 @@
-"""``middeck record``: what a record file holds, what is wrong with it, and the same as another kind."""
+"""``middeck record``: contents and faults of a record file, and its conversion to another kind."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -62,7 +62,7 @@ def verb(
     the file lacks. -o converts to the kind that the ending names. --set takes sample_hz, variable and
     periods.
     """
-    from middeck.cli.given.option_settings import RecordSettings, settle
+    from middeck.cli.given.checked_options import RecordSettings, settle
 
     given = {"sample_hz": columns.sample_hz, "variable": columns.variable or None, "periods": periods}
     chosen = settle(RecordSettings, given, overrides)

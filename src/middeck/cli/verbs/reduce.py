@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
@@ -34,7 +34,9 @@ EXAMPLES = """\
     metavar="NODES",
     help="Nodes with residual attachment modes; may be repeated.",
 )
-@click.option("--recover", multiple=True, metavar="NODES", help="Nodes whose motion the file gives back.")
+@click.option(
+    "--recover", multiple=True, metavar="NODES", help="Nodes whose motion can be recovered from the file."
+)
 @options.written(
     "-o",
     "--output",
@@ -57,10 +59,10 @@ def verb(
 ) -> None:
     """Reduce ARTICLE to a component: boundary nodes and modes.
 
-    By Craig and Bampton's method, at rest in orbit: static motions of the boundary, and the lowest modes with
-    the boundary held; with --residual also what the modes left out answer statically to loads at a node.
-    Modes up to three times the frequency of interest are usual. Angles of free joints remain, ahead of the
-    modal coordinates.
+    The method is that of Craig and Bampton, at rest in orbit: static motions of the boundary, and the lowest
+    modes with the boundary held. --residual adds the static response of the omitted modes to loads at a node.
+    Modes up to three times the frequency of interest are usual. Angles of free joints remain as coordinates,
+    ahead of the modal ones.
     """
     from middeck.files.articles.components import write_component
     from middeck.files.nastran.components.external_write import write_external
@@ -74,7 +76,7 @@ def verb(
     nodes = options.separate_names(boundary)
     if not nodes or (count is None) == (upto_hz is None):
         raise ConfigError(
-            "a reduction needs a boundary and how many modes",
+            "a reduction needs boundary nodes and a number of modes",
             hint="--boundary, and one of --modes and --upto-hz",
         )
     name = "component" if target is None else Path(target).stem

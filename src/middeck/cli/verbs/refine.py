@@ -1,4 +1,4 @@
-"""``middeck refine``: an article refined on modes measured on the ground, and what it says of orbit."""
+"""``middeck refine``: an article refined on modes measured on the ground, and its prediction for orbit."""
 
 from __future__ import annotations
 
@@ -10,13 +10,10 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, cells, show
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-    from numpy import ndarray
-
     from middeck.updating.orbit.frequencies import Prediction
     from middeck.updating.refinement.findable_unknowns import Choice
     from middeck.updating.refinement.refine import Refined, RefinedFriction
@@ -45,7 +42,9 @@ EXAMPLES = """\
     "--count", type=click.IntRange(min=1), default=10, show_default=True, help="How many modes to predict."
 )
 @click.option(
-    "--choose", is_flag=True, help="Weigh the unknowns and stop: which the surveys see, which alike."
+    "--choose",
+    is_flag=True,
+    help="Only rate the unknowns: which the surveys determine, and which have the same effect.",
 )
 @options.written("-o", "--output", "target", endings=(".toml",), help="Write the refined article.")
 @options.printing
@@ -60,9 +59,9 @@ def verb(
 ) -> None:
     """Refine ARTICLE on ground tests; predict orbit.
 
-    REFINEMENT names the surveys, the parameters that may change, and how well these are known before:
-    docs/reference/files.md. The answer is the most probable article, with the deviations of its numbers; the
-    refined article is the old one with a table of factors.
+    REFINEMENT names the surveys, the parameters that may change, and their standard deviations before the
+    tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
+    its parameters. The refined article is the given one with a table of factors.
     """
     from middeck.cli.given.cases import find_case
     from middeck.files.disk.atomic import write_text
@@ -92,6 +91,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     from middeck.updating.refinement.findings import findings
 
     found = refined.estimate
+    damping_std = predicted.damping * predicted.damping_std(0.0)
     return {
         "schema": "middeck.refine/1",
         "article": refined.structure.title,
@@ -132,7 +132,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             "interval_95_hz": predicted.interval_hz,
             "of_the_refined_model_hz": predicted.modes.frequency_hz[predicted.index],
             "damping": predicted.damping,
-            **({"damping_deviation": _deviation(predicted)} if refined.damped else {}),
+            **({"damping_deviation": damping_std} if refined.damped else {}),
             "seen": predicted.seen,
         },
         "not_in_the_article": [u.name for u in refined.left_out],
@@ -203,11 +203,6 @@ def _friction(refined: RefinedFriction) -> dict[str, Any]:
     }
 
 
-def _deviation(predicted: Prediction) -> Float[ndarray, " mode"]:
-    """Of the predicted damping ratios; nothing of a refined one is unseen."""
-    return predicted.damping * predicted.damping_std(0.0)
-
-
 def _static(refined: Refined, k: int) -> dict[str, Any]:
     compared = refined.statics[k]
     return {
@@ -222,14 +217,17 @@ def _static(refined: Refined, k: int) -> dict[str, Any]:
 
 def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
     def change(u: dict[str, Any], x: float) -> str:
-        return f"{x:+.4g}" if u["added"] else f"{100.0 * x:+.2f} %"
+        return f"{x:+.4g}" if u["added"] else f"{100.0 * math.expm1(x):+.2f} %"
+
+    def deviation(u: dict[str, Any], std: float, x: float) -> str:
+        return f"{std:.4g}" if u["added"] else f"{100.0 * std * math.exp(x):.2f} %"
 
     def errors(before: Sequence[float], measured: Sequence[float]) -> list[str]:
         return [f"{100.0 * (a / b - 1.0):+.3f}" for a, b in zip(before, measured, strict=True)]
 
     unknowns = [
-        [u["name"], change(u, u["mean"]), change(u, u["spread"]).lstrip("+"), change(u, u["x"]),
-         change(u, u["std"]).lstrip("+")]
+        [u["name"], change(u, u["mean"]), deviation(u, u["spread"], u["mean"]), change(u, u["x"]),
+         deviation(u, u["std"], u["x"])]
         for u in document["unknowns"]
     ]  # fmt: skip
     surveys = [
@@ -322,6 +320,6 @@ def _static_table(statics: Sequence[dict[str, Any]]) -> Table:
 
 
 def _without(document: dict[str, Any]) -> str:
-    """What the reader must still put where it belongs."""
+    """Refined values that have no place in the article's file, as hints to the reader."""
     names = document["not_in_the_article"]
     return f"; not in it, as no factor of an article: {', '.join(names)}" if names else ""

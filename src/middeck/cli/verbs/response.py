@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, cells, show
 
 if TYPE_CHECKING:
@@ -64,9 +64,9 @@ def verb(
 ) -> None:
     """Frequency responses of ARTICLE between named ports.
 
-    From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. With
-    --static the residual flexibility of the modes beyond --count is added, and its part of the gain at low
-    frequency is shown.
+    From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. --static
+    adds the residual flexibility of the modes beyond --count and prints its share of the gain at low
+    frequency.
     """
     import numpy as np
 
@@ -153,7 +153,7 @@ def describe_gain(gain: StaticGainComparison) -> dict[str, Any]:
 
 
 def _share(missing: float) -> str:
-    """Of a pair that is not coupled there is none."""
+    """The share as text; "-" for a pair that is not coupled."""
     return f"{missing:.1e}" if missing == missing else "-"
 
 

@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
 
@@ -64,9 +64,9 @@ def verb(
 ) -> None:
     """Derivatives of frequencies and of the rest state of ARTICLE.
 
-    Exact, with the shift of the rest state and the tuning of the suspension included. Parameters are named
-    by part and field, as in node.n1.cg.y, member.n1-n2.EI_y, joint.pri_x.angle, environment.gravity.y.
-    --json has all of them for every mode up to the last one printed.
+    The derivatives are exact and include the shift of the rest state and the tuning of the suspension.
+    Parameters are named by part and field, as in node.n1.cg.y, member.n1-n2.EI_y, joint.pri_x.angle,
+    environment.gravity.y. --json has all of them for every mode up to the last one printed.
     """
     from middeck.cli.given.cases import find_case, solve_case
 

@@ -1,1 +1,1 @@
-"""What several verbs compute alike: excitations, fits of records, loops."""
+"""Computations that several verbs share: excitations, fits of records, loops."""

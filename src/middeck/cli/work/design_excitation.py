@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from middeck.cli.shown.blame import reading
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model
 from middeck.files.toml.form import Band, Form, Positive, whole, within
@@ -21,7 +21,7 @@ from middeck.signals.excitation.sweep import design_sweep
 
 
 class ExciteSettings(Form):
-    """What is designed; limits are those of every input."""
+    """Settings of an excitation; limits are those of every input."""
 
     kind: Literal["multisine", "sweep", "noise", "burst", "mls", "binary"]
     sample_hz: Positive

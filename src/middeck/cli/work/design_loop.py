@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.cli.given.option_settings import LoopSettings
+from middeck.cli.given.checked_options import LoopSettings
 from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg.design import LQGCompensator, design_lqg

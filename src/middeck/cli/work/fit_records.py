@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from middeck.cli.given.option_settings import FitSettings
-from middeck.cli.shown.blame import reading
+from middeck.cli.given.checked_options import FitSettings
+from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import ConfigError
 from middeck.files.records import Columns, check_finite, join_records, read_record, split_periods
 from middeck.identification.faults.detect import detect_faults
@@ -121,7 +121,7 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
 
 
 def _friction(taken: Record, settings: FitSettings) -> JointFriction:
-    """At the joints of the settings; refused with a fit of samples, which no friction was taken from."""
+    """The friction of the settings' joints; refused with a fit of samples, which keeps the friction."""
     if settings.method == "samples" or settings.reference:
         raise ConfigError("friction is found in periods of open-loop records", hint="leave the other out")
     joints = [tuple(part.strip() for part in name.split("=", 1)) for name in settings.friction]
@@ -188,7 +188,7 @@ def _only_continuous(settings: FitSettings) -> str:
 
 
 def _is_sampled(settings: FitSettings, *, reaches: bool) -> bool:
-    """As requested; otherwise if the band reaches far and no option needs a continuous model."""
+    """Whether to fit a sampled model: as requested, else by the band and the options."""
     _refuse_unlike(settings)
     asked = _only_continuous(settings)
     return reaches and not asked if settings.sampled is None else settings.sampled

@@ -128,7 +128,8 @@ def _priced(m: GeneralizedPlant) -> GeneralizedPlant:
 def _filter_measurements(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
     if f.D.shape != (len(m.C2), len(m.C2)):
         raise ConfigError(
-            f"the filter before the compensator has shape {f.D.shape} for {len(m.C2)} measurements"
+            f"the filter before the compensator has shape {f.D.shape} for {len(m.C2)} measurements",
+            hint="as many inputs and outputs as measurements in the plant's group y",
         )
     n, k = len(m.A), len(f.A)
     return GeneralizedPlant(
@@ -146,7 +147,8 @@ def _filter_measurements(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant
 def _filter_commands(m: GeneralizedPlant, f: StateSpace) -> GeneralizedPlant:
     if f.D.shape != (m.B2.shape[1], m.B2.shape[1]):
         raise ConfigError(
-            f"the filter after the compensator has shape {f.D.shape} for {m.B2.shape[1]} inputs"
+            f"the filter after the compensator has shape {f.D.shape} for {m.B2.shape[1]} inputs",
+            hint="as many inputs and outputs as the plant's group u has inputs",
         )
     n, k = len(m.A), len(f.A)
     return GeneralizedPlant(

@@ -48,9 +48,14 @@ class LawForm:
     def __post_init__(self) -> None:
         total = sum(station.order for station in self.stations)
         if self.order is not None and (self.order < 1 or (self.stations and total != self.order)):
-            raise ConfigError(f"order = {self.order}, but the stations have {total} states together")
+            raise ConfigError(
+                f"order = {self.order}, but the stations have {total} states together",
+                hint="order >= 1, the sum of the stations' orders; or leave order out",
+            )
         if any(station.order < 1 for station in self.stations):
-            raise ConfigError("a station without states")
+            raise ConfigError(
+                "a station without states", hint="order >= 1 for each station; leave a static one out"
+            )
 
 
 @record

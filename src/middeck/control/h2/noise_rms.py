@@ -38,8 +38,8 @@ class NoiseOutcome:
 
     Attributes:
         stable: By `decide_stability`, delays exact.
-        rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, and for white
-            noise through a direct term.
+        rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, for one with
+            a root that does not decay, and for white noise through a direct term.
     """
 
     stable: bool

@@ -39,7 +39,9 @@ class ModeShift:
     def __post_init__(self) -> None:
         require_names(self.modes, "modes")
         if not self.modes:
-            raise ConfigError("a shift names no modes")
+            raise ConfigError(
+                "a shift names no modes", hint="name at least one mode of the plant, or leave the shift out"
+            )
         if not 0.0 < self.half_width < 1.0:
             raise ConfigError(
                 f"half-width of a shift is {self.half_width:g} of the frequency", hint="between 0 and 1"
@@ -73,7 +75,8 @@ class Uncertainty:
     def __post_init__(self) -> None:
         if self.damping < 0.0 or not 0.0 <= self.gain < 1.0 or not 0.0 <= self.delay <= 1.0:
             raise ConfigError(
-                "half-widths of damping, gain or delay are negative, or the gain's is not below 1"
+                f"half-widths: damping {self.damping:g}, gain {self.gain:g}, delay {self.delay:g}",
+                hint="damping >= 0, gain from 0 to below 1, delay from 0 to 1",
             )
         named = [mode for shift in self.shifts for mode in shift.modes]
         twice = sorted({mode for mode in named if named.count(mode) > 1})
@@ -100,7 +103,10 @@ def perturb_plant(plant: Plant, uncertainty: Uncertainty, position: Sequence[flo
     """
     names = parameter_names(uncertainty)
     if len(position) != len(names):
-        raise ConfigError(f"{len(position)} numbers for {len(names)} parameters: {', '.join(names)}")
+        raise ConfigError(
+            f"{len(position)} numbers for {len(names)} parameters: {', '.join(names)}",
+            hint="one number from -1 to 1 for each parameter",
+        )
     if uncertainty.delay and not plant.delayed:
         raise ConfigError(
             "the delay is uncertain, but the plant has none", hint="delay_plant(plant, delay_s)"

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
     LQGProblem,
@@ -21,7 +22,8 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.statespace import StateSpace
+from middeck.systems.plants.response import statespace_response
+from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
 
 AUTHORITY = "1/rho > 0, as 10"
@@ -92,13 +94,33 @@ def design_lqg(
     from any input to y, are part of the design; one from process noise to z is refused (infinite cost).
     ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
-    the plant.
+    the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
+    (`measure_known`).
     """
     if not 0.0 < authority < np.inf:
         raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
+    first: list[LQGCompensator] = []
+
+    def numbers(found: LQGCompensator) -> Float[np.ndarray, " number"]:
+        first.append(found)
+        at = poles(first[0].system), first[0].regulator.poles, first[0].estimator.poles
+        lines = np.abs(np.concatenate(at))
+        here, there = (statespace_response(law.system, lines) for law in (first[0], found))
+        apart = np.log(np.divide(there, here, out=np.ones_like(here), where=here != 0.0)).ravel()
+        return np.concatenate([np.real(apart), np.imag(apart), np.log([found.cost])])
+
+    def design(plant: Plant) -> LQGCompensator:
+        return _design(plant, weights, authority, kalman, shaping or Shaping())
+
+    return measure_known("law and cost", design, numbers, plant)
+
+
+def _design(
+    plant: Plant, weights: LQGWeights, authority: float, kalman: KalmanFilter | None, shaping: Shaping
+) -> LQGCompensator:
+    """As `design_lqg`, rounding apart."""
     part = partition_modes(plant)
     active = part.active
-    shaping = shaping or Shaping()
     model = pose_problem(active, weights, shaping)
     try:
         kalman = design_filter(plant, weights, shaping) if kalman is None else kalman

@@ -51,7 +51,8 @@ class Shaping:
             _require_stable(name, system)
             if system.D.shape != (1, 1):
                 raise ConfigError(
-                    f"the weight on {name} has {system.D.shape} outputs and inputs, not one of each"
+                    f"the weight on {name} has {system.D.shape} outputs and inputs, not one of each",
+                    hint="one filter with one input and one output for each port",
                 )
         for name, system in self.inputs:
             if system.D[0, 0] == 0.0:
@@ -62,7 +63,10 @@ class Shaping:
         for name, system in self.colours:
             _require_stable(name, system)
             if len(system.D) != 1:
-                raise ConfigError(f"the colour of {name} has {len(system.D)} outputs, not one")
+                raise ConfigError(
+                    f"the colour of {name} has {len(system.D)} outputs, not one",
+                    hint="a filter with one output, driven by white noise",
+                )
         if any(not weight > 0.0 for _, weight in self.integral):
             raise ConfigError(
                 "the weight of an integral is not positive", hint="give it a positive weight, or leave it out"

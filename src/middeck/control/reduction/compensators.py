@@ -9,7 +9,8 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.h2.closed_cost import evaluate_cost
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
@@ -101,7 +102,7 @@ def _report(
 ) -> ReducedCompensator:
     law, candidate = found.law, found.candidate
     cut = law is candidate.law
-    # Of the first cut the remainder is known without what was kept in both.
+    # After the first cut the remainder is known without the part kept in both.
     remainder = candidate.remainder if cut else subtract(parts.rest, law)
     joined = add(parts.kept, law)
     system = StateSpace(joined.A, joined.B, joined.C, compensator.system.D)
@@ -134,7 +135,7 @@ def _loop_errors(
 
 
 def _stable(law: Compensator, plants: Sequence[Plant]) -> Bool[np.ndarray, " plant"]:
-    return np.array([decide_stability(plant, law).stable for plant in plants], dtype=bool)
+    return np.array([decide_loop(form_loop(plant, law)).stable for plant in plants], dtype=bool)
 
 
 def _cost_ratios(whole: StateSpace, law: StateSpace, loops: Sequence[Loop]) -> Float[np.ndarray, " plant"]:

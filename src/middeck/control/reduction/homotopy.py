@@ -3,7 +3,7 @@
 K(a) = K_r + (1 - a) R with the remainder R = K - K_r of the first cut: at a = 0 it is K, at a = 1 it is K_r.
 On the way K_r descends the H2 cost of the loops, which grows without bound at the stability limit, so that
 the remainder can be withdrawn further (as multi-model designs grow their perturbation, see
-`middeck.control.robust.search.approach`).
+`middeck.control.robust.search.continuation`).
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def gramians_in_loop(models: Sequence[GeneralizedPlant], law: Law) -> GramianFac
 
 
 def seen_at_y(models: Sequence[GeneralizedPlant], law: Law, output_size: np.ndarray) -> GramianFactors:
-    """As `gramians_in_loop`, observed at y, each measurement relative to its size."""
+    """Gramian factors as `gramians_in_loop`, observed at y, each measurement relative to its size."""
     found: list[GramianFactors] = []
     for model in models:
         A, B, _ = closed_matrices(model, law)

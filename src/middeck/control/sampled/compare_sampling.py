@@ -14,14 +14,14 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import Form, design_sampled_lqg
 from middeck.control.sampled.emulation import Rule, emulate
-from middeck.control.sampled.sampled_loop import SampledOutcome, measure_sampled_loop
+from middeck.control.sampled.sampled_loop import SampledOutcome, measure_held, measure_sampled_loop
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.values import record
 
 HEAD = ("rate Hz", "method", "dB", "control rms", "gain dB", "phase deg", "disk")
 FORMS: tuple[Form, ...] = ("current", "predictor")
-# Of the delays in designs of finite order.
+# Pade order of delays in designs of finite order.
 PADE_ORDER = 3
 
 
@@ -124,7 +124,7 @@ def compare_sampling(
                 SamplingRow(method=name, rate_hz=float(rate), law=law, outcome=outcome, margins=margins)
             )
     idle = emulate(idle_compensator(plant), 1.0 / float(rates_hz[0]), "hold")
-    open_loop = measure_sampled_loop(plant, idle, weights, authority)
+    open_loop = measure_held(plant, idle, weights, authority)
     return SamplingComparison(tuple(rows), open_loop.metric, continuous.cost)
 
 

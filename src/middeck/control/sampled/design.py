@@ -90,7 +90,7 @@ def design_sampled_lqg(
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
     not fit and for a ``"current"`` law on a plant that answers within the sample.
 
-    >>> from middeck.systems.plants.own_plant import make_plant
+    >>> from middeck.systems.plants.plant_from_matrices import make_plant
     >>> walk = make_plant([[0.0]], [[1.0]], [[1.0]], w=["u1"], u=["u1"], z=["y1"], y=["y1"])
     >>> weights = LQGWeights(output=[1.0], input=[1.0], disturbed=("u1",), process=[[1.0]], sensor=[1.0])
     >>> early, late = (design_sampled_lqg(walk, weights, 1.0, 0.1, form) for form in ("current", "predictor"))

@@ -23,7 +23,7 @@ Rule = Literal["hold", "tustin", "matched"]
 def emulate(
     compensator: Compensator, period_s: float, rule: Rule = "tustin", *, match_hz: float | None = None
 ) -> Compensator:
-    """The law as a computer of ``period_s`` may run it.
+    """The continuous law converted to one sampled every ``period_s``.
 
     Args:
         compensator, period_s: The law, and the time from sample to sample [s].

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+import warnings
+
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator, arrange_ports
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import all_decay, growth_rates
+from middeck.systems.poles.verdict import may_cross
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import SampledStateSpace, poles, same_period, select_paths
 from middeck.values import record
@@ -26,10 +32,10 @@ class SampledOutcome:
     Attributes:
         stable: By the eigenvalues of the loop from sample to sample (`decide_stability`).
         poles: Those eigenvalues, z-plane.
-        rms: Of each output z over all time, between the samples too; ``inf`` for an unstable loop, and for
-            one with a pole on the circle that noise drives.
+        rms: Rms of each output z at all times, between samples too; ``inf`` for an unstable loop, and for
+            one with a pole on the circle that noise drives, or may drive: not where exact zeros part them.
         rms_at_samples: Rms at the sampling instants alone (of the plant's state, without output delays).
-        control_rms: Of each input u.
+        control_rms: Rms of each input u.
         metric: Norm of W rms: the square root of the cost's first part.
         cost: E[z' W^2 z + rho u' diag(input) u] at rho = 1 / authority.
     """
@@ -53,11 +59,20 @@ def measure_sampled_loop(
 
     Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
     that reads its own input within the sample. Warns (`UserWarning`) where rounding of the matrices makes the
-    rms uncertain (`measure_known`).
+    rms uncertain (`measure_known`), and where the rms of a stable loop is infinite.
     """
-    return measure_known(
+    found = measure_known(
         "rms", lambda *both: measure_held(*both, weights, authority), _numbers, plant, compensator
     )
+    if found.stable and np.isinf(found.metric):
+        lead = found.poles[np.argmax(np.abs(found.poles))]
+        frequency_hz = abs(np.angle(lead)) / (2.0 * np.pi * compensator.sampled.period_s)
+        warnings.warn(
+            f"rms is infinite: the pole at {frequency_hz:.6g} Hz neither decays nor grows beyond rounding. "
+            "What noise does not drive may be left out of the plant",
+            stacklevel=2,
+        )
+    return found
 
 
 def _numbers(outcome: SampledOutcome) -> Float[np.ndarray, " number"]:
@@ -67,10 +82,10 @@ def _numbers(outcome: SampledOutcome) -> Float[np.ndarray, " number"]:
 def measure_held(
     plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
-    """As `measure_sampled_loop`, rounding apart."""
+    """`measure_sampled_loop` without its check of rounding."""
     held = hold_plant(plant, weights, compensator.sampled.period_s)
     law = arrange_law(held, compensator)
-    stable = decide_stability(plant, compensator).stable
+    stable = decide_loop(form_loop(plant, compensator)).stable
     loop = _close(held, law)
     values = poles(loop)
     covariance = _covariance(held, law, loop) if stable else None
@@ -131,13 +146,29 @@ def _covariance(
     n = len(held.system.A)
     noise = loop.B @ sensor @ loop.B.T
     noise[:n, :n] += held.noise
-    X = solve_discrete_lyapunov(loop.A.T, noise)
+    X = _driven_covariance(loop, noise)
     if X is None:
         return None
     seen = np.vstack([np.eye(n, len(X)), loop.C])
     covariance = seen @ X @ seen.T
     covariance[n:, n:] += law.D @ sensor @ law.D.T
     return covariance
+
+
+def _driven_covariance(loop: SampledStateSpace, noise: np.ndarray) -> Float[np.ndarray, "state state"] | None:
+    """Covariance of the states reached by noise; None if a pole of theirs does not decay beyond rounding."""
+    driven = np.diag(noise) > 0.0
+    for _ in range(len(driven)):
+        driven = driven | np.any(loop.A[:, driven] != 0.0, axis=1)
+    own, X = np.ix_(driven, driven), np.zeros_like(noise)
+    part = dataclasses.replace(loop, A=loop.A[own], B=loop.B[driven], C=loop.C[:, driven])
+    if not all_decay(growth_rates(part), part.period_s) or may_cross(part):
+        return None
+    found = solve_discrete_lyapunov(part.A.T, noise[own])
+    if found is None:
+        return None
+    X[own] = found
+    return X
 
 
 def _mean_within(held: HeldPlant, covariance: np.ndarray) -> Float[np.ndarray, "held held"]:

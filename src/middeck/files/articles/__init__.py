@@ -1,1 +1,1 @@
-"""Articles: the form of their files, what is wrong with them, and the structure that they describe."""
+"""Articles: the form of their files, the faults of these, and the structure that they describe."""

@@ -124,7 +124,10 @@ def _arrays(path: Path) -> dict[str, Any]:
 def _real(arrays: Mapping[str, Any], key: str) -> np.ndarray:
     array = np.asarray(arrays[key])
     if array.dtype.kind not in "fiub" or array.ndim != 2:
-        raise ConfigError(f"{key} is no real matrix: {array.dtype} of shape {array.shape}")
+        raise ConfigError(
+            f"{key} is no real matrix: {array.dtype} of shape {array.shape}",
+            hint="a two-dimensional array of real numbers",
+        )
     return array.astype(float)
 
 
@@ -193,7 +196,7 @@ def _in_si(part: Component, text: str, kinds: Sequence[str]) -> Component:
 
 
 def _kinds(part: Component) -> list[str]:
-    """Of outputs that follow the component as one body as shifts and turns do; "" of all others."""
+    """Kinds of outputs that follow the component as one body (shift, turn); "" for all others."""
     if part.recovery is None:
         return []
     body = part.recovery @ rigid_vectors(part.positions, len(part.stiffness))

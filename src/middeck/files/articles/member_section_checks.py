@@ -92,7 +92,7 @@ def _stations(data: Table) -> Iterator[Finding]:
 
 
 def _kind(section: Table | None) -> tuple[object, ...] | None:
-    """What sections of one member share; None for a section that there is not."""
+    """The properties that sections of one member share; None for a section that does not exist."""
     if section is None:
         return None
     full = len(array_of(section, "stiffness")) > len(RIGID_IN_SHEAR)

@@ -1,4 +1,4 @@
-"""Faults of the names in an article: given twice, or of what is not there."""
+"""Faults of the names in an article: given twice, or of things that do not exist."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Environments: the form of their files, and what is wrong with them."""
+"""Environments: the form of their files, and the faults of these."""

@@ -16,7 +16,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
-from middeck.files.exchange.named import Exchangeable, as_compensator, exchanged, matrices_of
+from middeck.files.exchange.named_system import Exchangeable, as_compensator, exchanged, matrices_of
 from middeck.files.exchange.transfer_functions import real_matrix, settle_period
 from middeck.files.json.channels import build_channel
 from middeck.files.json.output import json_text
@@ -28,8 +28,8 @@ from middeck.files.laws.compensators import (
     with_applied,
 )
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import name_ports
 from middeck.systems.plants.plant import Plant, delay_plant, group_ports, remove_delays
+from middeck.systems.plants.plant_from_matrices import name_ports
 from middeck.systems.sampling.delayed_sampling import split_delays
 
 GROUPS = ("w", "u", "z", "y")
@@ -200,7 +200,7 @@ def _build(
 
 
 def _delays(found: Mapping[str, np.ndarray], where: str, shape: tuple[int, int]) -> np.ndarray:
-    """Of each path [s]; InputDelay one for each input, OutputDelay one for each output, or one for all."""
+    """Delay of each path [s]; InputDelay and OutputDelay have one value for each port, or one for all."""
     if "IODelay" in found and "ioDelay" in found:
         raise DataError(
             "the delays of the paths twice", where=f"{where}, IODelay", hint="ioDelay is the older name"
@@ -248,6 +248,7 @@ def _ports(
         raise DataError(
             f"{len(names)} names and {len(units)} units for {len(default)} {side.lower()}s",
             where=f"{where}, {side}Name",
+            hint=f"one name, and one unit and channel or none, for each {side.lower()}",
         )
     place = f"{where}, {side}Channel"
     return tuple(
@@ -262,7 +263,11 @@ def _channel(text: str, where: str) -> Any:
     try:
         return build_channel(json.loads(text), where)
     except json.JSONDecodeError:
-        raise DataError(f"{text!r} is no table", where=where) from None
+        raise DataError(
+            f"{text!r} is no table",
+            where=where,
+            hint="write the file again with `write_mat`, or remove the entry",
+        ) from None
 
 
 def _texts(found: Mapping[str, np.ndarray], name: str) -> tuple[str, ...]:

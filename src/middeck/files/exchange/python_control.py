@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, MissingExtraError
-from middeck.files.exchange.named import Exchangeable, exchanged, known_ports, matrices_of
+from middeck.files.exchange.named_system import Exchangeable, exchanged, known_ports, matrices_of
 from middeck.files.exchange.transfer_functions import build_foreign, realise_ratio, settle_period, with_delay
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

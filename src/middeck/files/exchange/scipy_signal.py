@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.files.exchange.named import Exchangeable, exchanged, matrices_of
+from middeck.files.exchange.named_system import Exchangeable, exchanged, matrices_of
 from middeck.files.exchange.transfer_functions import (
     build_foreign,
     real_matrix,
@@ -19,8 +19,8 @@ from middeck.files.exchange.transfer_functions import (
     with_delay,
 )
 from middeck.signals.ports import Port
-from middeck.systems.plants.own_plant import name_ports
 from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant_from_matrices import name_ports
 from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace
 
 

@@ -26,7 +26,11 @@ def build_foreign(matrices: Mapping[str, Any], period_s: float | None, what: str
             return StateSpace(**real)
         return SampledStateSpace(**real, period_s=period_s)
     except ConfigError as error:
-        raise ConfigError(f"the matrices do not fit: {error.where}: {error.what}", where=what) from None
+        raise ConfigError(
+            f"the matrices do not fit: {error.where}: {error.what}",
+            where=what,
+            hint="A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs)",
+        ) from None
 
 
 def with_delay(plant: Plant, delay_s: Any) -> Plant:
@@ -45,7 +49,9 @@ def real_matrix(value: Any, where: str) -> np.ndarray:
     """``value`` as real finite numbers; raises `ConfigError` naming ``where``."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiubc":
-        raise ConfigError(f"{array.dtype} is no array of numbers", where=where)
+        raise ConfigError(
+            f"{array.dtype} is no array of numbers", where=where, hint="a rectangular array of real numbers"
+        )
     if array.dtype.kind == "c" and np.any(np.imag(array)):
         raise ConfigError(
             "complex numbers", where=where, hint="a real form of the same system: 2x2 blocks for pairs"
@@ -92,7 +98,11 @@ def realise_ratio(num: Any, den: Any, what: str) -> StateSpace:
     """
     n, d = (np.trim_zeros(np.atleast_1d(real_matrix(v, what)).ravel(), "f") for v in (num, den))
     if not len(d):
-        raise ConfigError("the denominator is zero", where=what)
+        raise ConfigError(
+            "the denominator is zero",
+            where=what,
+            hint="coefficients from the highest power down, one of them not zero",
+        )
     if len(n) > len(d):
         raise improper(len(n) - 1, len(d) - 1, what)
     order = len(d) - 1

@@ -1,4 +1,4 @@
-"""Documents that are not to change: each carries the SHA-256 of all else that it says."""
+"""Sealed documents: each carries the SHA-256 of its other content, so that a change shows."""
 
 from __future__ import annotations
 

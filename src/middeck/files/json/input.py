@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.disk.looks import EMPTY, JSON, NOT_UTF8, SCHEMAS, TEXT, is_json, stray
+from middeck.files.disk.kind_of_content import EMPTY, JSON, NOT_UTF8, SCHEMAS, TEXT, is_json, stray
 from middeck.files.json.channels import build_channel
 from middeck.signals.ports import Port
 

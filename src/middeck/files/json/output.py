@@ -110,4 +110,8 @@ def _finite(number: float, where: str) -> float:
 
 
 def _not_finite(where: str, number: float) -> NumericalError:
-    return NumericalError(f"a result is {number}, not a finite number", where=where.strip("."))
+    return NumericalError(
+        f"a result is {number}, not a finite number",
+        where=where.strip("."),
+        hint="look at the inputs that this number is computed from",
+    )

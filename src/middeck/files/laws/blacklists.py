@@ -38,7 +38,7 @@ def write_blacklist(path: str | Path, reasons: Mapping[str, str]) -> None:
 
 
 def add_to_blacklist(path: str | Path, reasons: Mapping[str, str]) -> None:
-    """Add laws to those that stand in ``path`` by now: of several processes that add at once none loses one.
+    """Add laws to the blacklist in ``path``; several processes may add to it at once.
 
     Raises `DataError` where ``path`` is another file, as `load_blacklist` does.
     """

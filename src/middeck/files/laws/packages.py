@@ -9,7 +9,7 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
-from middeck.files.disk.looks import BINARY, EMPTY, JSON, PACKAGE, is_json, looks_like, stray
+from middeck.files.disk.kind_of_content import BINARY, EMPTY, JSON, PACKAGE, is_json, looks_like, stray
 from middeck.files.json.hash_seal import doubled_key
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json.output import write_json

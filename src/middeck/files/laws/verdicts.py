@@ -1,4 +1,4 @@
-"""Verdicts of the gate as sealed files, and what they admit to an engine."""
+"""Verdicts of the gate as sealed files, and the packages that they admit to an engine."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
         require_keys(data[name], ("re", "im"), f"{path}, {name}", AGAIN)
         re, im = (_array(data[name][part], f"{path}, {name}.{part}") for part in ("re", "im"))
         if re.shape != im.shape:
-            raise DataError(f"re has shape {re.shape}, im {im.shape}", where=f"{path}, {name}")
+            raise DataError(f"re has shape {re.shape}, im {im.shape}", where=f"{path}, {name}", hint=AGAIN)
         arrays[name] = re + 1j * im
     inputs, outputs = (read_ports(data[side], f"{path}, {side}", AGAIN) for side in ("inputs", "outputs"))
     rate, hold_s = _rate(data["sample_hz"], path), _hold(data.get("hold_s"), path)
@@ -114,6 +114,7 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
         raise DataError(
             f"{len(outputs)} outputs and {len(inputs)} inputs named, direct is {model.direct.shape}",
             where=path,
+            hint=AGAIN,
         )
     return model
 
@@ -173,7 +174,7 @@ def _hold(value: Any, path: str) -> float | None:
         return None
     period = _array(value, f"{path}, hold_s")
     if period.shape != () or period < 0.0:
-        raise DataError(f"hold_s is {value}; must be >= 0 s, or null", where=path)
+        raise DataError(f"hold_s is {value}; must be >= 0 s, or null", where=path, hint=AGAIN)
     return float(period)
 
 
@@ -182,7 +183,7 @@ def _rate(value: Any, where: str) -> float | None:
         return None
     rate = _array(value, f"{where}, sample_hz")
     if rate.shape != () or not rate > 0.0:
-        raise DataError(f"sample_hz is {value}; must be > 0 Hz, or null", where=where)
+        raise DataError(f"sample_hz is {value}; must be > 0 Hz, or null", where=where, hint=AGAIN)
     return float(rate)
 
 

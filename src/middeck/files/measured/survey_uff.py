@@ -25,7 +25,7 @@ NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an e
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
 # How far a matrix of axes may be from the global one: printed digits.
 AXES_OFF = 1e-6
-# Of an eigenvalue or a shape: how far what stands twice may be apart, each data set with digits of its own.
+# Largest relative difference of an eigenvalue or a shape that is given twice; data sets differ in digits.
 SAME = 1e-4
 # Units of length in a metre by the code of units; 9 is the user's own.
 LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8: 1e3, 10: 1e3}
@@ -241,7 +241,7 @@ def _turn(table: np.ndarray, axes: np.ndarray, node: int, path: Path) -> np.ndar
 
 
 def _once(shapes: list[Shape]) -> list[Shape]:
-    """Of a mode and its complex conjugate the one that turns forward; of what stands twice the first."""
+    """The shapes, each once: of a complex pair the forward one, of duplicates the first."""
 
     def again(k: int, shape: Shape) -> bool:
         back = shape.root.imag < 0.0 and any(_close(s.root, shape.root.conjugate()) for s in shapes)

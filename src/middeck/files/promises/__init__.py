@@ -1,1 +1,1 @@
-"""Promises: what is promised, the sealed document, and what came of it."""
+"""Promises: their plans, the sealed documents, and their outcomes."""

@@ -14,7 +14,7 @@ from middeck.campaign.executors import Progress, run_campaign
 from middeck.errors import DataError, NumericalError
 from middeck.files.promises.documents import hash_files, versions
 from middeck.files.promises.plans import load_plan
-from middeck.updating.promise.blocks import (
+from middeck.updating.promise.blocks_of_draws import (
     BLOCK,
     Measured,
     Site,
@@ -61,7 +61,11 @@ def measured_in_ledger(
     )
     for outcome, (_, k) in zip(done.outcomes, both, strict=True):
         if outcome.fault is not None:
-            raise NumericalError(outcome.fault, where=f"{ledger}, draws from {k * BLOCK}")
+            raise NumericalError(
+                outcome.fault,
+                where=f"{ledger}, draws from {k * BLOCK}",
+                hint="run it again: finished blocks stay in the ledger, failed ones are repeated",
+            )
     results = iter([outcome.result for outcome in done.outcomes])
     return {name: [restore_block(next(results), site) for _ in range(count)] for name, site in sites.items()}
 
@@ -78,6 +82,10 @@ def measured_case(case: Case, inputs: Mapping[str, Any]) -> dict[str, Any]:
 def _sites(article: str, plan: str, digests: tuple[tuple[str, str], ...]) -> tuple[Site, ...]:
     loaded = load_plan(plan, article)
     if hash_files(loaded.files) != digests:
-        raise DataError("a file behind the promise was changed while it was made", where=plan)
+        raise DataError(
+            "a file behind the promise was changed while it was made",
+            where=plan,
+            hint="start again from files that stay as they are",
+        )
     refined = refine(loaded.structure, *loaded.refinement.of_refine)
     return tuple(set_sites(refined, loaded.plan).values())

@@ -19,16 +19,16 @@ from middeck.files.promises.form import PROMISE
 from middeck.structure.gravity.budget import EFFECTS
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
-from middeck.updating.orbit.removed import removed_terms
+from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.orbit.shapes import promised_shapes
 from middeck.updating.promise.draws import LoopSpread
-from middeck.updating.promise.outlook import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise
 from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept
 from middeck.updating.promise.slip_time import SlipTime
+from middeck.updating.promise.stability_probability import LEVELS, FrictionOutlook, Outlook
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, RefinedFriction
 
@@ -156,7 +156,7 @@ def _case(case: Deflection) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Of what computed a document."""
+    """Versions of the programs that computed a document."""
     return {
         "middeck": __version__,
         "python": platform.python_version(),
@@ -186,7 +186,7 @@ def _slips(refined: RefinedFriction) -> dict[str, Any]:
 
 
 def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
-    """What the plants of the promise do not have."""
+    """Effects that the plants of the promise lack."""
     said = ["friction, play and saturation: every plant is linear"]
     if plan.joints:
         said = [
@@ -214,7 +214,7 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
 
 
 def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
-    """What a document says of one environment: modes and compensators."""
+    """The part of a document for one environment: modes and compensators."""
     return {
         "name": name,
         "modes": _modes(promise.modes, plan.loop.damping_std),
@@ -237,7 +237,7 @@ def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:
 
 
 def _friction(time: SlipTime, plan: Plan) -> dict[str, Any]:
-    """What was stated of the joints, and how it was simulated."""
+    """The stated friction of the joints, and how it was simulated."""
     return {
         "joints": [
             {
@@ -306,12 +306,12 @@ def _loop_row(outlook: Outlook, bound: RobustBound, plan: Plan) -> dict[str, Any
 
 
 def _swept(swept: Swept) -> dict[str, Any]:
-    """In how many cases of the sweep the loop is stable, and in which it is not."""
+    """How many cases of the sweep are stable, and which are not."""
     return {"cases": len(swept.cases), "stable": int(np.count_nonzero(swept.stable)), "lost": swept.lost}
 
 
 def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
-    """What friction costs: the same levels without it; and whether joints stick or slip."""
+    """The cost of friction: the decibels without it, and whether joints stick or slip."""
     names = [joint.name for joint in plan.joints]
     return {
         "without_friction_db": [few(level(friction.without_db, share)) for share in LEVELS],

@@ -1,4 +1,4 @@
-"""Form of a promise's document: a seal that fits says that nobody changed it, not that it is whole."""
+"""Form of a promise's document: an intact seal shows that it was not changed, not that it is complete."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PROMISE = "middeck.promise/1"
 # Levels that statements are made of.
 STATED = (0.025, 0.5, 0.975, 0.99)
 Share = Annotated[float, within(least=0.0, most=1.0)]
-# Of the largest reading of a mode.
+# A reading over the largest one of its mode.
 Reading = Annotated[float, within(least=-1.0, most=1.0)]
 RISES = rule(lambda ends: ends[0] <= ends[1], "must rise")
 
@@ -49,7 +49,7 @@ class SaidShapes(Said):
 
 
 class SaidReading(Said):
-    """What a gauge will read."""
+    """A promised gauge reading."""
 
     gauge: str
     unit: str
@@ -131,7 +131,7 @@ def _require(found: Mapping[str, Any], path: str) -> None:
 
 
 def _further(form: SaidForm) -> Iterator[Finding]:
-    """What one key says of another."""
+    """Faults between keys."""
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):
         at = ("environments", k)

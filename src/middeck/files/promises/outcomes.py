@@ -11,7 +11,7 @@ from pydantic import Field
 
 from middeck.errors import DataError
 from middeck.files.disk.digest import sha256_of
-from middeck.files.disk.looks import OUTCOME
+from middeck.files.disk.kind_of_content import OUTCOME
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.promises.documents import few, versions
@@ -68,7 +68,7 @@ class ReadingOutcomeForm(Form):
 
 
 class OutcomeForm(Form):
-    """What came of a promise."""
+    """The outcome of a promise."""
 
     schema_: Literal["middeck.outcome/1"] = Field(alias="schema")
     mode: Annotated[tuple[ModeOutcomeForm, ...], Field(strict=False)] = ()
@@ -79,7 +79,7 @@ class OutcomeForm(Form):
 
 @record(kw_only=True)
 class Came:
-    """What came, as a document says it.
+    """The outcome as a document states it.
 
     Attributes:
         modes, surveys: Modes without shapes, and environment and modes of each survey with them.
@@ -139,7 +139,7 @@ def _nameless(form: OutcomeForm) -> list[Finding]:
 def comparison_document(
     promise: Mapping[str, Any], came: Came, *, date: str, beside: Path | None = None
 ) -> dict[str, Any]:
-    """What came beside ``promise``, which it names by its seal and does not change.
+    """The outcome beside ``promise``, which it names by its seal and does not change.
 
     ``remarks`` name files in folder ``beside`` that are no longer what the promise was made of.
 
@@ -186,7 +186,7 @@ def _changed(promise: Mapping[str, Any], folder: Path) -> Iterator[str]:
 
 
 def statements_of(promise: Mapping[str, Any]) -> tuple[Statement, ...]:
-    """What a promise says, quantity by quantity."""
+    """The statements of a promise, quantity by quantity."""
     at = {share: k for k, share in enumerate(promise.get("shares", ()))}
 
     def reached(value: float | None) -> float:
@@ -240,12 +240,12 @@ def promised_modes_of(promise: Mapping[str, Any]) -> dict[str, PromisedModes]:
 
 
 def name_of_mode(environment: str, number: int) -> str:
-    """As verdicts name it; numbered from 1."""
+    """The name of a mode in verdicts, numbered from 1."""
     return name_of(environment, f"mode {number}")
 
 
 def name_of(environment: str, *names: str) -> str:
-    """As verdicts name a compensator of this name, or the reading of a load case's gauge."""
+    """The name in verdicts of a compensator, or of the reading of a load case's gauge."""
     return ": ".join([environment, *names])
 
 

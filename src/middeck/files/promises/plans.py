@@ -1,4 +1,4 @@
-"""Plans of promises: documents that say what is promised of a refined article."""
+"""Plans of promises: documents that state what is promised of a refined article."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from pydantic import Field
 
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import PLAN
+from middeck.files.disk.kind_of_content import PLAN
 from middeck.files.laws.compensators import load_compensator
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.setups import article_files, find_document, load_setup, load_structure
+from middeck.files.refinements.friction_form import refuse_slides
+from middeck.files.setups import article_files, find_stated, load_setup, load_structure
 from middeck.files.toml.form import (
     Form,
     Log10Authority,
@@ -42,7 +43,7 @@ NOISE = {
 
 
 class PerformanceForm(Form):
-    """What is promised: the weighted rms of sensors under white noise at actuators."""
+    """The promised performance: the weighted rms of sensors under white noise at actuators."""
 
     outputs: Names
     weights: NotNegatives
@@ -62,7 +63,7 @@ class NoiseForm(Form):
 
 
 class LoopForm(Form):
-    """What is not known of the loop beside the article."""
+    """Uncertainty of the loop beside that of the article."""
 
     delay_s: NotNegative = 0.0
     delay_tolerance_s: NotNegative = 0.0
@@ -161,7 +162,7 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
                 f"the name {twice[0]!r} is given twice", where=f"{path}, {what}", hint="a name for each"
             )
     beside = Path(path).parent
-    found = {name: find_document(name, "environment", beside=path) for name in form.environments}
+    found = {name: find_stated(name, path) for name in form.environments}
     laws = {law.name: beside / law.file for law in form.law}
     refinement = load_refinement(beside / form.refinement, article)
     noise = {unit: getattr(form.noise, key) for unit, key in NOISE.items()}
@@ -194,9 +195,13 @@ def load_plan(path: str | Path, article: str | Path) -> LoadedPlan:
             first_bending=0.01 * form.sweep.first_bending_percent, others=0.01 * form.sweep.others_percent
         ),
     )
+    structure = load_structure(article)
+    own = {joint.name for joint in form.joint}
+    moved = [a.frame for a in structure.actuators if a.axis is None and a.name in own]
+    refuse_slides(structure, moved, f"{path}, joint")
     files = (Path(path), *article_files(article), *refinement.files, *found.values(), *laws.values())
     return LoadedPlan(
-        structure=load_structure(article), plan=plan, refinement=refinement, files=tuple(dict.fromkeys(files))
+        structure=structure, plan=plan, refinement=refinement, files=tuple(dict.fromkeys(files))
     )
 
 

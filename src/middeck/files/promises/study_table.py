@@ -32,14 +32,14 @@ def build_modal_test(form: PromiseForm) -> ModalTest:
 
 
 def build_unknowns(form: PromiseForm) -> tuple[Unknown, ...]:
-    """What of the article may differ."""
+    """The unknowns of the article."""
     return tuple(build_unknown(u) for u in form.unknown)
 
 
 def build_plan(
     form: PromiseForm, orbit: Environment, found: Sequence[JointFriction], *, delay_s: float, seed: int
 ) -> Plan:
-    """What is promised of the refined article in ``orbit``: one loop under a disturbance at its motor.
+    """The plan for the refined article in ``orbit``: one loop under a disturbance at its motor.
 
     Its joints have the friction that the ground tests ``found``.
     """

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.disk.looks import NO_RECORD, looks_like
+from middeck.files.disk.kind_of_content import NO_RECORD, looks_like
 from middeck.files.records.columns import Columns, columns_beside, name_columns
-from middeck.files.records.formats import HDF5, RUN, SUFFIXES, UFF, reader_of, unknown_ending
-from middeck.files.records.raw import build_record
-from middeck.files.records.together import (
+from middeck.files.records.experiments_and_periods import (
     check_channels,
     check_finite,
     check_shape,
     join_records,
     split_periods,
 )
+from middeck.files.records.formats import HDF5, RUN, SUFFIXES, UFF, reader_of, unknown_ending
+from middeck.files.records.raw import build_record
 from middeck.signals.fault import Fault
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import CHANNELS
+from middeck.files.disk.kind_of_content import CHANNELS
 from middeck.files.json.channels import build_channel
 from middeck.files.toml.form import Finite, Form, Positive, whole
 from middeck.files.toml.source import read_form

@@ -52,7 +52,7 @@ Row = tuple[int, list[str]]
 
 @record(kw_only=True)
 class Opening:
-    """What stands before the numbers.
+    """The lines before the numbers.
 
     ``names`` of the columns (empty if there is no such line), whether the first of them is the time and its
     unit, ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.
@@ -268,7 +268,7 @@ def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.n
 
 
 def _unended(cells: list[str]) -> list[str]:
-    """Without the empty cell that a separator at the end of a line makes."""
+    """The cells without the empty one that a separator at the end of a line makes."""
     return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
 
 

@@ -1,4 +1,4 @@
-"""Runs of the engine as records: what was driven, held from sample to sample, and what was read."""
+"""Runs of the engine as records: the driven outputs, held from sample to sample, and the read sensors."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
-from middeck.files.records.layout import build_raw, check_samples, contents_of, describe, is_own
+from middeck.files.records.own_layout import build_raw, check_samples, contents_of, describe, is_own
 from middeck.files.records.raw import Raw, raw_matrix
 from middeck.signals.record import Record, RecordStream
 

@@ -15,13 +15,13 @@ from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
 from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
-from middeck.files.records.layout import build_raw, contents_of, is_own
+from middeck.files.records.own_layout import build_raw, contents_of, is_own
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault, raw_matrix
 from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, mean_step, open_share, rate_of
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
-# Of a system in state space, as `write_mat` and others write one.
+# Variables of a system in state space, as `write_mat` and other programs write it.
 SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 TIMES = ("t", "time", "Time")
@@ -35,9 +35,11 @@ MOST_FILLED = 2**26  # entries of a sparse matrix that is filled: half a gigabyt
 def read_mat(file: Path, variable: str) -> Raw:
     """A record of the package's layout, u and y with fs or Ts, or the matrix ``variable``, of either version.
 
-    A field of a structure is named with it: ``run.force``.
+    A field of a structure is named with it: ``run.force``. If one structure alone has u and y, it is the run.
     """
     arrays = mat_arrays(file)
+    if not variable and "u" not in arrays:
+        arrays = _of_structure(arrays)
     if is_own(list(arrays)) and not variable:
         return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in arrays.items()}, str(file))
     if set(arrays) >= SYSTEM and not variable:
@@ -49,6 +51,14 @@ def read_mat(file: Path, variable: str) -> Raw:
     if {"u", "y"} <= set(arrays) and not variable:
         return _sides(arrays, file)
     return raw_matrix(arrays[pick(arrays, variable, file)], file)
+
+
+def _of_structure(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The fields of the one structure that has u and y; all as it is where there is none, or several."""
+    stems = [name[:-1] for name in arrays if name.endswith(".u") and f"{name[:-1]}y" in arrays]
+    if len(stems) != 1:
+        return arrays
+    return {name.removeprefix(stems[0]): x for name, x in arrays.items() if name.startswith(stems[0])}
 
 
 def _sides(arrays: dict[str, np.ndarray], file: Path) -> Raw:

@@ -1,4 +1,4 @@
-"""The even grid that printed time stamps stand for."""
+"""The even sampling grid behind printed time stamps."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def is_even(
 
 
 def _least_deviation(index: Int[np.ndarray, " line"], off: Float[np.ndarray, " line"]) -> float:
-    """By how much stamps are off the best line, the worst of them (Chebyshev's), of which only the corners of
+    """Largest deviation of time stamps from their best line (Chebyshev's), found from the corners of
     their hull decide."""
     if len(off) < 4:
         return float(np.ptp(off))

@@ -1,1 +1,1 @@
-"""Documents of refinements: tests on the ground, what may change to fit them, what is to be known."""
+"""Documents of refinements: tests on the ground, unknowns, and what is to be predicted."""

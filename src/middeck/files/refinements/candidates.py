@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import CANDIDATES
+from middeck.files.disk.kind_of_content import CANDIDATES
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads
-from middeck.files.setups import find_document, load_setup, load_structure
+from middeck.files.setups import find_stated, load_setup, load_structure
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.correlation.measured_modes import COUNT, DIRECTIONS
@@ -61,10 +61,10 @@ class CandidatesForm(Form):
 
 @record(kw_only=True)
 class RankedTests:
-    """What `middeck.updating.candidates.candidates.rank_tests` needs, and an article with its refinement.
+    """The arguments of `rank_tests` (`updating.candidates.candidates`), an article and its refinement.
 
     Attributes:
-        environments: Of what is promised, by name.
+        environments: Environments in which frequencies are promised, by name.
         modes: How many of the lowest modes are promised in each.
         loads: What gauges will read, that is promised too.
     """
@@ -94,7 +94,7 @@ def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     loads = None if form.promised_loads is None else Path(path).parent / form.promised_loads
 
     def there(name: str) -> Environment:
-        return load_setup(article, find_document(name, "environment", beside=path))[1]
+        return load_setup(article, find_stated(name, path))[1]
 
     return RankedTests(
         structure=load_structure(article),

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from middeck.errors import DataError
-from middeck.files.disk.looks import ARTICLE, REFINEMENT, SCHEMAS, looks_like
+from middeck.files.disk.kind_of_content import ARTICLE, REFINEMENT, SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted, load_standing
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.refinements.friction_form import (
@@ -18,11 +18,12 @@ from middeck.files.refinements.friction_form import (
     FrictionForm,
     build_frictions,
     friction_findings,
+    refuse_slides,
 )
 from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
-from middeck.files.setups import find_document, load_setup, load_structure
+from middeck.files.setups import find_stated, load_setup, load_structure
 from middeck.files.toml.faults import Finding
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
@@ -68,7 +69,7 @@ class RefinementForm(Form):
 
 @record(kw_only=True)
 class Refinement:
-    """What `middeck.updating.refinement.refine` needs beside an article, and every file that said it."""
+    """The arguments of `middeck.updating.refinement.refine` beside an article, and every file behind them."""
 
     surveys: tuple[Survey, ...]
     unknowns: tuple[Unknown, ...]
@@ -94,10 +95,11 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     the document, and `DataError` for modes that cannot be read.
     """
     form = read_form(path, REFINEMENT, RefinementForm, _findings)
+    refuse_slides(load_structure(article), [f.joint for f in form.friction], f"{path}, friction")
     modes = [Path(path).parent / s.modes for s in form.survey]
     measured = [load_survey_modes(seen, article) for seen in modes]
-    environments = [find_document(s.environment, "environment", beside=path) for s in form.survey]
-    rests = [find_document(t.environment, "environment", beside=path) for t in form.static]
+    environments = [find_stated(s.environment, path) for s in form.survey]
+    rests = [find_stated(t.environment, path) for t in form.static]
     surveys = tuple(
         Survey(
             name=s.name,
@@ -158,7 +160,7 @@ def load_survey_modes(path: str | Path, article: str | Path) -> MeasuredModes:
     _, covariance = load_fitted(path)
     if covariance is None:
         raise DataError(
-            "the model does not say how well it is known: no survey",
+            "the model has no covariance, so it cannot be a survey",
             where=str(path),
             hint="a model of middeck identify holds a covariance",
         )

@@ -1,16 +1,18 @@
-"""Friction of joints in refinements: what is thought of it before, and how far joints moved in a survey."""
+"""Friction of joints in refinements: its prior values, and how far joints moved in a survey."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from middeck.errors import ConfigError
 from middeck.files.toml.faults import Finding, finding, nearest
 from middeck.files.toml.form import Form, Positive, Positives
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, tables
+from middeck.structure.model.article import Structure
 from middeck.updating.residuals.friction import SurveyedFriction
 
 
@@ -33,7 +35,7 @@ class AmplitudeForm(Form):
 def build_frictions(
     amplitudes: Sequence[AmplitudeForm], frictions: Sequence[FrictionForm], modes: int
 ) -> tuple[SurveyedFriction, ...]:
-    """Of one survey with so many measured modes; every joint of ``amplitudes`` is one of ``frictions``."""
+    """Frictions of a survey of ``modes`` modes; every joint of ``amplitudes`` is one of ``frictions``."""
     named = {f.joint: f for f in frictions}
     return tuple(
         SurveyedFriction(
@@ -48,7 +50,7 @@ def build_frictions(
 
 
 def friction_findings(data: Any) -> Iterator[Finding]:
-    """What forms cannot say of friction: joints given twice, and amplitudes of joints that have none."""
+    """Faults beyond the forms of friction: joints given twice, and amplitudes of joints without friction."""
     known: list[Any] = [f.get("joint") for _, f in tables(data, "friction")]
     yield from _twice((), "friction", data)
     for k, survey in tables(data, "survey"):
@@ -61,6 +63,17 @@ def friction_findings(data: Any) -> Iterator[Finding]:
                 )
                 path = ("survey", k, "amplitude", i, "joint")
                 yield finding(path, "no [[friction]] of this joint", joint, hint=hint)
+
+
+def refuse_slides(structure: Structure, joints: Collection[str], where: str) -> None:
+    """Raise `ConfigError` for friction in N m and degrees of one of ``joints`` that slides."""
+    for joint in structure.joints:
+        if joint.slides and joint.name in joints:
+            raise ConfigError(
+                f"joint {joint.name!r} slides: N m and degrees say nothing of its friction",
+                where=where,
+                hint="joints that turn; of slides SurveyedFriction and JointSlip take N and m in Python",
+            )
 
 
 def _twice(path: Path, key: str, table: Table) -> Iterator[Finding]:

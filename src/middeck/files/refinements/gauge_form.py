@@ -33,7 +33,7 @@ VALUED, PLANNED = ("value", "std"), ("std",)
 
 
 class GaugeForm(Form):
-    """What reads a displacement of a point, the tilt of a line, or the force or moment of a support."""
+    """A gauge of the displacement of a point, the tilt of a line, or the force or moment of a support."""
 
     name: str
     at: str
@@ -97,7 +97,7 @@ def build_gauge(form: GaugeForm) -> Gauge:
 
 
 def value_of(form: ReadingForm) -> float:
-    """What a gauge read, in the unit of its kind."""
+    """The reading of a gauge, in the unit of its kind."""
     ending = ENDING[form.kind]
     return UNIT[ending] * getattr(form, f"value_{ending}")
 
@@ -128,7 +128,7 @@ def _case_of(form: _LoadedForm) -> LoadCase | str | None:
 
 
 def static_findings(data: Any) -> list[Finding]:
-    """What forms cannot say of static tests: keys of another unit, values that lack, loads given twice."""
+    """Faults beyond the forms of static tests: keys of another unit, missing values, loads given twice."""
     return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, VALUED)]
 
 

@@ -1,4 +1,4 @@
-"""Load cases to be promised: what gauges will read under loads that nobody has tried."""
+"""Load cases to be promised: gauge readings under untested loads."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
-from middeck.files.disk.looks import LOADS
+from middeck.files.disk.kind_of_content import LOADS
 from middeck.files.refinements.documents import Refinement, load_refinement
 from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
-from middeck.files.setups import article_files, find_document, load_setup, load_structure
+from middeck.files.setups import article_files, find_stated, load_setup, load_structure
 from middeck.files.toml.form import Form, whole
 from middeck.files.toml.source import read_form
 from middeck.structure.model.article import LoadCase, Structure
@@ -70,7 +70,7 @@ def load_promised_loads(path: str | Path, article: str | Path) -> PromisedLoads:
     The refinement is sought beside it. Raises `ConfigError` with all faults of the document.
     """
     form = read_form(path, LOADS, PromisedLoadsForm)
-    place = find_document(form.environment, "environment", beside=path)
+    place = find_stated(form.environment, path)
     refinement = load_refinement(Path(path).parent / form.refinement, article)
     return PromisedLoads(
         structure=load_structure(article),

@@ -1,4 +1,4 @@
-"""Responses and anti-resonances of surveys in refinements: their forms, and what is built of them."""
+"""Responses and anti-resonances of surveys in refinements: their forms, and the values built of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import SCHEMAS, looks_like
+from middeck.files.disk.kind_of_content import SCHEMAS, looks_like
 from middeck.files.measured.models import load_fitted
 from middeck.files.records import load_response
 from middeck.files.toml.form import Form, NotNegative, Positive
@@ -74,7 +74,7 @@ def _load(file: Path, form: ResponseForm) -> FrequencyResponse | ModelCovariance
         return known
     if form.relative_std is None:
         raise ConfigError(
-            "a universal file has no place for how well its response is known",
+            "a universal file holds no standard deviation of its response",
             where=str(file),
             hint="relative_std = 0.01",
         )

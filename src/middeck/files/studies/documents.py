@@ -12,7 +12,7 @@ from middeck.files.articles.checks import article_findings
 from middeck.files.articles.form import ArticleForm
 from middeck.files.articles.names import attach_names
 from middeck.files.disk.digest import sha256_of
-from middeck.files.disk.looks import STUDY
+from middeck.files.disk.kind_of_content import STUDY
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment
 from middeck.files.setups import article_files, build_article, join_findings
@@ -49,7 +49,7 @@ class Study:
     Attributes:
         form: The tables of the study file: attributes are its keys, units in their endings. Each table is a
             property of the study, too, which raises `ConfigError` where the file has none.
-        folder: Of the study file; its paths are relative to it.
+        folder: Folder of the study file; its paths are relative to it.
         cases: Every article in every environment; see `case`.
         inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
         overrides: What ``--set`` has changed.
@@ -68,7 +68,7 @@ class Study:
 
     @property
     def seed(self) -> int:
-        """Of all that is drawn."""
+        """Seed of all random numbers."""
         return self.form.seed
 
     @property

@@ -197,7 +197,7 @@ class StudyForm(Form):
     mirror: MirrorForm | None = None
 
     def __hash__(self) -> int:
-        """Of what is no dictionary."""
+        """Hash of the fields that are no dictionaries."""
         return hash((self.title, self.seed))
 
 
@@ -240,7 +240,7 @@ def _one_each(settings: Table, names: str, keys: list[str], where: str = "contro
 
 
 def _tables(data: Table) -> Iterator[Finding]:
-    """At least one chapter, and all that each stands on."""
+    """Faults of a study without a chapter, or with one that lacks a table it needs."""
     if not any(key in data for key in CHAPTERS):
         known = ", ".join(f"[{key}]" for key in CHAPTERS)
         yield finding((CHAPTERS[0],), f"missing: a study needs one of {known}")

@@ -1,4 +1,4 @@
-"""The table ``[promise]`` of a study: ground tests, what they refine, what is promised for orbit."""
+"""The table ``[promise]`` of a study: ground tests, the refinement, and what is promised for orbit."""
 
 from __future__ import annotations
 

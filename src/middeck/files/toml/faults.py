@@ -182,6 +182,10 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
             unit = unit_of(expected) or "a pure number"
             message = f"unknown key; {expected!r} is expected, in {unit}"
             return finding(path, message, value, hint=f"convert to {unit}", expected=expected)
+    if key in {f.alias or name for name, f in form.model_fields.items()}:
+        above = ".".join(map(str, path[:-1]))
+        hint = f"it is a key of the file: write it above the first [table], here it belongs to {above}"
+        return finding(path, "unknown key", value, hint=hint)
     return finding(path, "unknown key", value, hint=nearest(key, known))
 
 

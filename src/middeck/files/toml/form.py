@@ -141,7 +141,7 @@ def ascends(numbers: Sequence[float]) -> bool:
     return all(a < b for a, b in itertools.pairwise(numbers))
 
 
-# Of a singular inertia, its principal values over the largest: rounding.
+# Principal value over the largest that is zero to rounding: the inertia is singular.
 SINGULAR = 1e-9
 Finite = Annotated[float, within()]
 NotNegative = Annotated[float, within(least=0.0)]

@@ -1,4 +1,4 @@
-"""On which line of a TOML file a key stands; the standard reader does not say."""
+"""The line of a TOML file on which a key stands, which the standard reader does not give."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
 
 
 def _ends_of_items(lines: list[str]) -> list[int]:
-    """For each item of an array over several ``lines``, but for those on the last one, where it ends."""
+    """Where each item of an array over several ``lines`` ends, but for those on the last line."""
     ends: list[int] = []
     pending: list[str] = []
     head = ""

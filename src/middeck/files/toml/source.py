@@ -12,7 +12,7 @@ from typing import Any, Generic, Literal, NoReturn, TypeVar
 from pydantic import ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.disk import looks
+from middeck.files.disk import kind_of_content
 from middeck.files.toml.faults import Fault, Finding, form_findings, raise_fault, raise_faults
 from middeck.files.toml.form import Form
 from middeck.files.toml.lines import Path as KeyPath
@@ -22,7 +22,7 @@ from middeck.values import record
 
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
-DOCUMENTS = (looks.ARTICLE, looks.ENVIRONMENT, looks.STUDY)
+DOCUMENTS = (kind_of_content.ARTICLE, kind_of_content.ENVIRONMENT, kind_of_content.STUDY)
 # Said of a fitted model, where an article is asked for.
 NO_GRAVITY_TO_TAKE = (
     "; gravity and suspension are in all modes of a measurement, and cannot be taken out of it"
@@ -50,11 +50,11 @@ class Checked(Generic[F]):
     place: Callable[[Finding], Fault]
 
 
-def read_source(path: str | Path, wanted: str = looks.CHANNELS) -> Source:
+def read_source(path: str | Path, wanted: str = kind_of_content.CHANNELS) -> Source:
     """Parse a TOML file.
 
     Raises `ConfigError` if it is missing, empty, not UTF-8, not TOML, or looks like another than ``wanted``,
-    a kind of `looks`.
+    a kind of `kind_of_content`.
     """
     file = str(path)
     try:
@@ -63,10 +63,14 @@ def read_source(path: str | Path, wanted: str = looks.CHANNELS) -> Source:
         refuse(file, "is a folder, not a file", f"one of the files in {file}")
     except OSError as error:
         refuse(file, f"cannot be read: {error.strerror}", "check the path")
-    passing = (looks.EMPTY, looks.TOML, looks.TEXT, looks.NOT_UTF8)
-    strange = looks.stray(path, wanted, (*passing, *(DOCUMENTS if wanted == looks.CHANNELS else ())))
+    passing = (kind_of_content.EMPTY, kind_of_content.TOML, kind_of_content.TEXT, kind_of_content.NOT_UTF8)
+    strange = kind_of_content.stray(
+        path, wanted, (*passing, *(DOCUMENTS if wanted == kind_of_content.CHANNELS else ()))
+    )
     if strange:
-        fitted = wanted == looks.ARTICLE and looks.looks_like(path) == looks.MODEL
+        fitted = (
+            wanted == kind_of_content.ARTICLE and kind_of_content.looks_like(path) == kind_of_content.MODEL
+        )
         refuse(file, strange, f"{wanted} in this place{NO_GRAVITY_TO_TAKE * fitted}")
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")

@@ -23,7 +23,7 @@ LEFT, LESS = 0.01, 0.1
 
 
 def compare_with_reference(record: Record, reference: FrequencyResponse) -> list[Fault]:
-    """What contradicts ``reference``, a response or a model's, with the same ports.
+    """Contradictions of ``reference``, a response or a model's, with the same ports.
 
     Each output's lines are explained by what the reference makes of each input times a real gain, least
     squares over all experiments: gains of one say that all is well, an output of minus ones has the wrong

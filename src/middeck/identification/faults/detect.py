@@ -40,12 +40,12 @@ LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift")
 SEVERITIES = ("unusable", "serious", "note")
 
 
-# Of the largest sample of a channel: beyond these, squares and their products are no numbers.
+# Range of the largest sample of a channel: beyond it squares and their products overflow or vanish.
 LEAST, MOST = 1e-100, 1e100
 
 
 def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
-    """What is wrong with ``record``, worst first; empty for a clean one.
+    """Faults of ``record``, worst first; empty for a clean one.
 
     Args:
         record: Samples may be NaN where they are missing.

@@ -79,7 +79,7 @@ class Found:
     samples: tuple[tuple[int, int], ...] = ()
 
     def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
-        """As a fault of a channel."""
+        """The finding as a fault of a channel."""
         runs = self.samples[:MOST_RUNS]
         return Fault(
             kind=self.kind,
@@ -94,5 +94,5 @@ class Found:
 
 
 def fault(kind: str, what: str, hint: str, *, severity: Severity = "serious", samples: Spans = ()) -> Found:
-    """What was found of a channel, with the runs of samples where it shows."""
+    """A finding of a channel, with the runs of samples where it shows."""
     return Found(kind=kind, what=what, hint=hint, severity=severity, samples=tuple(samples))

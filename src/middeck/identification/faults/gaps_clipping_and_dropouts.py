@@ -32,8 +32,8 @@ FEWEST_EQUAL, NEXT_VALUES = 4, 20
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
 STUCK = 8
-# Of an output of which nearly all samples differ three in a row are not equal by chance, nor at a peak that
-# turns within twenty samples: second differences over first ones are 2 pi over the samples of a cycle.
+# Equal samples in a row that show a stuck output if nearly all others differ: not by chance, nor at a peak
+# that turns within twenty samples (second over first differences are 2 pi over the samples of a cycle).
 STUCK_AMONG_UNLIKE, UNLIKE, TURNS = 3, 0.98, 0.3
 # A share of equal neighbours above which a signal is held by intention.
 HELD = 0.3

@@ -88,7 +88,7 @@ class _Loss:
         return np.delete(rows, self.period, axis=0)
 
     def left(self) -> float:
-        """What the loss leaves of all periods."""
+        """The residual of all periods after the loss."""
         assert self.step is not None
         _, shift, own = self.step
         others = self.others(shift)

@@ -21,8 +21,8 @@ from middeck.identification.fit.mode_trust import (
     standing_of,
     standing_of_delays,
 )
+from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
-from middeck.identification.fit.stands_for_delay import stands_for_delay
 from middeck.identification.fit.unneeded_modes import parted, tidied
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
@@ -70,7 +70,7 @@ class FitResult:
         warnings: What the user should know; empty if nothing.
         standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is
             said.
-        delay_standing: Of the delay of each output, the same; "sound" where none was fitted.
+        delay_standing: The same for the delay of each output; "sound" where none was fitted.
         lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
             modes.
     """
@@ -334,7 +334,7 @@ def _pairs_for_a_delay(
     best: Polished,
     followed: Spread,
 ) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Of a model without delays, pairs that stand for one."""
+    """Pairs that stand for a delay in a model without delays."""
     if covariance.structure.with_delay:
         return np.array([], dtype=int), 0.0
     s, inputs = 2j * np.pi * measured.frequency_hz, len(measured.inputs)

@@ -19,7 +19,7 @@ from middeck.identification.uncertainty.parameter_deviations import distinct_pol
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
-# "sound": its deviations hold. "doubtful": it may be noise, or what the fit leaves is no noise. "unresolved":
+# "sound": its deviations hold. "doubtful": it may be noise, or the residual is not noise. "unresolved":
 # one of two modes too close for their deviations to hold. "outside": not in the band, so that it stands for
 # whatever is there.
 Standing = Literal["sound", "doubtful", "unresolved", "outside"]
@@ -61,7 +61,7 @@ def standing_of(
     holds: bool,
     phase: Iterable[int] = (),
 ) -> tuple[Standing, ...]:
-    """Of each mode; ``holds`` says whether what the fit leaves is noise, ``phase`` which are a delay's."""
+    """The standing of each mode. ``holds``: the residual is noise; ``phase``: modes standing for a delay."""
     model, lines = covariance.model, measured.frequency_hz
     significance = mode_significance(covariance)
     of = uncertainty_of(covariance)
@@ -81,7 +81,7 @@ def standing_of(
 def standing_of_delays(
     measured: FrequencyResponse, covariance: ModelCovariance, *, holds: bool
 ) -> tuple[Standing, ...]:
-    """Of the delay of each output: doubtful where it is confounded or leads, or what is left is no noise.
+    """The standing of each delay: doubtful if it is confounded or leads, or the residual is not noise.
 
     "sound" where none was fitted.
     """
@@ -98,7 +98,7 @@ def standing_of_delays(
 def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.ndarray:
     """Modes whose pole is not clear of another pair's, by the deviations of both.
 
-    One that stands out for itself is none the worse for a doubtful one beside it.
+    A significant mode stays resolved beside a doubtful one.
     """
     model, of = covariance.model, uncertainty_of(covariance)
     size = 2.0 * np.pi * np.hypot(of.natural_hz, of.damping * natural_hz(model))
@@ -120,40 +120,41 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     f = natural_hz(model)
     order = sorted(distinct_poles(model), key=lambda m: f[m])
     found = [
-        f"mode at {f[m]:.4g} Hz: doubtful, its residue is {significance[m]:.1f} of its deviations, as noise "
-        "may be; the inputs hardly move it"
+        f"mode at {f[m]:.4g} Hz: doubtful, its residue is {significance[m]:.1f} of its standard "
+        "deviations, no more than noise; the inputs hardly excite it"
         for m in order
         if standing[m] == "doubtful" and significance[m] < DOUBTFUL
     ]
     close = ", ".join(f"{f[m]:.6g}" for m in order if standing[m] == "unresolved")
     if close:
         found.append(
-            f"modes at {close} Hz: not resolved, their distance is no more than {APART:g} of its deviations: "
-            "the deviations are those of a linear law that does not hold there; a longer record, or another "
-            "output or input"
+            f"modes at {close} Hz: not resolved, their distance is at most {APART:g} of its standard "
+            "deviations; at this distance the linearised standard deviations do not hold; record longer, "
+            "or add an output or input"
         )
     return found
 
 
 def doubts_of_delays(standing: Sequence[Standing], excess: float) -> list[str]:
-    """A warning where delays are doubtful because ``excess`` of what is left, by variance, is no noise."""
+    """A warning for doubtful delays: the share ``excess`` of the residual's variance is not noise."""
     if "doubtful" not in standing:
         return []
     return [
-        f"{excess:.0%} of the variance that the fit leaves is no noise: the deviations of delays, which "
-        "follow what all lines lack alike, do not hold; more states, or a band without modes at its edges"
+        f"{excess:.0%} of the residual's variance is not noise: an error common to all lines biases the "
+        "delays, so their standard deviations do not hold; take more states, or a band without modes at "
+        "its edges"
     ]
 
 
 def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
-    """A warning for the pairs that stand for a delay (`stands_for_delay`)."""
+    """A warning for the pairs that stand for a delay (`modes_that_stand_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)
     places = ", ".join(f"{f[m]:.4g} Hz ({zeta[m]:.0%})" for m in sorted(phase, key=lambda m: f[m]))
     if not places:
         return []
     return [
-        f"poles at {places}: no modes, they stand for a delay of about {delay_s * 1e3:.3g} ms, which this "
-        "kind of model does not have; a continuous model has one (--continuous, sampled=False; of rates and "
+        f"poles at {places}: not modes, they stand for a delay of about {delay_s * 1e3:.3g} ms, which this "
+        "kind of model lacks; a continuous model has one (--continuous, sampled=False; for rates and "
         "accelerations with --delay output)"
     ]
 
@@ -161,8 +162,8 @@ def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: floa
 def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
     """Warnings for the sines that were taken for hum."""
     return [
-        f"a sine at {line.hz:.6g} Hz ({line.name}) goes on through the record, which no input makes: it is "
-        "no mode and was fitted beside them"
+        f"a sine at {line.hz:.6g} Hz ({line.name}) lasts through the record without an input that drives "
+        "it: it is not a mode and was fitted separately"
         for line in lines
     ]
 

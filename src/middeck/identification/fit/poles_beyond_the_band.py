@@ -1,4 +1,4 @@
-"""Whether a delay of a fit stands for poles beyond the band, as of a filter or an actuator.
+"""Whether a fitted delay represents poles beyond the band, as of a filter or an actuator.
 
 A low-pass filter turns the phase in its pass band as a delay does, and a little more. With real constants, of
 relative degree two, only a delay can follow that, and pairs of poles are spent about each resonance on what
@@ -44,7 +44,7 @@ class PolesInstead:
     """A model without delays that describes the response about as shortly, or more so.
 
     Attributes:
-        states: Of the model with complex constants and a constant term.
+        states: States of the model with complex constants and a constant term.
         shorter: Whether it is the better one beyond doubt; otherwise the response does not tell.
     """
 
@@ -62,7 +62,7 @@ class PolesInstead:
 
 
 def true_modes(standing: Sequence[Standing]) -> list[Bool[np.ndarray, " mode"]]:
-    """What may be those in the data: sound ones, and these with neighbours that are not told apart."""
+    """Candidates for the modes in the data: sound ones, and these with neighbours that are not resolved."""
     found = [np.array([one in kept for one in standing], dtype=bool) for kept in KEPT]
     return found[: 1 + bool(np.any(found[0] != found[1]))]
 

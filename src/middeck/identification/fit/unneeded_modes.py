@@ -21,7 +21,7 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # A mode of fewer deviations is worth a try without it; which of the two is better, lengths tell.
 WORTH_A_TRY = 8.0
-# Of no more than this, all are tried without at once.
+# Modes of at most so many deviations are all left out at once, in one trial.
 NOTHING = 2.0
 STEPS = 10
 State = TypeVar("State")
@@ -34,7 +34,7 @@ SPLIT, NEAR, OWN = 0.125, 3.0, 5.0
 # What a mode's lines leave beyond noise, in squares of its deviation, before two modes are tried: what their
 # further unknowns add to a description.
 BEYOND = 10.0
-# By how much two are to shorten it: a mode that softens by a thousandth looks a little like two.
+# Least fall of the description by a second mode: a mode that softens by a thousandth looks like two.
 CLEARLY = 25.0
 
 
@@ -172,7 +172,7 @@ def with_split(start: Start, m: int) -> Start:
     """The same model with two modes in the place of pair ``m``, an eighth of its half-power width apart."""
     at = np.insert(np.arange(len(start.layout.pair)), m, m)
     poles = start.point.poles[at]
-    # Of a pair near critical damping both stay above the axis.
+    # Both halves of a pair near critical damping must stay above the axis.
     apart = min(SPLIT * abs(poles[m].real), 0.5 * abs(poles[m].imag))
     poles[m : m + 2] += 1j * np.array([-1.0, 1.0]) * apart
     return _with_modes(start, at, poles)

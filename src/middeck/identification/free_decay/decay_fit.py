@@ -80,10 +80,10 @@ class FreeDecay:
             11.5), which counts whatever differs between decays, and what the last coefficient changed;
             infinite for fewer than three decays.
         decays: Samples of each decay that were used.
-        residual_rms: Of each decay.
-        one_exponential_rms: Of all, where frequency and damping do not depend on the amplitude.
-        coefficients: Of each of the two splines: one more than the shortest description has (Schwarz 1978).
-        warnings: Of another oscillation that is left: deviations do not count what it does to the mode.
+        residual_rms: Residual rms of each decay.
+        one_exponential_rms: Residual rms of all decays at constant frequency and damping.
+        coefficients: Number for each of two splines: that of the MDL (Schwarz 1978) and one more.
+        warnings: For another oscillation in the residual: deviations do not include its effect.
     """
 
     amplitude: Float[np.ndarray, " amplitude"]

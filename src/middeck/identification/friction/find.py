@@ -27,9 +27,9 @@ from middeck.values import record as frozen
 # Slip angles that are tried first, as shares of the rms angle.
 FIRST = (0.003, 0.01, 0.03, 0.1, 0.3)
 STEPS, SMALL, HALVINGS = 12, 0.05, 6
-# Of the logarithm of a slip angle, for its derivative: friction bends at every turn of the motion.
+# Step of the logarithm of a slip angle for its derivative: friction bends at every turn of the motion.
 NUDGE = 0.02
-# Of the power of an output: a variance that is none.
+# Share of an output's power below which a variance is zero.
 ROUNDING = 1e-24
 # Step [s] for the derivative by the delay, and how near one is held that is told.
 LATER_S, TOLD_S = 2e-4, 1e-9
@@ -46,7 +46,7 @@ class JointFriction:
         slip_torque, slip_angle: Torque [N m] at which it slips, and how far [rad] it gives way before, in
             units of the record's own motors and sensors; along a slide [N] and [m].
         slip_torque_std, slip_angle_std: Standard deviations of both.
-        delay_s, band_hz: Of the record: from command to reading [s], as told or found; and as told.
+        delay_s, band_hz: Delay from command to reading [s], given or found; and given band.
         before, after: What all experiments differ by from one linear response, as a variance over that of
             the noise: without friction, and with it. One is noise alone.
     """
@@ -128,7 +128,7 @@ class _Problem:
     Attributes:
         U, Y: Of each line; Y also by the noise of each output.
         weight: One over the noise of each experiment.
-        angles: Of the joints, and ``rms`` of each.
+        angles: Angles of the joints, and ``rms`` of each.
         line, motor: Lines of the band, and the input of each joint.
         late: Delay that is told, or tried first [s]; ``told`` says which.
     """
@@ -149,7 +149,7 @@ class _Problem:
         return np.fft.rfft(found, axis=0)[list(self.line)] * self.weight[:, None]
 
     def left(self, torque: np.ndarray, friction: np.ndarray) -> Float[np.ndarray, " number"]:
-        """What no response explains, in deviations of the noise."""
+        """The residual that no response explains, in deviations of the noise."""
         U = self.U.copy()
         U[..., list(self.motor)] -= torque * friction
         Q, _ = np.linalg.qr(U)
@@ -233,7 +233,7 @@ def _by_torque(problem: _Problem, torque: np.ndarray, friction: np.ndarray, r: n
 
 
 def _slopes(problem: _Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What is left, and its slopes by the unknowns; none by a delay that is told."""
+    """The residual, and its derivatives by the unknowns; none by a delay that is given."""
     count = len(problem.rms)
     torque, friction = x[:count], problem.torques(x)
     r = problem.left(torque, friction)
@@ -273,4 +273,8 @@ def _check(
                 hint="do torque and angle point the same way?",
             )
     if not after <= before:
-        raise FitError("no friction makes the experiments agree", where="friction", hint="another law?")
+        raise FitError(
+            "no friction makes the experiments agree",
+            where="friction",
+            hint="another kind of friction, or other joints?",
+        )

@@ -14,7 +14,7 @@ from middeck.signals.record import Record
 
 
 def without_friction(record: Record, found: JointFriction) -> Record:
-    """The same outputs under what the joints' friction leaves of the commands: a linear article's.
+    """The record with the joints' friction subtracted from its commands: that of a linear article.
 
     Experiments of unlike noise are brought to one, inputs and outputs by one factor, as a linear article
     allows: averages then weigh them rightly. What is left of the friction is in the scatter of the response
@@ -35,7 +35,7 @@ def without_friction(record: Record, found: JointFriction) -> Record:
 
 
 def _to_one_noise(record: Record) -> np.ndarray:
-    """Of each experiment; ones where periods do not tell the noise."""
+    """A factor for each experiment that makes their noise equal; ones where periods do not show the noise."""
     if record.y.shape[1] < 2:
         return np.ones(len(record.y))
     noise = record.y.std(axis=1, ddof=1).mean(axis=1)

@@ -56,7 +56,7 @@ class JointAngles:
 
 
 def joint_angles(record: Record, outputs: list[int], top_hz: float) -> JointAngles:
-    """Of a periodic record, without what is above ``top_hz``: noise, most of which is there."""
+    """Angles of a periodic record, low-passed at ``top_hz``: most of the noise lies above."""
     y = np.moveaxis(record.y.mean(axis=1)[..., outputs], 1, 0)
     hz = np.fft.rfftfreq(len(y), 1.0 / record.sample_hz)
     kept = hz <= top_hz * (1.0 + 1e-9)

@@ -19,7 +19,7 @@ from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
 from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.coherence import ordinary_coherence
 from middeck.identification.spectra.h1_h2_hv import spectra_response
-from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, trusted
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record as frozen
@@ -69,7 +69,7 @@ def average_blows(
     band_hz: tuple[float, float] | None = None,
     blow_s: float | None = None,
 ) -> ImpactTest:
-    """The response by the good blows of a record, each a block of its own.
+    """The averaged response to the good blows of a record, each in a block of its own.
 
     Args:
         record: One input, the force; one or several experiments, of one blow or several each.
@@ -146,7 +146,7 @@ def _force_window(size: int, blow: Blow) -> Float[np.ndarray, " sample"]:
 def _at_rest_under(
     x: Float[np.ndarray, " sample"], window: Float[np.ndarray, " sample"], most: int
 ) -> Float[np.ndarray, "part sample"]:
-    """What follows a blow, in parts as long as its window, each under it."""
+    """The signal after a blow, in parts as long as its window, each under it."""
     long = int(np.count_nonzero(window))
     starts = range(long, len(x) - long + 1, long)[:most]
     return np.array([window * np.roll(x - np.median(x), -k) for k in starts]).reshape(len(starts), len(x))
@@ -181,7 +181,7 @@ def _noise_of_peaks(found: ResponseScatter) -> float:
 def windowed_spectra(
     x: Float[np.ndarray, "block sample channel"], sample_hz: float, window_s: float
 ) -> Complex[np.ndarray, "block line channel"]:
-    """Of each block under exp(-t / window_s)."""
+    """Spectra of each block under exp(-t / window_s)."""
     return np.fft.rfft(x * exponential_window(x.shape[1], sample_hz, window_s)[:, None], axis=1)
 
 
@@ -219,7 +219,7 @@ def _spectra(blocks: Record, window_s: float) -> Spectra:
 def _by_each_blow(
     found: ResponseScatter, blocks: Record, kept: Bool[np.ndarray, " line"], window_s: float
 ) -> ResponseScatter:
-    """With the variance by what each blow leaves, its leverage counted: blows may differ in their noise.
+    """The scatter with the variance from each blow's residual and leverage: blows may differ in noise.
 
     Of n alike blows the same as what all leave over n - 1 (MacKinnon and White 1985, HC2).
     """

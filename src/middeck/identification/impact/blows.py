@@ -80,7 +80,7 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
     pulses = [_pulses(x, float(force.max())) for x in force]
     if not any(pulses):
         raise DataError(
-            "no blow was found: nothing stands out of what the force always does",
+            "no blow was found: no peak of the force stands out of its usual level",
             where=f"input {record.inputs[0].name}",
             hint="check which channel is the force; middeck identify takes any other excitation",
         )

@@ -56,7 +56,7 @@ def fit_impact(
 
 
 def without_window(fit: FitResult, window_s: float) -> FitResult:
-    """``fit`` of signals under exp(-t / window_s), as of the bare ones: H(s) from H(s + 1 / window_s).
+    """``fit`` corrected for the exponential window exp(-t / window_s): H(s) from H(s + 1 / window_s).
 
     Each pole moves by +1 / window_s, and an output that is delayed by tau is exp(tau / window_s) larger;
     frequencies of the damped motion, modal constants and delays are what they were. The covariance goes with
@@ -67,7 +67,7 @@ def without_window(fit: FitResult, window_s: float) -> FitResult:
     model = fit.model
     if np.any(double_pole(model)) or model.integral is not None or model.path_delay_s is not None:
         raise ConfigError(
-            "an exponential window turns poles at zero into others, and delays of paths into unlike sizes",
+            "an exponential window moves poles at zero, and scales paths of different delay differently",
             hint="no residuals, rigid modes, integrators or delays of paths; or window_s=inf",
         )
     moved = model.poles + 1.0 / window_s
@@ -98,7 +98,7 @@ def without_window(fit: FitResult, window_s: float) -> FitResult:
 def _moved(
     covariance: ModelCovariance, bare: MeasurementModel, window_s: float, gain: np.ndarray
 ) -> ModelCovariance:
-    """By the derivatives of the bare unknowns: logarithms of decay rates, output vectors, constants."""
+    """The covariance without the window, by derivatives of log decay rates, output vectors and constants."""
     at = covariance.at
     x = unknowns_of(bare, covariance.structure)
     J = np.eye(at.size)

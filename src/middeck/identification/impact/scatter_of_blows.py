@@ -19,9 +19,9 @@ from middeck.identification.impact.averaged_blows import ImpactTest, exponential
 from middeck.identification.problem.transient_projection import as_real
 from middeck.identification.spectra.excess_variance import spread_of
 from middeck.identification.uncertainty import orthogonal
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ties
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 
 
 def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:

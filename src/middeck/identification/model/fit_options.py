@@ -136,7 +136,7 @@ def _over_seconds(twice: str, power: str) -> re.Pattern[str]:
 
 
 VELOCITY, ACCELERATION = _over_seconds("", "1¹"), _over_seconds(TWICE, "2²")
-# By name.
+# Units of rates that are known by name.
 SPEEDS = ("rpm", "rps", "ips", "mph", "dps", "mdps")
 BY_NAME = ("g", "gn", "g0", "g_n", "g's", "mg", "μg", "ug", "gal", "mgal")
 
@@ -179,7 +179,7 @@ def is_acceleration(port: Port) -> bool:
 
 
 def _plain(unit: str) -> str:
-    """Without brackets around it, in lower case."""
+    """The unit without brackets, in lower case."""
     unit = re.sub(r"^[(\[{]([^()\[\]]*)[)\]}]$", r"\1", unit.strip()).strip()
     # Nanometres have a small n.
     return re.sub("N(?=[mM])", "N ", unit).casefold()
@@ -210,7 +210,7 @@ def _check_rigid(asked: FitOptions, most: int) -> None:
             )
     if asked.integrators and asked.rigid:
         raise ConfigError(
-            "rigid modes and integrators are both free motion: their states would be one, told twice",
+            "rigid modes and integrators together represent the same free motion twice",
             hint="fit outputs that are angles or ways apart from those that are rates",
         )
     if asked.integrators and asked.relative_degree == 2:

@@ -33,9 +33,14 @@ def check_record(record: Record) -> None:
     """Raise `DataError` for a channel that is not finite or constant, and for too few samples."""
     experiments, periods, samples, _ = record.u.shape
     if record.y.shape[:3] != (experiments, periods, samples):
-        raise DataError(f"inputs have {record.u.shape[:3]} samples, outputs {record.y.shape[:3]}")
+        raise DataError(
+            f"inputs have {record.u.shape[:3]} samples, outputs {record.y.shape[:3]}",
+            hint="u and y of one shape (experiment, period, sample), the channels apart",
+        )
     if not (np.isfinite(record.sample_hz) and record.sample_hz > 0.0):
-        raise DataError(f"a sampling rate of {record.sample_hz} Hz is not possible")
+        raise DataError(
+            f"a sampling rate of {record.sample_hz} Hz is not possible", hint="sample_hz > 0 Hz, finite"
+        )
     if experiments * periods == 0 or samples < FEWEST_SAMPLES:
         raise DataError(
             f"{experiments} experiments of {periods} periods of {samples} samples are too few",
@@ -47,7 +52,9 @@ def check_record(record: Record) -> None:
 
 def _check_channels(x: np.ndarray, ports: tuple[Port, ...], side: str) -> None:
     if len(ports) != x.shape[3]:
-        raise DataError(f"{len(ports)} {side}s are named, the record has {x.shape[3]}")
+        raise DataError(
+            f"{len(ports)} {side}s are named, the record has {x.shape[3]}", hint="one Port for each channel"
+        )
     for port, channel in zip(ports, np.moveaxis(x, 3, 0), strict=True):
         bad = ~np.isfinite(channel)
         if bad.any():
@@ -88,7 +95,10 @@ def widen(swing: Swing | None, z: Float[np.ndarray, "sample channel"]) -> Swing:
 def check_swing(swing: Swing | None, stream: RecordStream) -> None:
     """Raise `DataError` for a stream without samples, or with a channel that never moves."""
     if swing is None:
-        raise DataError("the stream has no samples")
+        raise DataError(
+            "the stream has no samples",
+            hint="look whether the run was recorded, and at the part that was selected",
+        )
     named = [(p, "input") for p in stream.inputs] + [(p, "output") for p in stream.outputs]
     for (port, side), low, high in zip(named, swing.low, swing.high, strict=True):
         _check_swing(float(low), float(high), port, side)
@@ -103,7 +113,10 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
         raise FitError("the response is not finite on all lines", hint="leave the bad lines out")
     _check_variance(measured)
     if (np.diff(measured.frequency_hz) <= 0.0).any() or (measured.frequency_hz <= 0.0).any():
-        raise FitError("the frequencies of the response are not positive and rising")
+        raise FitError(
+            "the frequencies of the response are not positive and rising",
+            hint="sort the lines; leave out 0 Hz and lines given twice",
+        )
     numbers = 2 * measured.H.size
     if unknowns >= numbers:
         raise FitError(
@@ -113,7 +126,11 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
     for o, output in enumerate(measured.outputs):
         row = measured.H[:, o]
         if not np.any(row):
-            raise FitError("the response is zero on all lines", where=f"output {output.name}")
+            raise FitError(
+                "the response is zero on all lines",
+                where=f"output {output.name}",
+                hint="leave the output out, or check its cable and gain",
+            )
         variance = None if measured.variance is None else measured.variance[:, o]
         if variance is not None and np.sum(np.abs(row) ** 2) < ALL_NOISE * np.sum(variance):
             raise FitError(

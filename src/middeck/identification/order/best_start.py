@@ -6,7 +6,7 @@ import numpy as np
 
 from middeck.errors import FitError
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.exchanged_modes import exchanges
+from middeck.identification.order.add_or_exchange_modes import exchanges
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
@@ -105,6 +105,6 @@ def leaves_noise(best: Polished, spread: Spread) -> bool:
 
 
 def some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:
-    """As many lines as models of this order need."""
+    """As many of the lines as models of this order need."""
     outputs, _, inputs = data.H.shape
     return take_lines(data, spread, thin_lines(data, spread, options.moving * (outputs + inputs)))

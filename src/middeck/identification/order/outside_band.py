@@ -1,4 +1,4 @@
-"""Order of a response, with terms for the modes outside its band where poles would stand for them.
+"""Order of a response, with terms for the modes outside its band in place of poles.
 
 Modes outside the band leave a slope and a constant in it. A model without terms for these spends pairs of
 poles on them, far above the band or critically damped below it; in a narrow band such pairs also stand for a

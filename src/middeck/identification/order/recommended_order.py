@@ -10,6 +10,7 @@ import numpy as np
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order import order
+from middeck.identification.order.add_or_exchange_modes import grown, shrunk
 from middeck.identification.order.best_start import (
     FEW_STEPS,
     further,
@@ -18,7 +19,6 @@ from middeck.identification.order.best_start import (
     leaves_noise,
     some_lines,
 )
-from middeck.identification.order.exchanged_modes import grown, shrunk
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.leverage import leverage
@@ -141,7 +141,7 @@ def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polish
     """Error on lines that the model has not seen, over the size that the fit weighs by and their noise.
 
     Those that were left out; where none were, on each line that of the model without it. A refit to every
-    other line would not do: it keeps poles that follow single lines, and how many hangs on where rounding
+    other line would not do: it keeps poles that follow single lines, and how many depends on where rounding
     leads a search.
     """
     unseen = np.setdiff1d(np.arange(len(data.s)), np.searchsorted(data.omega, part.omega))

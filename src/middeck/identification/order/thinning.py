@@ -31,10 +31,9 @@ def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray,
     """Which lines to keep for a race of models of so many unknowns."""
     lines = len(data.s)
     wanted = max(RACE_NUMBERS, NUMBERS_PER_UNKNOWN * unknowns) * lines / data.H.size
-    step = next(
-        (n for n in range(int(lines / wanted), 1, -1) if _restores(data, spread, _every(lines, n))), 1
-    )
-    even = _every(lines, step)
+    steps = range(int(lines / wanted), 1, -1)
+    step = next((n for n in steps if _restores(data, spread, np.arange(0, lines, n))), 1)
+    even = np.arange(0, lines, step)
     if len(even) <= ENOUGH * wanted:
         return even
     omega = data.omega
@@ -44,10 +43,6 @@ def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray,
             return kept
         gap *= NARROWER
     return even
-
-
-def _every(lines: int, step: int) -> Int[np.ndarray, " kept"]:
-    return np.arange(0, lines, step)
 
 
 def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tuple[Data, Spread]:

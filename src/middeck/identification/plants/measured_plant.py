@@ -37,7 +37,7 @@ def modal_statespace(model: MeasurementModel) -> StateSpace:
 
 
 def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpace:
-    """All of the model but its delays, with as few states at s = 0 as 1/s^2 and 1/s together need."""
+    """The model without its delays, with the fewest states at s = 0 that 1/s^2 and 1/s need."""
     if model.sample_hz is not None:
         A, B, C = _modal_blocks(model, np.exp(model.poles / model.sample_hz))
         return SampledStateSpace(A, B, C, model.direct, period_s=1.0 / model.sample_hz)
@@ -54,7 +54,7 @@ def state_names(model: MeasurementModel) -> tuple[str, ...]:
 
 
 def _at_rest(modes: StateSpace, double: np.ndarray, single: np.ndarray) -> StateSpace:
-    """With double / s^2 + single / s in parallel, of the McMillan degree rank [single, double; double, 0].
+    """The system with double / s^2 + single / s in parallel, of degree rank [single, double; double, 0].
 
     q1' = q2 + into u, q2' = psi u and y = phi q1 + out q2 give phi psi / s^2 + (phi into + out psi) / s: of
     ``single`` all but its part beside both phi and psi needs no state of its own.
@@ -75,7 +75,7 @@ def _at_rest(modes: StateSpace, double: np.ndarray, single: np.ndarray) -> State
 
 
 def _beside(modes: StateSpace, residue: np.ndarray, drift: np.ndarray) -> StateSpace:
-    """With a residue at zero in parallel, as many chains ``drift`` of integrators as it has rank.
+    """The system with a residue at zero in parallel: the integrator chain ``drift``, once for each rank.
 
     q'' = psi u and y = phi q, or q' = psi u.
     """

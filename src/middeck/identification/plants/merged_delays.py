@@ -1,4 +1,4 @@
-"""Fitted delays made common where their covariance does not tell them apart: a plant with fewer states.
+"""Fitted delays made common where their covariance cannot distinguish them: a plant with fewer states.
 
 A delay of its own costs each output states of a Pade approximation, and what outputs seem late against each
 other by the noise alone would be a delay of microseconds, with poles far beyond all others. The constraint

@@ -119,7 +119,7 @@ def matrix_zeros(
     if np.any(residual > NEAR):
         raise NumericalError(
             f"{np.sum(residual > NEAR)} of {len(found)} zeros are lost in rounding",
-            hint="leave out a channel that says what another says, or modes too small to matter",
+            hint="leave out a channel that duplicates another, or modes too weak to matter",
         )
     order = np.argsort(np.abs(value), kind="stable")
     outputs_, inputs_ = (tuple(p.name for p in side) for side in (chosen.outputs, chosen.inputs))
@@ -135,7 +135,7 @@ def matrix_zeros(
 
 
 def name_zeros(zeros: Zeros) -> tuple[str, ...]:
-    """Each zero in words: its channels, frequency and damping, and its side where it is the wrong one."""
+    """Each zero in words: its channels, frequency, damping, and whether it is non-minimum-phase."""
     where = f"{', '.join(zeros.inputs)} to {', '.join(zeros.outputs)}"
     words: list[str] = []
     for hz, ratio, pair, wrong in zip(
@@ -219,7 +219,7 @@ def _newton(model: MeasurementModel, s: complex) -> tuple[complex, np.ndarray]:
 def _scaled_svd(
     H: np.ndarray, slope: np.ndarray
 ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray, np.ndarray]:
-    """Of H with its rows and columns, which have units of their own, brought to like size first."""
+    """Singular values of H with rows and columns, which have units of their own, scaled to like size."""
     tiny = float(np.finfo(float).tiny)
     rows = 1.0 / np.maximum(np.linalg.norm(slope, axis=1), tiny)
     columns = 1.0 / np.maximum(np.linalg.norm(slope * rows[:, None], axis=0), tiny)

@@ -60,7 +60,7 @@ class Kernel(NamedTuple):
 def cauchy_gram(
     layout: Layout, poles: Complex[np.ndarray, " mode"], parts: Fractions, weight: np.ndarray
 ) -> Float[np.ndarray, "weight function function"]:
-    """Re sum conj(f) weight g of functions of poles (`factors`) and 1, for each ``weight`` [weight, line]."""
+    """Re sum conj(f) weight g of `basis_functions` of poles and 1, for each ``weight`` [weight, line]."""
     sums = _sums(parts, weight)
     conjugate = _sums(parts, weight.conj()) if np.iscomplexobj(weight) else sums
     first, second = (_of_kernel(layout, poles, of, weight) for of in (conjugate, sums))
@@ -92,7 +92,7 @@ def close_twins(layout: Layout, poles: Complex[np.ndarray, " pair"]) -> np.ndarr
 
 
 def _sums(parts: Fractions, weight: np.ndarray) -> Sums:
-    """Of the fractions themselves."""
+    """Sums over the lines for the fractions themselves."""
     u, low = parts.upper, parts.lower
     if np.iscomplexobj(weight):
         return Sums(*(weight @ a.T + (weight @ b.T).conj() for a, b in ((u, low), (u**2, low**2))))
@@ -102,7 +102,7 @@ def _sums(parts: Fractions, weight: np.ndarray) -> Sums:
 
 
 def _of_kernel(layout: Layout, poles: np.ndarray, sums: Sums, weight: np.ndarray) -> Sums:
-    """Of g."""
+    """Sums over the lines for the kernel g."""
     if not layout.options.period_s:
         return sums
     p = np.exp(poles * layout.options.period_s)
@@ -111,7 +111,7 @@ def _of_kernel(layout: Layout, poles: np.ndarray, sums: Sums, weight: np.ndarray
 
 
 def _kernel(layout: Layout, first: np.ndarray, second: np.ndarray) -> Kernel:
-    """Of the conjugate of a stable pole, or of the pole itself where its twin is conjugated."""
+    """The kernel of conjugated stable poles, or of the poles where their twins are conjugated."""
     total = first[:, None] + second
     if not layout.options.period_s:
         plain = -1.0 / total
@@ -124,7 +124,7 @@ def _kernel(layout: Layout, first: np.ndarray, second: np.ndarray) -> Kernel:
 def _own(
     layout: Layout, poles: np.ndarray, whole: Float[np.ndarray, "weight row column"]
 ) -> Float[np.ndarray, "weight function function"]:
-    """Of the functions that a layout has, from u + l, j(u - l) and squares as if all were pairs, and 1."""
+    """Products of the layout's own functions from u + l, j(u - l), squares and 1 of all poles as pairs."""
     modes, pairs = len(poles), layout.pairs
     m, single = np.arange(pairs), np.arange(pairs, modes)
     if not layout.options.real_constants:

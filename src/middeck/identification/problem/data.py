@@ -19,7 +19,7 @@ ALIKE = 1e-9
 
 @record
 class Transient:
-    """What of a record's spectrum is no response to its own input: it began, and ended, in motion.
+    """The part of a record's spectrum that is no response to its own input: initial and final motion.
 
     Attributes:
         period_s: Sampling period of the record [s].
@@ -54,7 +54,7 @@ class Transient:
 
 @record(kw_only=True)
 class Data:
-    """What is fitted, at s = j omega.
+    """The data to be fitted, at s = j omega.
 
     Attributes:
         H: The response, a column for each input; with a ``drive``, output spectra, a column for each
@@ -84,7 +84,7 @@ class Data:
 
     @functools.cached_property
     def drift_and_edges(self) -> tuple[Complex[np.ndarray, "column line"], ...]:
-        """Of the transient, to the first degree and to the second."""
+        """Terms of the transient, to first and to second degree."""
         assert self.transient is not None
         return tuple(self.transient.drift_and_edges(self.s, degree) for degree in (1, 2))
 

@@ -1,4 +1,4 @@
-"""Inner products of a model's columns and slopes from the Gram matrices of few functions (`factors`).
+"""Inner products of a model's columns and slopes from the Gram matrices of few functions (`basis_functions`).
 
 Outputs or experiments that err alone are each a group of their own, all evaluated at once; a group of several
 outputs stands for those that err together. A path is an output and an input.
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from middeck.identification.problem.basis_functions import functions
 from middeck.identification.problem.cauchy import cauchy_gram, close_twins
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.factors import functions
 from middeck.identification.problem.residual_and_slopes import Terms
 
 # Weights whose Gram matrices are formed together: more would fill the memory.
@@ -98,7 +98,7 @@ class Alone(NamedTuple):
     outputs: Int[np.ndarray, "group one"]
 
     def sum(self, path: Complex[np.ndarray, "group path line"]) -> Complex[np.ndarray, "group path line"]:
-        """What the responses of all paths add to the weighted data."""
+        """The sum of the responses of all paths in the weighted data."""
         return self.by * path
 
     def back(self, v: Complex[np.ndarray, "group path line"]) -> Complex[np.ndarray, "group path line"]:
@@ -122,7 +122,7 @@ class Together(NamedTuple):
     outputs: Int[np.ndarray, "group output"]
 
     def sum(self, path: Complex[np.ndarray, "group path line"]) -> Complex[np.ndarray, "group column line"]:
-        """What the responses of all paths add to the weighted data."""
+        """The sum of the responses of all paths in the weighted data."""
         return np.einsum("akl,gal->gkl", self.by, path)
 
     def back(self, v: Complex[np.ndarray, "group column line"]) -> Complex[np.ndarray, "group path line"]:

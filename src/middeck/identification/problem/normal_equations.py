@@ -1,7 +1,7 @@
 """One evaluation of the fit from small Gram matrices: the numbers of a QR factorisation with less work.
 
-All columns and slopes of an output are real combinations of few functions (`factors`). Their inner products
-need the Gram matrices of these functions only, one for each weight, as sums over the lines (`cauchy`). Normal
+All columns and slopes of an output are real combinations of few `basis_functions`. Their inner products need
+the Gram matrices of these functions only, one for each weight, as sums over the lines (`cauchy`). Normal
 equations square the condition; but the residual is formed explicitly, corrects the solution until it is
 orthogonal to the columns (corrected seminormal equations, Bjorck 1987) and gives the gradient. Only the Gram
 matrix of theta, which merely steers the search, has the squared condition's rounding. Where that is too large
@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.problem.factors import column_factors, slope_factors
+from middeck.identification.problem.basis_functions import column_factors, slope_factors
 from middeck.identification.problem.gram_blocks import Functions, Weighted, on_functions
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.terms import linear_of_terms
@@ -52,7 +52,7 @@ class ZeroSum:
 
 
 def _ties(layout: Layout, point: Point) -> Float[np.ndarray, "tie column"]:
-    """What must vanish, as a matrix on the linear unknowns of an output: the sum of residues of each path."""
+    """The constraints as a matrix on the linear unknowns of an output: the sum of residues of each path."""
     if not layout.options.zero_sum:
         return np.zeros((0, layout.columns))
     C = np.zeros((layout.inputs, layout.columns))
@@ -259,7 +259,7 @@ class _Normal:
 
     @property
     def lengths(self) -> Float[np.ndarray, "group column"]:
-        """Of the columns."""
+        """Lengths of the columns."""
         return 1.0 / self._size
 
     def cosines(self, products: Float[np.ndarray, "group column"]) -> Float[np.ndarray, " group"]:

@@ -85,7 +85,7 @@ class Terms:
     def _delay_slopes(
         self, x: np.ndarray, factors: np.ndarray
     ) -> Complex[np.ndarray, "delay line experiment"]:
-        """By the delays of one output: the response of each path, or of all of them together."""
+        """Derivatives by the delays of one output: the response of each path, or of all together."""
         s, drive = self.data.s, self.data.drive
         rate = -s[:, None]
         if factors.shape[1] == 1:

@@ -23,7 +23,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Layout:
-    """What the entries of theta are.
+    """The meaning of the entries of theta.
 
     Attributes:
         pair: True for a conjugate pair, false for a real pole. Pairs come first.

@@ -209,7 +209,7 @@ def _choose_order(
 
 
 def _with_modes_of_others(record: Record, data: Data, best: RecordRun, options: FitOptions) -> RecordRun:
-    """With pairs more, as long as some lines of all outputs have a shorter description by them."""
+    """The fit with pairs added while they shorten the description of some lines of all outputs."""
     thin = with_few_lines(data)
     run = refine_record(thin, best.start, best.weighting, rounds=1, steps=FIRST_STEPS)
     more = None if run is None else record_order.grown_while_shorter(record, thin, options, run)

@@ -26,7 +26,7 @@ from middeck.identification.fit.mode_trust import (
     standing_of,
     standing_of_delays,
 )
-from middeck.identification.fit.stands_for_delay import stands_for_delay
+from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.refused_data import check_record, check_word
@@ -34,7 +34,7 @@ from middeck.identification.model.steady_simulation import folded_response
 from middeck.identification.model.unstable_article import refuse_growth
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
-from middeck.identification.record_fit import doubted_deviations
+from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
 from middeck.identification.record_fit.continuous_fit import fit_continuous
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
@@ -204,7 +204,7 @@ def _fit(
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = decided(lines, asked)
     _check_length(record, options.moving + options.at_zero)
-    with doubted_deviations.named_cause(measured):
+    with residual_tests.named_cause(measured):
         if sampled:
             run, reason = choose_record(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
@@ -216,14 +216,14 @@ def _fit(
             )
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
         both = (data, run), (fitted.data, fitted.run)
-        heard = [doubted_deviations.heard_of(record, *of, input_noise) for of in both]
-        grown = [doubted_deviations.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
+        heard = [residual_tests.heard_of(record, *of, input_noise) for of in both]
+        grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
         return _result(measured, record, fitted, reason, score, heard[1], input_noise)
 
 
 def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
-    """What is folded back in the outputs: held inputs reach beyond half the rate."""
+    """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
     run = record.u.reshape(len(record.u), -1, record.u.shape[3])
     f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
     H = np.zeros((len(f), *model.direct.shape), dtype=complex)
@@ -286,7 +286,7 @@ def _result(
     fit: Tidied,
     reason: str,
     score: np.ndarray,
-    heard: doubted_deviations.Heard,
+    heard: residual_tests.Heard,
     input_noise: Float[np.ndarray, "part sample input"] | None,
 ) -> FitResult:
     data, run = fit.data, fit.run
@@ -313,14 +313,14 @@ def _result(
         *_doubts_of_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*doubted_deviations.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     if model.sample_hz is None:
-        wrong += doubted_deviations.doubts_of_folding(record)
+        wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     phase = _pairs_for_a_delay(model, covariance, data, run)
     late = bool(len(phase[0]))
-    wrong += doubted_deviations.causes_of(measured, data, run, lead, error, heard, late=late)
+    wrong += residual_tests.causes_of(measured, data, run, lead, error, heard, late=late)
     said += [*wrong, *doubts_of_lines(fit.lines)]
     alone, standing = (
         standing_of(lines, covariance, holds=holds, phase=phase[0]) for holds in (True, not wrong)
@@ -350,21 +350,21 @@ def _result(
 def _pairs_for_a_delay(
     model: MeasurementModel, covariance: ModelCovariance, data: Data, run: RecordRun
 ) -> tuple[Int[np.ndarray, " mode"], float]:
-    """Of a model without delays, pairs that stand for one."""
+    """Pairs that stand for a delay in a model without delays."""
     if covariance.structure.with_delay:
         return np.array([], dtype=int), 0.0
     return stands_for_delay(model, data.s, data.U, run.residual(data), 1.0 / np.sqrt(run.variance))
 
 
 def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) -> list[str]:
-    """Modes that do not decay within the record, or that have a sine beside them."""
+    """Warnings for modes that do not decay within the record, or that have a steady sine beside them."""
     f = natural_hz(model)
     apart = lines.frequency_hz[1] - lines.frequency_hz[0] if len(f) and len(lines.frequency_hz) > 1 else 0.0
     sines = np.array([line.hz for line in fit.lines])
     within = model.is_pair & (f >= lines.frequency_hz[0]) & (f <= lines.frequency_hz[-1])
     return [
-        f"mode at {f[m]:.4g} Hz: it does not decay within the record, or a sine goes on beside it: it is "
-        "undamped, or unstable, which is not fitted; no stated deviation holds"
+        f"mode at {f[m]:.4g} Hz: undamped or unstable, which cannot be fitted: it does not decay within the "
+        "record, or a steady sine lies beside it; the stated standard deviations do not hold"
         for m in np.flatnonzero(within)
         if -np.real(model.poles[m]) < HARDLY * LIGHTEST * apart
         or np.any(np.abs(sines - f[m]) < BESIDE * apart)
@@ -383,7 +383,7 @@ def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
 
 
 def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
-    """Of noise of the measured inputs: what does not repeat in them, or the floor of their spectra."""
+    """Variance of the noise of measured inputs: what does not repeat, or the floor of their spectra."""
     periods = record.u.shape[1]
     if record.periodic and periods > 1:
         level = record.u - record.u.mean(axis=2, keepdims=True)  # drift moves all periods alike
@@ -416,7 +416,7 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
     model = 2.0 * negative_log_likelihood(r, noise_variance(r)) + unknowns * np.log(2.0 * H.size)
     if model >= alone:
         raise FitError(
-            "the outputs are described no worse as noise: the inputs explain nothing of them",
+            "a model of noise alone describes the outputs as well: the inputs explain nothing of them",
             hint="check which channels are which, and that no delay is longer than the record; more states, "
             "a longer record or a larger excitation",
         )

@@ -22,7 +22,7 @@ from middeck.identification.search.least_squares_costs import weighted
 
 # A new mode's damping ratio, and lines to either side over which the residual is averaged, as a share of all.
 DAMPING, WIDTH = 0.03, 0.01
-# Of so many modes that are missed least each is given up in turn.
+# Number of least needed modes that are given up in turn.
 GIVEN_UP = 3
 
 

@@ -1,4 +1,4 @@
-"""Whether a delay in the fit of a record stands for poles beyond the band (`fit.poles_beyond_the_band`).
+"""Whether a delay fitted to a record represents poles beyond the band (`fit.poles_beyond_the_band`).
 
 The sound modes and one or two pairs beyond the band, of complex constants and without delays, are refined on
 the same lines.

@@ -15,8 +15,8 @@ from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.sensor_or_force_noise import covering_variance
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE, ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of, ties
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 
 
 def record_covariance(
@@ -86,7 +86,7 @@ class _Rows:
         self.terms = Terms(run.layout, data, run.refined.theta)
 
     def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], TransientProjection]:
-        """Of one output, by the unknowns of the model, through the transients' poles also."""
+        """Rows of one output by the unknowns of the model, also through the transients' poles."""
         model, data, layout, point = self.model, self.data, self.run.layout, self.terms.point
         assert data.transient is not None
         at = places_of(model, self.structure)

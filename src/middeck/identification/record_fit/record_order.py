@@ -137,7 +137,7 @@ def _from_scout(
 
 
 def grown_while_shorter(record: Record, data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
-    """With pairs more where most is left, as long as the description of the record gets shorter."""
+    """The fit with pairs added where the residual is largest, while the description gets shorter."""
     while enough_samples(record, run.layout.states + 2):
         start = grown(data, options.sized(run.layout.states + 2), run)
         more = None if start is None else refine_record(data, start, run.weighting, rounds=2, steps=STEPS)
@@ -189,7 +189,7 @@ def _grown_to(
 
 
 def _exchanged(data: Data, options: FitOptions, run: RecordRun) -> RecordRun:
-    """With modes elsewhere, as long as that pays."""
+    """The fit with modes exchanged as long as that pays."""
     while (other := leader(data, exchanges(data, options, run), run.weighting)) is not None:
         other = further(data, other, rounds=ROUNDS, steps=STEPS)
         if other.likelihood > run.likelihood - WORTH:

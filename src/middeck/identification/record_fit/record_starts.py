@@ -26,8 +26,8 @@ ROWS = (1.5, 2.5, 4.0)
 LONG = 20
 # A pole is kept this far inside the unit circle, and off its centre, where it has no finite decay.
 INSIDE, CENTRE = 1e-4, 1e-3
-# Of a continuous model: sizes of the subspace as multiples of the states kept, and its weightings. Rows are
-# as many as the record and so many operations allow, and a third of that: a slow mode has to turn in them.
+# Sizes of the subspace of a continuous model, as multiples of the states kept. Rows are as many as the record
+# and the count of operations allow, and a third of that: a slow mode has to turn in them.
 SIZES = (1.0, 2.0)
 CONTINUOUS: tuple[Weighting, ...] = ("moesp", "cva")
 OPERATIONS = 1e9

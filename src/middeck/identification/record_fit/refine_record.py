@@ -31,8 +31,8 @@ WEIGHTINGS: tuple[Weighting, ...] = ("output", "motion", "flat")
 # A decay rate times the record's length below which free motion is no different from a ramp, of a pair from a
 # steady sine whatever the noise; and times the sampling period above which it is over within a sample.
 SLOWEST, LIGHTEST, FASTEST = 0.1, 1e-3, 15.0
-# Of real poles with fewer decays over the record a sampled model has one: several make ramps and parabolas,
-# which fit any drift, and which no initial state brings to other samples.
+# Decays over the record below which a sampled model has at most one real pole: several make ramps and
+# parabolas, which fit any drift and no other record.
 SLOW_REAL = 10.0
 # Steps of all starts, and of those that stay: twice as many each time, the noise estimated anew within.
 HEAT, ROUNDS = 3, 2

@@ -63,7 +63,7 @@ def likelier_variance(
     left: Float[np.ndarray, "output line column"] | None = None,
     driven: Bool[np.ndarray, " line"] | None = None,
 ) -> Float[np.ndarray, "output line column"]:
-    """By the kind of noise that makes the residual likelier."""
+    """The variance under the kind of noise that makes the residual likelier."""
     both = (noise_variance(residual, by, left, driven) for by in (None, shape))
     return min(both, key=lambda v: negative_log_likelihood(residual, v))
 
@@ -143,5 +143,5 @@ def _average(power: Float[np.ndarray, " line"], half: int) -> Float[np.ndarray, 
 def negative_log_likelihood(
     residual: Complex[np.ndarray, "output line column"], variance: Float[np.ndarray, "output line column"]
 ) -> float:
-    """Of circular normal residuals, up to a constant: sum of log v + |r|^2 / v."""
+    """sum of log v + |r|^2 / v, for circular normal residuals, up to a constant."""
     return float(np.sum(np.log(variance) + np.abs(residual) ** 2 / variance))

@@ -117,7 +117,7 @@ def _check(model: MeasurementModel, record: Record, state_share: float) -> None:
         )
     if np.any(np.real(model.poles) >= 0.0):
         raise NumericalError(
-            "a pole of the model does not decay: its response to repeated inputs is none",
+            "a pole of the model does not decay: it has no steady response to repeated inputs",
             hint="a model whose poles all decay",
         )
 

@@ -59,7 +59,7 @@ POWERS = 3
 
 @frozen
 class Tidied:
-    """What is left of a fit: data with their steady lines, the model, and those lines."""
+    """A tidied fit: data with their steady lines, the model, and those lines."""
 
     data: Data
     run: RecordRun
@@ -80,7 +80,7 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
 
 
 def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
-    """Of the unknowns of its model."""
+    """Covariance of the unknowns of the state's model."""
     run = state.run
     return record_covariance(run, state.data, model_of(run, record.inputs, record.outputs))[0]
 
@@ -124,7 +124,7 @@ def _lines_at(record: Record, state: Tidied, modes: Sequence[int]) -> list[Stead
 
 
 def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) -> Tidied | None:
-    """Without some modes, or with their free motion alone, which no input is to move.
+    """The fit without some modes, or with their free motion alone, which no input drives.
 
     The free motion of a pole that does not decay is a sine, and is named as one.
     """
@@ -140,7 +140,7 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
 
 
 def _in_two(record: Record, state: Tidied, m: int) -> Tidied | None:
-    """With two modes in the place of one, where that is clearly shorter and neither may be noise."""
+    """The fit with mode ``m`` split in two, if that is clearly shorter and neither may be noise."""
     start = with_split(state.run.start, m)
     if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
@@ -184,7 +184,7 @@ def _promises(state: Tidied, start: Start) -> bool:
 
 
 def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
-    """Of each pole of the layout."""
+    """Significance of each pole of the layout."""
     covariance = covariance_of(record, state)
     found = mode_significance(covariance)
     poles = state.run.start.point.poles

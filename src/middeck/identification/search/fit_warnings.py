@@ -1,4 +1,4 @@
-"""Warnings that go with a fit: what it should not be trusted for."""
+"""Warnings of a fit: which of its numbers should not be trusted."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ SCATTER = 0.1
 LEFT = 0.1
 # Fewer degrees of freedom give an interval of which Student's t is a tenth wider than the normal law.
 FEW_DEGREES = 12.0
-# A deviation that is half of its value: the linearised interval then reaches the value zero.
+# Standard deviation over value: from here on the linearised interval reaches zero.
 HALF = 0.5
-# Of the variance of a line: three deviations, beyond which what a model leaves is no noise.
+# Squared residual over variance of a line: beyond three standard deviations it is not noise.
 ABOVE_NOISE = 9.0
-# A deviation that is a hundred times what it would be with all else known: so is a small error of the model.
+# Inflation of a variance by the other unknowns: errors of the model are amplified as much.
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
 FAILED = 2.0
-# A pole so many times outside the band is none of the article.
+# Ratio of frequencies from the band beyond which a pole is none of the article.
 FAR = 100.0
 UNDETERMINED = "is not determined by the data"
 
 
 def doubts_of_record(measured: FrequencyResponse) -> list[str]:
-    """Outputs whose periods or experiments disagree."""
+    """Warnings for outputs whose periods or experiments disagree."""
     if measured.variance is None:
         return []
     size = np.sum(np.abs(measured.H) ** 2, axis=(0, 2))
@@ -56,9 +56,9 @@ def doubts_of_model(
     model_error: float,
     residual: Complex[np.ndarray, "line output input"],
 ) -> list[str]:
-    """Outputs that the model does not explain, or deviations that do not cover what it lacks.
+    """Warnings for outputs that the model does not explain, or errors that deviations do not cover.
 
-    ``model_error`` is the part of the assumed variance that is not noise; ``residual`` is E - H. Raises
+    ``model_error`` is the share of the assumed variance that is not noise; ``residual`` is E - H. Raises
     `FitError` for a model that is worse than none.
     """
     if np.any(error > FAILED):
@@ -78,9 +78,9 @@ def doubts_of_model(
         return poor
     of_rms = 100.0 * np.sqrt(np.mean(error**2))
     return [
-        f"most of what the fit leaves is not noise but modes it lacks ({of_rms:.2g}% of the "
-        f"response's rms over the band{_wrong_lines(measured, residual)}): the stated deviations follow what "
-        "is left, but do not cover a bias that all lines share"
+        f"most of the residual is not noise but modes that the model lacks ({of_rms:.2g}% of the "
+        f"response's rms over the band{_wrong_lines(measured, residual)}): the standard deviations include "
+        "this residual, but not a bias that is common to all lines"
     ]
 
 
@@ -102,10 +102,10 @@ def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "lin
 def doubts_of_deviations(
     measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool = False
 ) -> list[str]:
-    """Where a stated deviation is not to be trusted, and why.
+    """Warnings for standard deviations that do not hold.
 
-    ``of_samples``: the samples of a record were fitted, with their transient. A mode that is narrower than
-    the lines are apart then rings on in all samples, and hangs on no single line.
+    ``of_samples``: the samples of a record were fitted, with their transient. A mode narrower than the
+    spacing of the lines then shows in all samples.
     """
     return [
         *_doubts_of_variance(measured, covariance),
@@ -117,20 +117,20 @@ def doubts_of_deviations(
 def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
     if measured.variance is None:
         return [
-            "the record has one period, which does not tell noise from what the model lacks: the deviations "
-            "come from what the fit leaves"
+            "the record has one period, in which noise and errors of the model cannot be separated: the "
+            "standard deviations follow from the residual"
         ]
     # Blows under a window are few, and their scatter counts beside that of lines.
     if covariance.degrees < FEW_DEGREES and (measured.alike or 1.0) == 1.0:
         return [
-            f"the noise is known from {covariance.degrees:.0f} degrees of freedom only, and so are the "
-            "deviations; record more periods"
+            f"the noise, and with it every standard deviation, is estimated with {covariance.degrees:.0f} "
+            "degrees of freedom only; record more periods"
         ]
     return []
 
 
 def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) -> dict[int, str]:
-    """Outputs whose delay is not known as its deviation says, and why."""
+    """Outputs whose delay is confounded or biased, with a warning each."""
     at, structure = covariance.at, covariance.structure
     found: dict[int, str] = {}
     standing = _stands_for_phase(measured, covariance.model)
@@ -139,22 +139,22 @@ def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
         port, inflation = covariance.model.outputs[o], covariance.inflation[at.delay[o]]
         name, delay_ms = port.name, 1e3 * covariance.model.delay_s[o]
         if unknown[o] or inflation > CONFOUNDED:
-            loose = f"its deviation is {np.sqrt(inflation):.0f} times what it would be if they were known"
+            loose = f"its standard deviation is {np.sqrt(inflation):.0f} times that with known residues"
             found[int(o)] = (
                 f"output {name}: the delay is confounded with the residues, only their sum is certain: "
                 f"{f'it {UNDETERMINED}' if unknown[o] else loose}; fit real constants, or no delay"
             )
         elif structure.with_direct and not structure.real_constants and is_velocity(port):
             found[int(o)] = (
-                f"output {name}: the delay of {delay_ms:.4g} ms is not known as its deviation says: the "
-                "constant term alone tells it from the residues, and modes outside the band leave one, too; "
-                "fit velocities apart, with --delay output --relative-degree 1"
+                f"output {name}: the standard deviation of the delay of {delay_ms:.4g} ms does not hold: "
+                "only the constant term separates it from the residues, and modes outside the band add to "
+                "that term; fit velocities separately, with --delay output --relative-degree 1"
             )
         elif standing:
             found[int(o)] = (
-                f"output {name}: the delay of {delay_ms:.4g} ms is not known as its "
-                "deviation says: the band is narrow, and poles outside it that are no modes stand for phase, "
-                "too; take a wider band"
+                f"output {name}: the standard deviation of the delay of {delay_ms:.4g} ms does not hold: "
+                "the band is narrow, and poles outside it that are not modes represent phase too; take a "
+                "wider band"
             )
     return found
 
@@ -192,7 +192,7 @@ def _doubts_of_modes(
         one = len(beyond) == 1
         found.append(
             f"mode{'' if one else 's'} at {places} Hz: {'it lies' if one else 'they lie'} outside the band "
-            f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and stand{'s' if one else ''} for whatever is there"
+            f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and represent{'s' if one else ''} all modes beyond it"
             f"{_lost([f[m] for m in beyond if np.isinf(of.natural_hz[m])])}"
         )
     within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
@@ -202,7 +202,7 @@ def _doubts_of_modes(
 
 
 def _lost(hz: list[float]) -> str:
-    """Of modes outside the band, those that could be anywhere."""
+    """Which modes outside the band the data do not determine."""
     if not hz:
         return ""
     places = ", ".join(f"{f:.4g}" for f in hz)
@@ -212,7 +212,7 @@ def _lost(hz: list[float]) -> str:
 def _doubts_of_damping(
     measured: FrequencyResponse, covariance: ModelCovariance, m: int, *, of_samples: bool
 ) -> list[str]:
-    """Of one mode within the band."""
+    """Warnings for one mode within the band."""
     f, zeta = natural_hz(covariance.model)[m], damping_ratio(covariance.model)[m]
     lines, deviation = measured.frequency_hz, uncertainty_of(covariance).damping[m]
     mode, found = f"mode at {f:.4g} Hz", list[str]()
@@ -220,8 +220,8 @@ def _doubts_of_damping(
     spacing, width = lines[near] - lines[near - 1], 2.0 * zeta * f
     if width < spacing and not of_samples:
         found.append(
-            f"{mode}: its half-power width is {width:.3g} Hz, at {spacing:.3g} Hz between lines, so that its "
-            "frequency and damping hang on one or two of them; use a longer period"
+            f"{mode}: its half-power width is {width:.3g} Hz, the lines are {spacing:.3g} Hz apart: one "
+            "or two lines determine its frequency and damping; use a longer period"
         )
     if deviation > HALF * zeta:
         found.append(f"{mode}: its damping of {zeta:.2%} {_loose(deviation, f'{deviation:.2%}')}")
@@ -229,5 +229,5 @@ def _doubts_of_damping(
 
 
 def _loose(deviation: float, words: str) -> str:
-    """What is said of a number with a large deviation, or with none."""
-    return f"has a deviation of {words}: not known" if np.isfinite(deviation) else UNDETERMINED
+    """Words for a number with a large standard deviation, or with none."""
+    return f"has a standard deviation of {words}: not known" if np.isfinite(deviation) else UNDETERMINED

@@ -45,7 +45,7 @@ class Noise:
     size: Float[np.ndarray, " output"]
 
     def mix(self, share: float) -> Complex[np.ndarray, "line output output"]:
-        """What makes residuals of this covariance and this share of excess independent, of variance one."""
+        """The matrix that makes residuals of this covariance and share of excess white, of variance one."""
         return np.linalg.inv(np.linalg.cholesky(self.C + np.diag(share * self.size)))
 
 

@@ -1,4 +1,4 @@
-"""Where poles may go in a search: no further than the lines of a response can tell.
+"""Bounds of poles in a search: no further than the lines of a response can determine.
 
 A pole at a distance d outside the band with a decay rate far below d has the same response in the band as
 one without damping. If the data would have it unstable, a search drives it to no damping at all, and outside

@@ -1,4 +1,4 @@
-"""Refine and weigh in turn: the fit tells what it cannot follow, and the weights follow the fit."""
+"""Refine and reweigh in turn: the residual sets the weights, and the weights the fit."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from middeck.errors import DataError
 from middeck.identification.model.refused_data import Swing, check_record, check_swing, widen
-from middeck.identification.spectra.scattered_response import ResponseScatter
+from middeck.identification.spectra.variance_of_lines import ResponseScatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen
@@ -66,7 +66,7 @@ def estimate_spectra(
             differ in length.
         segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record
             is cut into its periods, whatever this says.
-        window, overlap: Of the segments, as in `scipy.signal.get_window`; each segment's mean is removed.
+        window, overlap: As in `scipy.signal.get_window`; the mean of each segment is removed.
 
     Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 

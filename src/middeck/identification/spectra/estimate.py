@@ -15,8 +15,8 @@ from middeck.identification.spectra.averages import estimate_spectra
 from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
-from middeck.identification.spectra.scattered_response import ResponseScatter, trusted
 from middeck.identification.spectra.start_up import steadied
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, trusted
 from middeck.signals.excitation.driven_band import floor_variance
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.repetition import blocks_of
@@ -136,7 +136,7 @@ def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarra
     size = np.abs(found.H) ** 2
     heard, left = np.einsum("koi,i->o", size, floor), np.einsum("koo->o", np.real(left))
     room = float(np.min(np.divide(left, heard, out=np.ones_like(left), where=heard > left)))
-    # Of the estimate at a line: noise over power, a mean over the lines where the response is known best.
+    # Noise of the estimate over its power, a mean over the lines with the best known response.
     power = 1.0 / np.real(np.einsum("kii->ki", R))
     known = np.sum(size / variance, axis=1)
     low = room * experiments * floor * np.sum(known, axis=0) / np.sum(known * power, axis=0)

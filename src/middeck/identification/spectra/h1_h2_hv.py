@@ -28,7 +28,7 @@ from middeck.identification.spectra.excited_lines import (
     refuse_alike,
     refuse_silence,
 )
-from middeck.identification.spectra.scattered_response import ResponseScatter, variance_of
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, variance_of
 
 Ratio = Literal["h1", "h2", "hv"]
 # The response, and R times the averages: of each output, or one that all outputs share.

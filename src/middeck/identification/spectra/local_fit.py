@@ -23,7 +23,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
 
-from middeck.identification.spectra.scattered_response import variance_of
+from middeck.identification.spectra.variance_of_lines import variance_of
 from middeck.values import record as frozen
 
 # Order of each polynomial. Even orders cost the same bias as the next odd one at the middle of a window.
@@ -45,10 +45,10 @@ class LocalModel:
 
 @frozen(kw_only=True)
 class LocalFit:
-    """What the windows give, and how well they predict the line that they leave out.
+    """The estimates of the windows, and how well they predict the omitted line.
 
     Attributes:
-        covariance: Of what is left of the outputs.
+        covariance: Covariance of the outputs' residuals.
         line_inverse_power: Inverse of the inputs' power on one line, averaged over the window.
         prediction: Mean square error of each line's outputs predicted without it (Allen 1974).
         denominator: d1 and d2 of each window, zero for polynomials.
@@ -123,7 +123,7 @@ def transient_basis(
 def beside(
     Q: Inexact[np.ndarray, "estimate term row"], X: Complex[np.ndarray, "estimate column row"]
 ) -> Complex[np.ndarray, "estimate column row"]:
-    """What the transients leave of the rows of X."""
+    """The part of the rows of X that the transients leave."""
     return X - (X @ Q.conj().mT) @ Q
 
 
@@ -171,7 +171,7 @@ def _columns(
     Complex[np.ndarray, "estimate experiment unknown row"],
     Complex[np.ndarray, "estimate experiment column row"],
 ]:
-    """What the transients leave of r^s U, and of Y to r^last Y."""
+    """The parts of r^s U, and of Y to r^last Y, that the transients leave."""
     count, experiments, _, width = U.shape
     # Products: a power with an array of exponents takes ten times as long.
     powers = np.stack([np.ones_like(x), x, x * x], axis=1)

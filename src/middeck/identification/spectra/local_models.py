@@ -16,7 +16,7 @@ from middeck.identification.spectra.excited_lines import (
     refuse_alike,
     refuse_silence,
 )
-from middeck.identification.spectra.scattered_response import ResponseScatter
+from middeck.identification.spectra.variance_of_lines import ResponseScatter
 from middeck.identification.spectra.zoom import zoomed_lines
 from middeck.signals.record import Record, RecordStream
 
@@ -180,7 +180,7 @@ def _in_units(
         total=found.total * gain**2,
         total_covariance=found.total_covariance * np.outer(by_output, by_output),
         inverse_power=found.inverse_power / np.outer(by_input, by_input),
-        # Of the lines of a window only every stride-th is excited: their mean power is that much more.
+        # Only every stride-th line of a window is excited: their mean power is larger by that factor.
         line_inverse_power=found.line_inverse_power / (stride * np.outer(by_input, by_input)),
     )
 

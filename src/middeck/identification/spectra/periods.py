@@ -8,8 +8,8 @@ from jaxtyping import Complex, Float, Int
 
 from middeck.identification.model.refused_data import Swing, check_swing, widen
 from middeck.identification.spectra.excited_lines import FAINTEST, in_band, refuse_silence, solve_lines
-from middeck.identification.spectra.scattered_response import ResponseScatter, variance_of
 from middeck.identification.spectra.start_up import StartUp
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, variance_of
 from middeck.signals.record import RecordStream
 from middeck.values import record as frozen
 

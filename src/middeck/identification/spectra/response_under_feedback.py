@@ -25,7 +25,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.spectra.excited_lines import WORST_CONDITION, refuse_alike
-from middeck.identification.spectra.scattered_response import ResponseScatter, variance_of
+from middeck.identification.spectra.variance_of_lines import ResponseScatter, variance_of
 from middeck.signals.ports import Port, port_indices
 from middeck.signals.record import Record, RecordStream
 from middeck.systems.plants.response import statespace_response

@@ -1,4 +1,4 @@
-"""The transient at the beginning of a repeated signal: told from noise, cut off or subtracted.
+"""The transient at the beginning of a repeated signal: detected above noise, cut off or subtracted.
 
 What repeats is the same in every period. An output minus itself a period later is therefore free motion,
 
@@ -40,7 +40,7 @@ STEPS = 30
 
 @frozen
 class StartUp:
-    """What was done about the beginning of a record.
+    """The record without its start-up transient, and how it was removed.
 
     Attributes:
         record: The steady periods, or all of them without the free motion.
@@ -56,7 +56,7 @@ class StartUp:
     spread: Float[np.ndarray, "output output"]
 
     def covariance(self, keep: np.ndarray) -> Float[np.ndarray, "line output output"]:
-        """What is added to that of the averaged outputs on the lines ``keep``."""
+        """The addition to the covariance of the averaged outputs on the lines ``keep``."""
         return self.unknown[keep][:, None, None] * self.spread
 
 
@@ -87,8 +87,8 @@ def steadied(taken: Record) -> StartUp:
         return dataclasses.replace(
             steady, record=cut, what=f"{found}: the first {first} of {periods} are left out"
         )
-    what = f"{found}: {len(poles)} free motions are taken out of all {periods}, and what is not known of them"
-    what += " is part of the variance; record more periods, or wait before recording"
+    what = f"{found}: {len(poles)} free motions are subtracted from all {periods}, and their uncertainty"
+    what += " is added to the variance; record more periods, or wait before recording"
     return StartUp(dataclasses.replace(taken, y=taken.y - y), what, unknown, spread)
 
 

@@ -124,7 +124,7 @@ def prune(
     kept = list(range(len(blocks)))
     while (left := sum(states[m] for m in kept) - wanted) > 0:
         missed = _missed(gram, right, [blocks[m] for m in kept], free)
-        # By the state: a real pole is half a pair.
+        # Cost for each state: a real pole is half a pair.
         each = [
             miss / states[m] if states[m] <= left else np.inf for m, miss in zip(kept, missed, strict=True)
         ]
@@ -140,7 +140,7 @@ def _missed(
     blocks: Sequence[Sequence[int] | Int[np.ndarray, " own"]],
     free: Sequence[int],
 ) -> Float[np.ndarray, " block"]:
-    """By how much the squares rise without each block, the others solved for again."""
+    """Rise of the squares without each block, the others solved for again."""
     columns = [int(c) for block in blocks for c in block] + list(free)
     inverse = np.linalg.pinv(gram[np.ix_(columns, columns)], hermitian=True)
     x = inverse @ right[columns]

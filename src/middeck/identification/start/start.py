@@ -184,7 +184,7 @@ def start_from_point(
 
 
 def _largest(psi: Float[np.ndarray, "row input"]) -> tuple[int, ...]:
-    """As many inputs as rows, whose columns are farthest from dependent."""
+    """Indices of as many inputs as rows, whose columns are farthest from dependent."""
     return tuple(int(i) for i in scipy.linalg.qr(psi, mode="r", pivoting=True)[-1][: len(psi)])
 
 

@@ -145,7 +145,7 @@ class _Work:
         PH = self.cov @ H.T
         before = self.cov[self.diagonal[self.logs], self.diagonal[self.logs]]
         spread = H @ PH + self.R
-        # Of one output by a root: what LAPACK is called with takes longer than all it does.
+        # One output needs a square root only: a call of LAPACK takes longer than the rest.
         whiten = 1.0 / np.sqrt(spread) if self.outputs == 1 else np.linalg.inv(np.linalg.cholesky(spread))
         news = whiten @ (y - foreseen)
         news = np.minimum(np.maximum(news, -CLIPPED), CLIPPED)
@@ -232,7 +232,7 @@ class _Work:
             self._take_lag_as_drift(m)
 
     def _take_lag_as_drift(self, m: int) -> None:
-        """Of the frequency: what its lag asks for, the damping's corrections are full of."""
+        """Correct the frequency alone for its lag: corrections of damping contain the lag too."""
         most = 0.0 if self._is_astray() else self.followed.drift.frequency_jump
         lag.take_as_drift(self.lag, m, most)
         self.lag[:, self.modes + m] = 0.0

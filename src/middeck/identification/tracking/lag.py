@@ -1,4 +1,4 @@
-"""Lag of a parameter that moves faster than its drift says, told by the corrections that it asks for.
+"""Lag of a parameter that moves faster than its assumed drift, estimated from the filter's corrections.
 
 A filter for a random walk of intensity q^2 runs behind a ramp r by r / (q sqrt(I)), I the information of one
 second, which may be many of its deviations: these count chance alone. What each sample would correct, over

@@ -41,7 +41,7 @@ class Restart:
 
     Attributes:
         time_s: When [s].
-        good_s: Of the state whose parameters it took up again.
+        good_s: Time of the state whose parameters it took up again.
         opening: Relative deviation by which its frequencies were opened.
     """
 
@@ -155,7 +155,7 @@ def is_lost(products: Float[np.ndarray, " lag"], weight: float) -> bool:
 
 
 def opening(tries: int) -> float:
-    """In jumps, after so many tries."""
+    """Size, in jumps, to which deviations of a lost mode are opened after so many tries."""
     return OPENINGS[tries % len(OPENINGS)]
 
 

@@ -53,7 +53,7 @@ class Drift:
 
 @record(kw_only=True)
 class Followed:
-    """What does not change while it is followed.
+    """The constants of a tracked model.
 
     Attributes:
         T: Sampling period [s].
@@ -62,7 +62,7 @@ class Followed:
         real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j
             omega_d) goes with it.
         group: Which delay each output has, of ``whole`` samples and ``part`` of another.
-        noise_rms: Of each output's samples.
+        noise_rms: Rms of the noise on each output's samples.
     """
 
     T: float
@@ -185,7 +185,7 @@ def start_tracking(
             Frequencies, damping and the size of each mode at each output are followed; delays and the direct
             term are taken as they are.
         sample_hz: Rate of the samples that will come; inputs are held from each to the next.
-        noise_rms: Of the white noise on each output's samples.
+        noise_rms: Rms of the white noise on each output's samples.
         input_rms: Of what moved the article before the first sample, by which the unknown motion at the start
             is judged; zero for an article at rest.
         known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
@@ -224,7 +224,7 @@ def start_tracking(
 
 
 def motion_deviation(followed: Followed, loudness: Float[np.ndarray, " input"]) -> Float[np.ndarray, " mode"]:
-    """Of the modal states, where only the mean square of what moves them is known."""
+    """Standard deviation of the modal states under a force of which only the mean square is known."""
     # z' = lambda z + b u under white u, rms^2 T: E|z|^2 = |b|^2 rms^2 T / (2 sigma).
     power = np.abs(followed.participation) ** 2 @ loudness * followed.T / (-2.0 * np.real(followed.poles))
     return MORE_IN_BAND * np.sqrt(power)
@@ -233,7 +233,7 @@ def motion_deviation(followed: Followed, loudness: Float[np.ndarray, " input"]) 
 def _parameter_deviation(
     model: MeasurementModel, known: Uncertainty | None
 ) -> Float[np.ndarray, " parameter"]:
-    """Of log frequency, log damping and gains at the start."""
+    """Standard deviations of log frequency, log damping and gains at the start."""
     modes = len(model.poles)
     f = FIRST_FREQUENCY if known is None else known.natural_hz / natural_hz(model)
     z = FIRST_DAMPING if known is None else known.damping / damping_ratio(model)

@@ -21,7 +21,6 @@ from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
 from middeck.identification.uncertainty.parameter_deviations import (
@@ -29,6 +28,7 @@ from middeck.identification.uncertainty.parameter_deviations import (
     modal_constant,
     uncertainty_of,
 )
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.excitation.recognition import recognise_excitation
 from middeck.signals.excitation.signal import Excitation
 from middeck.signals.record import Record
@@ -41,7 +41,7 @@ ROUNDING = 1e-9
 
 @record(kw_only=True)
 class ExpectedAccuracy:
-    """What a test of so many periods would say, if its noise is all that disturbs it.
+    """Accuracy of a test of so many periods, if its noise is the only disturbance.
 
     Attributes:
         covariance: Joint covariance of all unknowns: `response_bounds`, `sample_models` and others take it.
@@ -50,8 +50,8 @@ class ExpectedAccuracy:
             zero.
         error: Expected relative complex error of each output, sqrt(sum E|dH|^2 / sum |H|^2) over
             ``scored_hz``.
-        periods: Of each experiment.
-        duration_s: Of all experiments together, without what is waited for the steady state.
+        periods: Number of periods of each experiment.
+        duration_s: Duration of all experiments together, without waiting for the steady state.
     """
 
     covariance: ModelCovariance
@@ -116,7 +116,7 @@ def expected_accuracy(
 
 
 def structure_of(model: MeasurementModel) -> ModelStructure:
-    """What a fit of such a model would have free by default."""
+    """The structure that a fit of such a model has by default."""
     residue = np.einsum("om,mi->omi", model.shapes, model.participation)[:, model.is_pair]
     real = model.sample_hz is None and bool(
         np.all(np.abs(residue.real) <= ROUNDING * np.abs(residue).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Covariance of all unknowns of a fitted model together: the Cramer-Rao value, or what the residual says.
+"""Covariance of all unknowns of a fitted model: the Cramer-Rao value, or one from the residual.
 
 With weights 1 / V the information is A = sum Re J^H V^-1 J, and if V is the variance of a complex residual,
 half of it in each part, the covariance is A^-1 / 2. Where the model leaves significantly more than noise, or
@@ -6,7 +6,7 @@ neighbouring lines of a response were estimated from common samples (local model
 residual is not of variance V or not independent from line to line: then A^-1 B A^-1 is taken instead, with
 B the covariance of the scores as the residual shows it (`_scores_spread`), in no direction less than the
 former. A is never formed: what is inverted is an orthogonal factor of J (`orthogonal`). Noise that entries of
-H have in common is counted (`entry_factors`).
+H have in common is counted (`response_derivatives`).
 """
 
 from __future__ import annotations
@@ -25,21 +25,20 @@ from middeck.identification.spectra.excess_variance import (
     line_degrees,
 )
 from middeck.identification.uncertainty import orthogonal
-from middeck.identification.uncertainty.entry_factors import (
-    EntrySlopes,
-    combined,
-    common_noise,
-    common_scores,
-    entry_factors,
-    entry_slopes,
-    shared_functions,
-)
+from middeck.identification.uncertainty.common_noise import common_noise, common_scores
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
     Places,
     places_of,
     ties,
     unknowns_of,
+)
+from middeck.identification.uncertainty.response_derivatives import (
+    EntrySlopes,
+    combined,
+    entry_factors,
+    entry_slopes,
+    shared_functions,
 )
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -62,7 +61,7 @@ class ModelCovariance:
         model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
         root: R of their covariance R R^T: deviations that come from it keep the digits that those from the
             matrix lose where unknowns are told apart badly. Lower triangular, but for what is loose.
-        inflation: Of each unknown, its variance as a multiple of what it would be if all others were known.
+        inflation: Variance of each unknown over its variance if all others were known.
         degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
         robust: True where the residual is clearly more than noise or correlated from line to line, or a
             record's weights are not those of noise, and the covariance follows the residual.

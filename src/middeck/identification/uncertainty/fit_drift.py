@@ -53,7 +53,7 @@ class ModeChange:
 
     @property
     def sentence(self) -> str:
-        """By how much it moved."""
+        """The change of the mode in words."""
         df, dz = (pair[1] - pair[0] for pair in (self.frequency_hz, self.damping))
         return (
             f"{self.frequency_hz[0]:.4g} Hz by {df:+.3g} Hz ({100.0 * df / self.frequency_hz[0]:+.2g}%, "
@@ -74,7 +74,7 @@ class DelayChange:
 
     @property
     def sentence(self) -> str:
-        """By how much it changed."""
+        """The change of the delay in words."""
         change = self.delay_s[1] - self.delay_s[0]
         return (
             f"the delay of {self.output} from {self.delay_s[0] * 1e3:.4g} ms by {change * 1e3:+.3g} ms "
@@ -84,7 +84,7 @@ class DelayChange:
 
 @record(kw_only=True)
 class Drift:
-    """What changed between two fits.
+    """Changes between two fits.
 
     Attributes:
         modes, delays: Every mode found in both, in rising frequency, and every delay.

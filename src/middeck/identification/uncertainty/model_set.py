@@ -1,4 +1,4 @@
-"""Sets of models that the data cannot tell from the fitted one, for designs that must hold for all."""
+"""Sets of models that the data cannot distinguish from the fitted one, for designs that hold for all."""
 
 from __future__ import annotations
 

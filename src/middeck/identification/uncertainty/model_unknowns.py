@@ -157,7 +157,7 @@ def constants_of(model: MeasurementModel, structure: ModelStructure) -> Complex[
 
 
 def unit_of(poles: np.ndarray, pair: np.ndarray, structure: ModelStructure) -> np.ndarray:
-    """By what an output vector is multiplied to be a modal constant, where those are real."""
+    """The factor from an output vector to a modal constant, where these are real."""
     return np.where(pair & structure.real_constants, 2j * np.imag(poles), 1.0)
 
 

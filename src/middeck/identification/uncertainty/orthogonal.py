@@ -55,7 +55,7 @@ def inverse_root(
 
 
 def canonical_root(W: Float[np.ndarray, "unknown direction"]) -> Float[np.ndarray, "unknown direction"]:
-    """The one lower triangle with the same W W^T: what is drawn from it hangs on no last digit."""
+    """The one lower triangle with the same W W^T: draws from it do not depend on rounding."""
     R = triangle(W.T)
     return (R * np.where(np.diag(R) < 0.0, -1.0, 1.0)[:, None]).T
 

@@ -11,8 +11,8 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
 from middeck.identification.uncertainty.model_unknowns import Places
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.ports import port_indices
 from middeck.values import record
 
@@ -22,8 +22,8 @@ class Uncertainty:
     """Standard deviations; see `ModelCovariance` for what they cover.
 
     Attributes:
-        natural_hz, damping: Of the natural frequency [Hz] and the damping ratio of each mode.
-        delay_s: Of the delay of each output [s]; zero where no delay was fitted.
+        natural_hz, damping: Those of each mode's natural frequency [Hz] and damping ratio.
+        delay_s: That of the delay of each output [s]; zero where no delay was fitted.
 
     Infinite where the data do not determine the number: the deviation would be larger than the frequency or
     the damping ratio itself, or a delay's than a period of the slowest mode.
@@ -284,7 +284,7 @@ def zero_deviation(
 
 
 def _without_delay(model: MeasurementModel) -> MeasurementModel:
-    """Of the same zeros: exp(-s tau) is a factor of both derivatives, and beyond all floats at a far zero."""
+    """The model without delays, with the same zeros: exp(-s tau) overflows at a far zero."""
     path = None if model.path_delay_s is None else np.zeros_like(model.path_delay_s)
     return dataclasses.replace(model, delay_s=np.zeros_like(model.delay_s), path_delay_s=path)
 

@@ -14,8 +14,8 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.uncertainty.covariance import ModelCovariance, draw_errors
-from middeck.identification.uncertainty.entry_factors import EntrySlopes, entry_slopes
 from middeck.identification.uncertainty.parameter_deviations import check_level, joint_factor, quantile
+from middeck.identification.uncertainty.response_derivatives import EntrySlopes, entry_slopes
 from middeck.values import record
 
 # Deviations from zero beyond which magnitude and phase are as good as linear in the response: their curvature
@@ -139,7 +139,10 @@ def _bands(
 def _entries(covariance: ModelCovariance, frequency_hz: np.ndarray) -> Iterator[tuple[int, int, EntrySlopes]]:
     f = np.asarray(frequency_hz, dtype=float)
     if f.ndim != 1 or not np.isfinite(f).all() or (f <= 0.0).any():
-        raise ConfigError("frequencies of bounds must be a list of positive numbers of Hz")
+        raise ConfigError(
+            "frequencies of bounds must be a list of positive numbers of Hz",
+            hint="a one-dimensional array, finite and > 0 Hz",
+        )
     outputs, inputs = covariance.model.direct.shape
     for o in range(outputs):
         for i in range(inputs):

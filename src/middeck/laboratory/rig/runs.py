@@ -192,7 +192,7 @@ def find_steady_start(
 
 
 class _Taken:
-    """What has been taken of a run so far."""
+    """The part of a run that is taken so far."""
 
     def __init__(self, rig: Rig, begin: RigState) -> None:
         self.counter = EventCounter(rig)

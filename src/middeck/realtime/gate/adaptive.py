@@ -16,7 +16,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class GainProof:
-    """What is proved of the loop with one model, or why nothing is.
+    """The proof of the loop with one model, or why there is none.
 
     Attributes:
         model: Its name.
@@ -44,7 +44,7 @@ class GainProof:
 def prove_gain(
     package: ControllerPackage, gain: AdaptiveGain, models: Mapping[str, Plant]
 ) -> tuple[GainProof, ...]:
-    """What is proved of the loop with each of ``models``, the package between its limits.
+    """Proof of stability under the adaptive gain with each of ``models``, while no limit acts.
 
     Nothing is sampled: every gain from ``minimum`` to ``maximum`` and every move is covered (`gain_path`),
     and rounding is bounded. It holds at full authority; where ``minimum`` is 0 also at every constant fade f,

@@ -65,8 +65,8 @@ def fade_points(
 
     Args:
         leaves, rises: Samples of their own ramps.
-        settings: Of the engine: its least ramp, and its longest way out.
-        share: Of its ramp, to which the second rises.
+        settings: Settings of the engine: its least ramp, and its longest way out.
+        share: Share of full authority to which the second rises on its ramp.
 
     Eleven points for ramps of one length.
     """

@@ -97,7 +97,7 @@ def _law_parts(package: ControllerPackage) -> list[np.ndarray]:
 
 
 def _observer(parts: list[np.ndarray], sign: float) -> list[np.ndarray]:
-    """With e = w - c put in: x+ = (F - E C) x + (G_y - E D) y + E w."""
+    """The law with e = w - c as input: x+ = (F - E C) x + (G_y - E D) y + E w."""
     F, G, E, C, D, H, J = parts
     return [F + sign * E @ C, G + sign * E @ D, E, C, D, H, J]
 
@@ -117,7 +117,7 @@ def _solve_inner(J: np.ndarray, direct: np.ndarray) -> np.ndarray:
 def _join(
     plant: list[np.ndarray], law: list[np.ndarray], through: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """With u = p + w: u = through (J C_p x_p + H x + w), y = C_p x_p + D_p u."""
+    """The plant under u = p + w: u = through (J C_p x_p + H x + w), y = C_p x_p + D_p u."""
     A, B, C, D = plant
     F, G, E, Cc, Dc, H, J = law
     by_plant, by_law = through @ J @ C, through @ H
@@ -131,5 +131,5 @@ def _join(
 
 
 def size_at(loop: GainLoop, gain: float) -> Float[np.ndarray, "state state"]:
-    """What the sums of `closed_at` add up to in magnitude."""
+    """Sum of the magnitudes of the terms of `closed_at`."""
     return loop.size_A + (abs(gain) * loop.size_B) @ loop.size_C

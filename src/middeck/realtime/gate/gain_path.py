@@ -95,7 +95,7 @@ def bound_joints(pieces: Sequence[Piece]) -> float:
 
 
 def _bound_change(source: Piece, target: Piece, side: float) -> float:
-    """Of |T_target x| over |T_source x| at the joint: the source's upper end (1), or the target's (-1)."""
+    """Bound of |T_target x| / |T_source x| at the joint: the source's upper end (1), or the target's (-1)."""
     into, out = target.metric.T, source.metric.S
     up, down = (
         (np.zeros_like(source.bend), source.bend) if side > 0 else (target.bend, np.zeros_like(source.bend))

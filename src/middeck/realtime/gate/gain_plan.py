@@ -95,7 +95,7 @@ def disc_radius(response: Response, gain: float) -> float:
 
 
 def _distance(locus: Complex[np.ndarray, " line"]) -> float:
-    """Of zero from the locus, straight from line to line: between peaks of L its inverse is smooth."""
+    """Distance of zero from the locus, straight between lines: between peaks of L its inverse is smooth."""
     if not len(locus):
         return np.inf
     start, way = locus[:-1], np.diff(locus)

@@ -46,7 +46,7 @@ SEARCHED = 5
 
 @record(kw_only=True)
 class Proved:
-    """What came out.
+    """The outcome of a proof.
 
     Attributes:
         constant, moving: Bounds of the factor by which the norm changes in a sample, at constant gains and

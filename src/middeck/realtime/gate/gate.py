@@ -39,12 +39,12 @@ NO_HOLD = hashlib.sha256().hexdigest()
 
 @record(kw_only=True)
 class GateVerdict:
-    """What the gate found of one package.
+    """The verdict of the gate on one package.
 
     Attributes:
         sha256: Of the package: the verdict is of these bytes and no others.
         law: SHA-256 of what computes (`hash_law`), by which a blacklist knows it under any name.
-        name: Of the package.
+        name: Name of the package.
         models: Names of the models that it was tried on.
         steps: In order; after one that is not passed the later ones are not taken.
         left_out: Steps that were not asked for; whether such a verdict counts is for its user to decide.

@@ -1,4 +1,4 @@
-"""Steps of the gate that need no rig: each looks at a package, or at its loop with a model, and says why."""
+"""Steps of the gate that need no rig: each examines a package, or its loop with a model."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class GateStep:
 
 @record(kw_only=True)
 class GateMargins:
-    """What the loop with a model must keep at every fade.
+    """Margins that the loop with a model must keep at every fade.
 
     Attributes:
         gain_db, phase_deg: Least gain and phase margin of each loop, the others closed.

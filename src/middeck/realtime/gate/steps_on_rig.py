@@ -28,7 +28,7 @@ NOT_DECIDED = (ConfigError, DataError, NumericalError)
 
 @record(kw_only=True)
 class GateTrials:
-    """How long a package is tried on a computer, under what, and what it must keep.
+    """Durations, disturbances and limits of a package's trials on a computer.
 
     Attributes:
         dry_s, shadow_s, engage_s: Seconds on each model, in shadow, and engaged at each of two shares.
@@ -36,8 +36,8 @@ class GateTrials:
         noise: Rms of white noise at each input in a dry run, as a share of its range.
         rms: Largest rms of each input in the second half of a dry run, as a share of its range.
         peak: Largest magnitude of each command, as a share of its limit.
-        share: Of full authority, at which it engages first.
-        seed: Of the noise.
+        share: Share of full authority, at which it engages first.
+        seed: Seed of the noise.
 
     Raises `ConfigError` for times and shares out of their range.
     """
@@ -74,7 +74,7 @@ class GateRig:
     Attributes:
         rig: A linear article, one behind UDP, converters, or a rig in Python.
         settings: Ports, hold, trips.
-        real_time: By the clock, else in lockstep.
+        real_time: In real time, else in lockstep.
         program: An engine built with a driver (`build_engine`); the plain one if it is left out.
     """
 
@@ -178,7 +178,7 @@ def _beyond(
 
 
 def check_shadow_run(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> GateStep:
-    """In standby on the sensors of a rig, its outputs discarded: what it wants stays within its limits."""
+    """Run it in standby on the rig's sensors, outputs discarded: its commands must keep its limits."""
     try:
         trial = _on(bench, package, (Stage("standby", trials.shadow_s),))
     except NOT_DECIDED as error:

@@ -104,7 +104,7 @@ def without_applied(package: ControllerPackage) -> ControllerPackage:
     """
     if package.single and package.core.drives:
         raise ConfigError(
-            "the bound of its error is that of the law with the path of applied commands",
+            "the bound of its error holds for the law with the path of applied commands only",
             hint="the package in double precision",
         )
     core = dataclasses.replace(package.core, E=np.zeros_like(package.core.E))

@@ -87,7 +87,7 @@ class ReferenceLaw:
             self.level = max(self.level - 1, 0)
 
     def fade(self) -> np.floating:
-        """By where the ramp stands, in the package's precision."""
+        """The fade at this place of the ramp, in the package's precision."""
         if self.package.ramp == 0:
             return self.real(1.0 if self.engaged else 0.0)
         return fade_at(self.real(self.level) / self.real(self.package.ramp))

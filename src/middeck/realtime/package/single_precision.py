@@ -99,7 +99,7 @@ def _require_room(reach: float, what: str) -> None:
 
 
 def _rounding_at_limits(package: ControllerPackage, law: Array, loop: Array) -> Array:
-    """Of p + f c itself, of the fade f (seven operations), and of limits cut to single precision."""
+    """Rounding of p + f c, of the fade f (seven operations), and of limits cut to single precision."""
     fade = 8.0 * UNIT if package.ramp else 0.0
     limits = np.where(np.isfinite(package.upper), package.upper, 0.0)
     limits = np.maximum(limits, np.where(np.isfinite(package.lower), -package.lower, 0.0))

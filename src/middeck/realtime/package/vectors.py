@@ -44,7 +44,7 @@ def run_vectors(
     engaged: Bool[np.ndarray, " sample"],
     start_level: int,
 ) -> TestVectors:
-    """What the reference gives for ``y`` from a reset."""
+    """The outputs of the reference for ``y`` from a reset."""
     law = ReferenceLaw(package)
     law.level = start_level
     u = np.empty((len(y), len(package.outputs)))

@@ -92,6 +92,6 @@ def _chosen(power: Float[np.ndarray, " line"]) -> bool:
     """Whether the excited lines have amplitudes that somebody chose."""
     if len(power) < 3:
         return True
-    # By quantiles: a few steps, at the edges of bands, may be large.
+    # Quantiles, since a few steps, at the edges of bands, may be large.
     low, high = np.quantile(np.diff(np.log(power)), [0.16, 0.84])
     return bool(high - low < 2.0 * CHOSEN_AMPLITUDES)

@@ -76,7 +76,7 @@ def folded_power(
 
 
 def _faded(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray, "experiment sample input"]:
-    """Without its mean, its ends faded with three smooth derivatives; white noise keeps its power.
+    """The signal without its mean, its ends tapered with three smooth derivatives, white noise scaled back.
 
     What leaks through the tapers alone, 1e-4 of the rms, would pass for noise.
     """

@@ -14,7 +14,7 @@ from middeck.values import record
 
 @record
 class Limits:
-    """Limits of one input; a design is as large as all of them together allow.
+    """Limits of one input; a design is as large as they allow.
 
     Attributes:
         rms: Root mean square over a period, or over the whole signal.

@@ -55,7 +55,7 @@ def design_multisine(
 
     Args:
         band_hz, period_s: Lines are the multiples of 1/``period_s`` within the band, limits included.
-        limits: Of every input, or of each.
+        limits: Limits of every input, or of each.
         inputs, realisations: A realisation is ``inputs`` experiments, orthogonal on every line (`inputs`).
             Phases are drawn anew for each realisation and input: several of them show nonlinear distortion,
             which changes with phases.

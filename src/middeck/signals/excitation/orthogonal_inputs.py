@@ -1,4 +1,4 @@
-"""Several inputs at once: experiments that tell them apart with the least variance.
+"""Several inputs at once: experiments that separate them with the least variance.
 
 With U(k) = T diag(r(k)) over as many experiments as inputs and T unitary up to scale, the inputs are
 orthogonal on every line, and the variance of a response is as small as that of one input alone at the same

@@ -26,7 +26,7 @@ STEADY = 2.0
 
 @record(kw_only=True)
 class Recognised:
-    """What an input signal is.
+    """Kind and properties of an input signal.
 
     Attributes:
         kind: "multisine", "swept sine", "stepped sine", "binary", "noise" (repeated or not), "burst random",

@@ -1,4 +1,4 @@
-"""The value that every design returns: the samples of one period, and what they are."""
+"""The value that every design returns: the samples of one period, and their description."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Int
 
-from middeck.structure.elements.since_drawn import SinceDrawn, chain_within, common_carrier
+from middeck.structure.elements.motion_since_drawn import SinceDrawn, chain_within, common_carrier
 
 
 class Within(NamedTuple):

@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from middeck.structure.elements.beam import BeamProperties
 
-# Of a pair; of n nodes n^2/4 times as much, for a long piece is softer than its members. Without a carrier
-# rounding of 1e-16 times this stays in what holds the piece.
+# Stiffness contrast of a pair; for n nodes n^2/4 times as much, since a long piece is softer than its
+# members. Without a carrier, rounding of 1e-16 times this stays in what holds the piece.
 CONTRAST = 1e6
 # Stiffness over that of what holds the article: rounding of 1e-16 of a sag is then 1e-7 of the weight.
 ROUNDS_AT = 1e9

@@ -42,7 +42,13 @@ from middeck.structure.elements.beam import BeamState, beam_state, beam_weight
 from middeck.structure.elements.bushings import BushingState
 from middeck.structure.elements.component import ComponentState
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import Lever, add_pull, lever_jacobian, lever_stiffness, summed
+from middeck.structure.elements.motion_since_drawn import (
+    Lever,
+    add_pull,
+    lever_jacobian,
+    lever_stiffness,
+    summed,
+)
 from middeck.structure.elements.springs_and_cables import NO_SPRINGS, SpringState, spring_state
 from middeck.values import record
 

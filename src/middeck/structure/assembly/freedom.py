@@ -49,15 +49,23 @@ class Freedom(NamedTuple):
     moving: Bool[np.ndarray, " coordinate"] | None = None
 
     def matrix(self, K: sp.csr_array) -> sp.csr_array:
-        """Of a symmetric matrix in W what acts on the coordinates that move; itself where all do."""
+        """The part of a symmetric matrix in W on the moving coordinates; itself where all move."""
         turned = K if self.axes is None else sp.csr_array(self.axes.T @ K @ self.axes)
         if self.basis is None:
             return restrict(turned, self.active)
         own = sp.csr_array(self.basis.T @ turned @ self.basis)
         return sp.csr_array(0.5 * (own + own.T))
 
+    def cancels(self, K: sp.csr_array, part: float) -> Bool[np.ndarray, " moving"]:
+        """Coordinates of which ``matrix(K)`` has less than ``part`` of the terms that cancel there."""
+        own = np.abs(self.matrix(K).diagonal())
+        if self.basis is None:
+            return own == 0.0
+        turned, follow = K if self.axes is None else self.axes.T @ K @ self.axes, abs(self.basis)
+        return own <= part * np.asarray(follow.multiply(abs(turned) @ follow).sum(axis=0)).ravel()
+
     def part(self, load: np.ndarray) -> np.ndarray:
-        """Of loads in W, one or more columns, what acts on the coordinates that move."""
+        """The part of loads in W (one or more columns) on the moving coordinates."""
         turned = load if self.axes is None else self.axes.T @ load
         return turned[self.active] if self.basis is None else self.basis.T @ turned
 
@@ -76,7 +84,7 @@ class Freedom(NamedTuple):
         return full if self.axes is None else self.axes @ full
 
     def coordinates(self, q: np.ndarray) -> np.ndarray:
-        """Of displacements in W, one or more columns, the coordinates that move by themselves."""
+        """The moving coordinates of displacements in W, one or more columns."""
         return (q if self.axes is None else self.axes.T @ q)[self.active]
 
     def allowed(self, motions: Float[np.ndarray, "coordinate motion"]) -> np.ndarray:
@@ -84,7 +92,7 @@ class Freedom(NamedTuple):
         return motions @ _still(motions, motions - self.spread(self.coordinates(motions)))
 
     def beyond(self, load: np.ndarray) -> np.ndarray:
-        """What the others take of ``load`` in W, that of links included: clamps, and joints that are held."""
+        """The part of ``load`` in W, links included, on the other coordinates: clamps, and held joints."""
         turned = load if self.axes is None else self.axes.T @ load
         left = np.where(self.active if self.moving is None else self.moving, 0.0, turned)
         return left if self.axes is None else self.axes @ left
@@ -132,7 +140,7 @@ def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr
 
 
 def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:
-    """What ``clamps`` hold of ``count`` roots, by the names of nodes; None for no clamps.
+    """The held coordinates of ``count`` roots under ``clamps``, by the names of nodes; None for no clamps.
 
     Raises `ConfigError` for an unknown node and for a direction that is held twice.
     """

@@ -34,8 +34,8 @@ class LinkRows:
         label: What each row is, for messages.
         link: The link that it belongs to, by its place among the structure's.
         ends: The two poses of each pair of frames, the first of them `GROUND` where it is the world.
-        factors: Of the motions of the second frames as the first ones see them, six a pair.
-        angles: Of the coordinates of joints.
+        factors: Factors of the motions of the second frames as the first ones see them, six a pair.
+        angles: Angles of the coordinates of joints.
         square, pair, first, second: Rows that are cosines: their numbers, pairs, and directions as drawn.
     """
 
@@ -177,7 +177,7 @@ def link_state(
     since: tuple[Inexact[np.ndarray, "end 3"], Inexact[np.ndarray, "end 3 3"]],
     turned: Inexact[np.ndarray, " coordinate"],
 ) -> LinkState:
-    """At poses ``world`` with the Jacobian J.
+    """The state of links at poses ``world`` with the Jacobian J.
 
     ``since`` are the shift and the turn less the identity of the ``ends``, in their order, since drawn, and
     ``turned`` what the coordinates of joints have changed by.

@@ -1,4 +1,4 @@
-"""Links at a configuration: what they leave to move, what they add to a potential, and how it stays closed.
+"""Links at a configuration: free coordinates, their part of the potential, and how they stay closed.
 
 At every configuration some coordinates follow the others (`redundant_constraints`), and every step ends with
 the links closed by those. So all that descends, balances or vibrates sees independent coordinates: the
@@ -27,7 +27,7 @@ from middeck.structure.assembly.places import (
 )
 from middeck.structure.assembly.redundant_constraints import NEARLY, Closing, close_rows
 from middeck.structure.elements.frames import Configuration, move_carried
-from middeck.structure.elements.since_drawn import summed, uncarried
+from middeck.structure.elements.motion_since_drawn import summed, uncarried
 from middeck.structure.model.article import JointState
 from middeck.structure.model.connectivity import some_names
 
@@ -56,12 +56,12 @@ def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
 
 
 def static_freedom(model: Model, config: Configuration, *, in_world: bool = False) -> Freedom:
-    """What moves in statics, see `static_coordinates`, at ``config``, in carried coordinates or W."""
+    """Moving coordinates in statics, see `static_coordinates`, at ``config``, in carried coordinates or W."""
     return _freedom(model, static_coordinates(model), config, in_world)
 
 
 def dynamic_freedom(model: Model, config: Configuration, *, in_world: bool = False) -> Freedom:
-    """What moves in dynamics, see `dynamic_coordinates`; else as `static_freedom`."""
+    """Moving coordinates in dynamics, see `dynamic_coordinates`; else as `static_freedom`."""
     return _freedom(model, dynamic_coordinates(model), config, in_world)
 
 
@@ -74,7 +74,7 @@ def _freedom(model: Model, moving: np.ndarray, config: Configuration, in_world: 
 
 
 def check_links(model: Model) -> None:
-    """Raise `ConfigError` where a link as drawn nearly repeats others: whether it does hangs on rounding."""
+    """Raise `ConfigError` for a link that nearly repeats others as drawn: rounding would decide."""
     if model.links is None:
         return
     close = _closing(model, links_at(model, model.rest), model.rest, dynamic_coordinates(model))
@@ -108,7 +108,7 @@ def link_warnings(model: Model, config: Configuration) -> tuple[str, ...]:
 
 
 def links_at(model: Model, config: Configuration) -> LinkState:
-    """What the links hold at zero, at ``config``; only for a model that has some."""
+    """The constraints of the links at ``config``; only for a model that has some."""
     at = poses_at(model, config)
     assert model.links is not None
     return _state(model, at, model.pose_map.jacobian(at.poses), config)
@@ -200,7 +200,7 @@ def multipliers(
 def followed(
     model: Model, config: Configuration, moved: Float[np.ndarray, " coordinate"]
 ) -> Float[np.ndarray, " coordinate"]:
-    """What the dependent coordinates do, to first order, as carried coordinates have ``moved``."""
+    """Displacements of the dependent coordinates, to first order, as carried coordinates have ``moved``."""
     if model.links is None:
         return np.zeros_like(moved)
     state, close = static_closing(model, config)

@@ -25,8 +25,8 @@ from middeck.structure.elements.frames import (
     frame_poses,
     points_in_world,
 )
+from middeck.structure.elements.motion_since_drawn import as_drawn
 from middeck.structure.elements.offset_points import PoseMap, map_points
-from middeck.structure.elements.since_drawn import as_drawn
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle
 from middeck.structure.model.article_checks import check_structure

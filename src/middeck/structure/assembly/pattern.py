@@ -1,7 +1,7 @@
 """Where the entries of element matrices go in the matrices of a model: found once, filled in repeatedly.
 
 An entry B_ij between coordinates i and j of poses adds A_ia B_ij A_jb to K_ab for every pair of coordinates a
-and b that move them. Which these are hangs on topology alone, so that K is a sum over a fixed list.
+and b that move them. Which these are depends on topology alone, so that K is a sum over a fixed list.
 """
 
 from __future__ import annotations

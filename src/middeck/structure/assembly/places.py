@@ -18,7 +18,7 @@ from middeck.structure.elements.frames import (
     frame_poses,
     points_in_world,
 )
-from middeck.structure.elements.since_drawn import (
+from middeck.structure.elements.motion_since_drawn import (
     Lever,
     SinceDrawn,
     Triplets,

@@ -16,13 +16,13 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
 
-# Of a row of length one: what is left of one that repeats others, and of one that cannot be told from such.
+# Remainder of a row of length one that repeats others, and of one that cannot be distinguished from such.
 REPEATED, NEARLY = 1e-9, 1e-7
 # Least part that a row has in one that repeats it.
 PART = 1e-6
 # Entries of a row below this part of it are differences that cancelled.
 CANCELLED = 1e-13
-# Of the length of the whole: turns that follow shifts on a shorter arm would follow with large factors.
+# Shortest arm, over the length of the whole, on which a turn may follow shifts: shorter gives large factors.
 SHORT = 1e-2
 # Dependent coordinates are not those of stiff parts as their carriers see them, unless no other will do.
 CARRIED = 1e-5

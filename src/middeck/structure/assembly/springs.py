@@ -10,7 +10,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, drawn_places, moved_since, poses_at
 from middeck.structure.elements.bushings import NO_BUSHINGS, BushingState, bushing_state
 from middeck.structure.elements.frames import Configuration, PosePoints, points_in_world
-from middeck.structure.elements.since_drawn import seen_from
+from middeck.structure.elements.motion_since_drawn import seen_from
 from middeck.structure.elements.springs_and_cables import SpringLaw, spring_state
 from middeck.structure.model.article import JointState
 

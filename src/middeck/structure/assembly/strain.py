@@ -23,7 +23,7 @@ from middeck.structure.assembly.springs import (
 )
 from middeck.structure.elements.beam import beam_deformations, tensioned
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import move_ends
+from middeck.structure.elements.motion_since_drawn import move_ends
 from middeck.structure.elements.springs_and_cables import predicted_tension, spring_squares
 
 

@@ -1,4 +1,4 @@
-"""How alike two sets of shapes are: MAC, COMAC, orthogonality in a mass metric, collinearity of phases.
+"""Similarity of two sets of shapes: MAC, COMAC, orthogonality in a mass metric, phase collinearity.
 
 Shapes are columns over common channels, real or complex, of any scale and phase from mode to mode; all
 measures are Hermitian, so that for real shapes they are the familiar ones.

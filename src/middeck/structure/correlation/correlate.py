@@ -34,7 +34,7 @@ from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.unit_slips import doubt_units
-from middeck.structure.modes.eigenproblem.repeated import repeated
+from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -47,8 +47,8 @@ class Finding:
 
     Attributes:
         items: Names of the modes, for a COMAC of the channels, that it applies to.
-        values, worst: Of each, and the one nearest to failing or farthest beyond; None where it applies to
-            nothing, which passes.
+        values, worst: Value of each item, and the one nearest to failing or farthest beyond; None where it
+            applies to nothing, which passes.
         probability: That a correct model would meet this criterion, given the noise of the test.
         expected: 5, 50 and 95 % of the worst value that a correct model would show.
     """
@@ -73,8 +73,8 @@ class Correlation:
         evaluation: Frequency errors, MAC, COMAC, cross-orthogonality, self-orthogonality; its pairs count
             candidates.
         reduced: The mass at the channels, how it was made, and the condition of the sensor set.
-        phase_collinearity: Of each measured mode; 1 for a real shape.
-        effective_mass: Of every mode of the model.
+        phase_collinearity: Phase collinearity of each measured mode; 1 for a real shape.
+        effective_mass: Effective mass of every mode of the model.
         unpaired, unmeasured: Measured modes without a partner (the verdict is then no), and modes of the
             model within the test's band that were not measured.
         probability: That a correct model would pass the whole profile.

@@ -45,9 +45,9 @@ class Evaluation:
 
     Attributes:
         pairs: (candidate, measured), one to one, in the order of the measured modes.
-        frequency_error: Of each pair, model over test less one.
+        frequency_error: Frequency error of each pair, model over test less one.
         mac: Over all candidates and measured modes.
-        comac: Of each channel, over the pairs.
+        comac: COMAC of each channel, over the pairs.
         cross_orthogonality: Between the pairs.
         self_orthogonality: Among all measured modes.
     """

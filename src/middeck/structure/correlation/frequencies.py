@@ -34,8 +34,8 @@ class FrequencyComparison:
 
     Attributes:
         pairs: (mode, measured mode), one to one.
-        frequency_error: Of each pair, model over test less one.
-        findings: Of the criteria on frequencies.
+        frequency_error: Frequency error of each pair, model over test less one.
+        findings: Findings of the criteria on frequencies.
         unjudged: Criteria of the profile that need shapes.
         unpaired, unmeasured: Measured modes without a partner within an octave, and modes of the model within
             the test's band that have none.
@@ -62,7 +62,7 @@ class FrequencyComparison:
 
 
 def compare_frequencies(modes: Modes, measured: MeasuredModes, profile: Profile) -> FrequencyComparison:
-    """Pair frequencies so that the sum of their relative distances is least, and judge what they can tell.
+    """Pair frequencies at the least sum of relative distances, and judge the criteria on frequency.
 
     Two modes of one frequency are not told apart by it: where the model has another mode that fits a measured
     one within the profile's limit, or within twice the distance of its partner, the pair is ``undecided``.

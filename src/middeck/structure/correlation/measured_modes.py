@@ -134,14 +134,20 @@ def _check_channels(node: tuple[str, ...], direction: tuple[str, ...], rows: int
 def _check_numbers(measured: MeasuredModes) -> None:
     optional = ("frequency_std_hz", "damping_std", "shape_std")
     if not len(measured.frequency_hz):
-        raise DataError("no modes", where="measured modes")
+        raise DataError("no modes", where="measured modes", hint="at least one measured mode")
     for name in ("frequency_hz", "damping", "shape", *optional, "position_m"):
         value = getattr(measured, name)
         # A damping that no one stated is not a number.
         if value is not None and not (np.isfinite(value) | ((name == "damping") & np.isnan(value))).all():
-            raise DataError(f"{name} holds a number that is not finite", where="measured modes")
+            raise DataError(
+                f"{name} holds a number that is not finite",
+                where="measured modes",
+                hint="leave the mode or channel out, or repair its number",
+            )
         if name in optional and value is not None and np.any(value < 0.0):
-            raise DataError(f"{name} holds a negative number", where="measured modes")
+            raise DataError(
+                f"{name} holds a negative number", where="measured modes", hint="standard deviations are >= 0"
+            )
     if np.any(measured.frequency_hz <= 0.0):
         raise DataError(
             f"a frequency of {measured.frequency_hz.min()} Hz",
@@ -150,7 +156,11 @@ def _check_numbers(measured: MeasuredModes) -> None:
         )
     still = np.flatnonzero(~np.any(measured.shape, axis=0))
     if len(still) and len(measured.shape):
-        raise DataError(f"the shape of mode {still[0]} is zero", where="measured modes")
+        raise DataError(
+            f"the shape of mode {still[0]} is zero",
+            where="measured modes",
+            hint="leave the mode out, or add a channel at which it moves",
+        )
 
 
 def measure_modes(
@@ -241,7 +251,7 @@ def _port_names(node: Sequence[str], direction: Sequence[str]) -> tuple[list[str
 def sort_rms(
     straight: Bool[np.ndarray, " channel"], shape: Complex[np.ndarray, "channel mode"]
 ) -> Float[np.ndarray, "channel mode"]:
-    """At each channel the rms of its mode over the channels of its sort: translations, or rotations."""
+    """Rms of each mode over the channels of a channel's sort: translations, or rotations."""
     rms = np.zeros(shape.shape)
     for sort in (straight, ~straight):
         if np.any(sort):
@@ -300,7 +310,7 @@ def seen(rows: sp.csr_array, modes: Modes) -> Float[np.ndarray, "channel mode"]:
 
 
 def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> list[np.ndarray]:
-    """Of the channels that are ports, in their order."""
+    """Rows of the channels that are ports, in their order."""
     sensors, actuators = _port_names(node, direction)
     read = output_rows(modes.equilibrium, sensors)
     for name, position, acceleration in zip(sensors, read.position, read.acceleration, strict=True):
@@ -324,7 +334,7 @@ def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
 
 
 def _body(model: Model, name: str, way: str) -> str:
-    """Of a port the frame on which it is."""
+    """The frame of a port."""
     structure = model.structure
     parts = {SENSOR: structure.sensors, ACTUATOR: structure.actuators}.get(way, ())
     return next((part.frame for part in parts if part.name == name), name)

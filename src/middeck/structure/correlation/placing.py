@@ -13,7 +13,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.correlation.measured_modes import MeasuredModes, drawn_at
 from middeck.structure.modes.results.component_outputs import points_inside
 
-# Of the size of the article: how near a node of the test lies to the one that it is.
+# Largest distance, over the size of the article, of a measured node from its node of the article.
 NEAR = 0.01
 LISTED = 10
 

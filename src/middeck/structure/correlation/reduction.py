@@ -30,7 +30,7 @@ SOLVED = 1e-6
 
 
 class Reduction(Enum):
-    """How the mass is brought to the channels."""
+    """Reduction of the mass matrix to the channels."""
 
     SEREP = "serep"  # the chosen modes exactly, nothing else (O'Callahan, Avitabile and Riemer 1989)
     GUYAN = "guyan"  # static: what the channels do not see follows without inertia (Guyan 1965)

@@ -26,7 +26,7 @@ Array = np.ndarray
 NEAR, TERMS = 0.05, 12
 # And up to here of 2, an angle of pi, where the vector has two directions; what lies beyond has its factor.
 MOST = 2.0 - 1e-9
-# Of a stiffness whose diagonal is one: what its six numbers leave of one that is not there.
+# Stiffness, after scaling to a unit diagonal, that is zero to rounding.
 NOTHING = 1e-13
 SHIFT_A, TURN_A, SHIFT_B, TURN_B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 
@@ -70,7 +70,7 @@ class BushingState(NamedTuple):
         return BushingState(*(part[rows] for part in self))
 
     def turned(self, R: Inexact[np.ndarray, "bushing 3 3"]) -> BushingState:
-        """In other axes of the poses, to which ``R`` turns."""
+        """The state in other axes of the poses, to which ``R`` turns."""
         out = np.zeros((len(R), 12, 12), R.dtype)
         for start in range(0, 12, 3):
             out[:, start : start + 3, start : start + 3] = R
@@ -140,7 +140,7 @@ def _roots(stiffness: Float[np.ndarray, "bushing 6 6"]) -> Float[np.ndarray, "bu
 
 
 class RelativeMotion(NamedTuple):
-    """What first frames see of second ones: displacement and rotation vector, and its slope in both poses."""
+    """Displacement and rotation vector of second frames seen by first ones, and derivatives by both poses."""
 
     value: Inexact[np.ndarray, "pair 6"]
     slope: Inexact[np.ndarray, "pair 6 12"]

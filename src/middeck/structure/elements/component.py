@@ -42,7 +42,7 @@ class ComponentElement:
         point: Pose of each boundary grid.
         joint: Place of each modal coordinate among the angles of the configuration.
         basis: Coordinates of the component as it came, per coordinate of these.
-        stiffness, mass: Of shift and rotation vector of each grid, then of the modal coordinates.
+        stiffness, mass: On shift and rotation vector of each grid, then on modal coordinates.
         arms: Places of the grids about their centroid as drawn.
         weights: How much each grid's place and rotation count for the frame.
         moment: First moment of mass about the centroid.

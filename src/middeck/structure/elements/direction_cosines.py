@@ -48,7 +48,7 @@ def cosines(
     second: Inexact[np.ndarray, "cosine 3"],
     turn: Inexact[np.ndarray, "cosine 2 3 3"],
 ) -> Cosines:
-    """Of directions as drawn, of frames whose rotations since drawn less the identity are ``turn``."""
+    """Cosines between drawn directions of frames; ``turn``: rotations since drawn minus the identity."""
     moved_p, moved_q = (np.matvec(turn[:, k], n) for k, n in enumerate((first, second)))
     p, q = first + moved_p, second + moved_q
     value = np.sum(moved_p * second + first * moved_q + moved_p * moved_q, axis=1)

@@ -19,9 +19,14 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact
 
+from middeck.structure.elements.motion_since_drawn import (
+    SinceDrawn,
+    carried_step,
+    move_since_drawn,
+    whole_motion,
+)
 from middeck.structure.elements.offset_points import map_points
 from middeck.structure.elements.rotations import rotation_exp, skew
-from middeck.structure.elements.since_drawn import SinceDrawn, carried_step, move_since_drawn, whole_motion
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses
 from middeck.values import record
 

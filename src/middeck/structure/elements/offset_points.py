@@ -15,7 +15,7 @@ from jaxtyping import Inexact, Int
 from middeck.structure.elements.rotations import cross, skew, symmetric_double_cross
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses, joint_chain
 
-# Of a skew matrix, by rows, the entries that are not zero.
+# Places of the off-diagonal entries of a matrix, by rows.
 OFF_DIAGONAL = np.array([1, 2, 3, 5, 6, 7])
 
 

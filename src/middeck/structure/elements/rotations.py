@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Inexact
 
-# Of x, y, z the one that follows, and the one before.
+# The letter that follows each of x, y, z, and the one before it.
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-# Of a cross-product matrix: which of x, y, z stands where, and its sign.
+# The letter at each place of a cross-product matrix, and its sign.
 OTHER = np.array([[0, 2, 1], [2, 0, 0], [1, 0, 0]])
 SIGN = np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])
 

@@ -22,7 +22,7 @@ from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1,
 from middeck.structure.model.section import Section
 
 Array = np.ndarray
-# Of (extension, shear y, shear z, twist, curvature y, curvature z), the order of `Section.coupling`.
+# Places in (extension, shear y, shear z, twist, curvature y, curvature z), the order of `Section.coupling`.
 STRAINS, SHEARS = [0, 3, 4, 5], [1, 2]
 # A shear strain (y, z) turns the centre line about own (y, z) by this.
 TURNS = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -74,7 +74,7 @@ class ElementForms(NamedTuple):
 
 
 def element_forms(forms: SectionForms, length: Array) -> ElementForms:
-    """Of elements with one of the sections each; analytic.
+    """Forms of elements with one of the sections each; analytic.
 
     With the mean m of the end rotations against the chord, u = m - TURNS P e of the mean strains e, and D the
     bending stiffness at no axial force and no torque, the linear part of the curvature is 6/L (1 + Phi)^-1 u.

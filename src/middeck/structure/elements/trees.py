@@ -1,4 +1,4 @@
-"""Rigid frames that hang on one another, and points on them."""
+"""Rigid frames in trees, each carried by another, and points on them."""
 
 from __future__ import annotations
 

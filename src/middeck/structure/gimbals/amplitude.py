@@ -40,7 +40,7 @@ class AmplitudeCurves:
     Attributes:
         joint: Its name.
         slides: Whether it slides: then read m, N/m, N s/m for rad, N m/rad, N m s/rad.
-        amplitude: Of its angle [rad] or its travel [m], zero to peak.
+        amplitude: Amplitude of its angle [rad] or its travel [m], zero to peak.
         stiffness, loss: What its elements are equivalent to [N m/rad]; ``viscous`` [N m s/rad] beside them.
         mode, name: Number and name of each mode without the elements; it is followed from there, with its
             damping.

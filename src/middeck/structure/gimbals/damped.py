@@ -148,7 +148,7 @@ def _solve(system: JointSystem, stiffness: complex, viscous: float) -> Damped:
     drag = np.diag(2.0 * system.zeta * np.sqrt(pole))
     drag = drag + viscous / series**2 * np.outer(w / scale, w * scale)
     s, vectors = _eig(np.block([[np.zeros((n, n)), np.diag(scale)], [-hold, -drag]]))
-    # Of each pair the one above the real axis: below it a complex stiffness would feed the motion.
+    # The upper root of each pair: below the real axis a complex stiffness would feed the motion.
     upper = np.argsort(-np.imag(s), kind="stable")[:n]
     q = vectors[:n, upper]
     return Damped(s[upper], q / np.linalg.norm(q, axis=0))

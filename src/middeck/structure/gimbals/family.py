@@ -24,6 +24,7 @@ from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, spectrum_at, spectrum_of, track
 from middeck.structure.model.article import Damping, Joint, JointState, Structure
+from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.names.kinds import find_kinds
 from middeck.structure.modes.names.naming import name_modes
@@ -57,7 +58,7 @@ class StabilityLimit:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The limit in words."""
         return f"{self.name!r} loses stability at {self.joint} = {np.degrees(self.angle):.6g} deg"
 
 
@@ -67,16 +68,16 @@ class GimbalFamily:
 
     Attributes:
         joints, grid: Swept joints, and the angles [rad] of each.
-        angle: Of the swept joints at each point [rad].
+        angle: Angle of the swept joints at each point [rad].
         holding_torque: What the motors of the swept joints hold [N m]; not a number where there is no rest
             state.
-        torque_limit: Of the swept joints' motors [N m], infinite where the article gives none.
-        name, kind: Of each branch, a mode followed over the grid, at point ``origin``.
+        torque_limit: Torque limit of the swept joints' motors [N m], infinite where the article gives none.
+        name, kind: Name and kind of each branch, a mode followed over the grid, at point ``origin``.
         omega2: omega^2 [1/s^2] of each branch, negative where it grows; not a number without a rest state.
         match: Cross-orthogonality of each branch with itself at the neighbour from which it was followed.
         rests: Rest states; None where there is none.
         plants: None where the rest state is not stable, or no ports were asked for.
-        trouble: Of each point why it has no rest state or is not stable; empty where all is well.
+        trouble: Why each point has no rest state or is not stable; empty where all is well.
         limits: Where stability is lost between neighbours.
     """
 
@@ -156,8 +157,9 @@ def sweep_gimbals(
     angles are followed over the grid, with points between where shapes change fast. With ``inputs`` and
     ``outputs`` each stable point has the plant of `build_plant`.
 
-    Raises `ConfigError` for an unknown or sprung joint, and for angles that do not ascend or lie outside its
-    travel, and `UnstableEquilibriumError` where no point is stable.
+    Raises `ConfigError` for an unknown or sprung joint, for one whose links would be drawn anew, and for
+    angles that do not ascend or lie outside its travel, and `UnstableEquilibriumError` where no point is
+    stable.
     """
     joints = _checked(structure, angles)
     grid = tuple(tuple(map(float, angles[j.name])) for j in joints)
@@ -218,6 +220,8 @@ def _checked(structure: Structure, angles: Mapping[str, Sequence[float]]) -> lis
             turning = [n for n, j in known.items() if not j.slides and j.state is not JointState.SPRUNG]
             reason = "there is not" if joint is None else "rests where its spring and its load put it"
             raise ConfigError(f"joint {name!r} {reason}", where="angles", hint=f"one of {', '.join(turning)}")
+        if redrawn := turned_by_redrawing(structure, name):
+            raise ConfigError(redrawn, where="angles", hint=REDRAW)
         at = np.asarray(values, dtype=float)
         if at.ndim != 1 or not len(at) or not np.all(np.isfinite(at)) or np.any(np.diff(at) <= 0.0):
             raise ConfigError(f"the angles of joint {name!r} do not ascend", where="angles", hint="in rad")

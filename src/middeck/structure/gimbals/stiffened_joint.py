@@ -39,7 +39,7 @@ class JointSystem:
         zeta: Damping ratio of each.
         mode: The mode of `Modes` each belongs to; of several at one frequency the one that turns the joint
             most.
-        flexibility: Of all modes that are not kept [rad/(N m)].
+        flexibility: Flexibility of all modes that are not kept [rad/(N m)].
     """
 
     pole: Float[np.ndarray, " pole"]

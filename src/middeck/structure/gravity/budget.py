@@ -110,7 +110,7 @@ def _telescope(corner: np.ndarray, order: tuple[int, ...]) -> np.ndarray:
 
 
 def build_budget(orbit: Modes, lab: Modes, count: int = 26) -> GravityBudget:
-    """The budget of the ``count`` lowest modes in orbit, wherever they are in the laboratory.
+    """The budget of the ``count`` lowest modes in orbit, whatever their rank in the laboratory.
 
     Each corner is an eigenproblem of its own; its modes are those with the largest cross-orthogonality with
     orbit. Raises `ConfigError` for two different structures, or where ``orbit`` is not free of gravity, and

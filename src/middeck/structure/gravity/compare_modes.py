@@ -24,7 +24,7 @@ from middeck.values import record
 ALIKE = 0.01
 # A mode that has this part of what the partner has of a shape could be the partner.
 RIVAL = 0.5
-# Of a shape: a pair with less in common is one in name only.
+# Least common part of two shapes: a pair with less is one in name only.
 COMMON = 0.25
 
 
@@ -150,7 +150,7 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
 
 
 def _in_common(lab: Modes, pair: Sequence[int], shares: np.ndarray) -> tuple[float, int]:
-    """What its partner has of the orbit mode's shape, and the next best mode."""
+    """The partner's share of the orbit mode's shape, and the next best mode."""
     i, j = pair
     near = np.abs(lab.frequency_hz - lab.frequency_hz[j]) <= ALIKE * lab.frequency_hz[j]
     return float(shares[i, near].sum()), int(np.argmax(np.where(near, 0.0, shares[i])))

@@ -19,13 +19,13 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.rest.followed_branch import rest_beside
 from middeck.structure.rest.imbalance import STANDARD_GRAVITY, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import TOLERANCE
-from middeck.structure.rest.whole_steps import deformation, move_whole, stride
+from middeck.structure.rest.rigid_and_deforming_steps import deformation, move_whole, stride
 
 MAX_ITERATIONS = 12
 # Each correction must be at most this part of the one before (Deuflhard 2004, section 2.1): Newton that does
 # not contract is on its way to another branch, or to none.
 CONTRACTION = 0.5
-# Of `TOLERANCE`: what rounding alone leaves.
+# Share of `TOLERANCE` that rounding alone leaves.
 ROUNDED = 1e-4
 # Largest correction: a turn [rad], or a change of shape over the article's size.
 LONGEST_STEP = 0.3
@@ -54,7 +54,7 @@ def rest_near(
 def _on_potential(
     model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
 ) -> tuple[Configuration, Assembly] | None:
-    # Of the weight on the ground, if that is more: the gravity of a path may be as small as it likes.
+    # Relative to the weight on the ground if that is more: the gravity of a path may be very small.
     lightness = max(1.0, STANDARD_GRAVITY / (float(np.linalg.norm(loads.gravity)) or STANDARD_GRAVITY))
     scale = lightness * imbalance_scale(model, loads)
     at = assemble_carried(model, config, loads)

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.structure.eigenproblem.repeated import REPEATED
 from middeck.structure.gravity.path_events import EventKind, GravityEvent, PathState
 from middeck.structure.gravity.tracking import Spectrum, track
-from middeck.structure.modes.eigenproblem.repeated import REPEATED
 
 # Shapes are compared where the gap of omega^2 is this many times its least: of two modes that exchange their
 # shapes, 60 of 90 degrees are turned between both sides (tan 2 theta = coupling / detuning).
@@ -37,7 +37,7 @@ CLOSE = 1e-2
 LOCAL = 0.5
 # Halvings until the middle of a bracket is nearer than its ends.
 HALVINGS = 20
-# Of the first and of the last step of a run: how far inside it is looked which way a gap goes from there.
+# Share of the first and last step of a run at which the slope of a gap is evaluated.
 INSIDE = 1e-3
 # Veerings that one run may step over; more are no longer separate events.
 STEPPED_OVER = 200

@@ -80,7 +80,11 @@ def tilt_place(place: GravityLevel, angle: float, axis: Float[np.ndarray, "3"]) 
     """
     length = float(np.linalg.norm(axis))
     if length == 0.0:
-        raise ConfigError("an axis to tilt about must not be the zero vector", where="tilt")
+        raise ConfigError(
+            "an axis to tilt about must not be the zero vector",
+            where="tilt",
+            hint="a direction, such as (1, 0, 0)",
+        )
     turned = rotation_exp(-angle * axis / length) @ place.gravity
     return GravityLevel(f"{place.name} tilted {np.degrees(angle):g} deg", turned)
 

@@ -54,7 +54,7 @@ class GravityPath:
 
     Attributes:
         places, reached: The places in order, and the station at each that was reached.
-        name, kind: Of each branch, at the first station.
+        name, kind: Name and kind of each branch, at the first station.
         s: Where each station is: 0 at the first place, 1 at the second, and so on.
         gravity: In W [m/s^2].
         omega2: omega^2 [1/s^2] of each branch.

@@ -31,7 +31,7 @@ class GravityEvent:
     Attributes:
         s, gravity: Where, as in `GravityPath`.
         branch, name: The modes concerned, or the slack devices by name alone.
-        frequency_hz: Of the modes [Hz], the mean of two; of a mode that grows, minus its rate over 2 pi.
+        frequency_hz: Mean frequency of two modes [Hz]; for a growing mode minus its rate over 2 pi.
         gap_hz: Least distance of two veering modes [Hz], otherwise zero.
     """
 
@@ -50,7 +50,7 @@ class GravityEvent:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The event in words."""
         at = f"at g = {np.linalg.norm(self.gravity):.6g} m/s^2"
         names = " and ".join(repr(n) for n in self.name)
         match self.kind:

@@ -17,11 +17,11 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
+from middeck.structure.eigenproblem.eigen import Eigenpairs, solve_pairs
+from middeck.structure.eigenproblem.repeated import repeated
+from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.since_drawn import uncarried
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
-from middeck.structure.modes.eigenproblem.repeated import repeated
-from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.modes.solve import Modes
 
 # A shape of which another holds more than half (this, squared) cannot be a second one's as well.
@@ -75,12 +75,11 @@ def spectrum_at(
     mass = carried_mass(model, config, loads)
     free = dynamic_freedom(model, config)
     soft = uncarried(config.since_drawn, model.tree.size)[free.active]
-    pairs = separate_rigid(
-        model, config, loads, _pairs(free, model, at.tangent, mass, count, None if np.all(soft) else soft)
-    )
+    pairs = _pairs(free, model, at.tangent, mass, count, None if np.all(soft) else soft)
+    pairs = separate_rigid(model, config, loads, pairs, free)
     T = transport(config, model.tree)
     M = mass if np.all(soft) else mass_matrix(model, config, loads)
-    return _spectrum(free, pairs, rounding(model, config, pairs, at.gradient, T), M, T)
+    return _spectrum(free, pairs, rounding(model, config, pairs, at.gradient, free, T), M, T)
 
 
 def _pairs(

@@ -1,4 +1,4 @@
-"""Modes turned with their article: two that hang in two ways are compared in the same axes of the article.
+"""Modes turned with their article, so that two attitudes are compared in the article's axes.
 
 A turn of the whole article changes none of its own modes, only the world axes in which shapes and mass are
 written.
@@ -14,11 +14,11 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.tracking import Spectrum, spectrum_of
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.as_drawn import fit_rotation
+from middeck.structure.rest.motion_as_a_whole import fit_rotation
 
 
 def turn_modes(modes: Spectrum, roots: int, R: Float[np.ndarray, "3 3"]) -> Spectrum:
-    """Of the article turned by ``R``: displacements and rotation vectors turn, joint angles do not."""
+    """Modes of the article turned by ``R``: displacements and rotation vectors turn, joint angles do not."""
     joints = modes.mass.shape[0] - 6 * roots
     T = sp.block_diag([sp.kron(sp.eye_array(2 * roots), R), sp.eye_array(joints)], format="csr")
     return Spectrum(modes.lam, T @ modes.shapes, sp.csr_array(T @ modes.mass @ T.T))

@@ -1,4 +1,4 @@
-"""The undeformed article where the one at rest hangs: moved with it, and deformed not at all.
+"""The undeformed article in the place of the one at rest, moved with it as one body.
 
 A spring that starts unstretched lets an article sink by metres before it carries it, and a yaw may come with
 that. Neither is a deformation, and gravity does not see them; cables left behind at the drawn height would.
@@ -14,8 +14,8 @@ from jaxtyping import Float
 from middeck.structure.assembly.linked import ties_to_ground
 from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world
 from middeck.structure.elements.rotations import rotation_exp
-from middeck.structure.rest.as_drawn import fit_rotation, split_rotation
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.motion_as_a_whole import fit_rotation, split_rotation
 
 
 def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Float[np.ndarray, "3 3"]]:

@@ -139,7 +139,7 @@ class Wheel:
         name: Its own name.
         frame: What carries its bearings: a node, or the body of a joint.
         axis: Unit vector of its spin, frame axes; a positive speed is by the right hand about it.
-        inertia: Of the rotor about the axis [kg m^2].
+        inertia: Inertia of the rotor about the axis [kg m^2].
 
     Only its momentum is here. Its mass and its inertia across the axis are in the frame's body; its inertia
     about the axis too if a drive holds its speed, and not if its motor leaves it free, as that of a torque
@@ -177,7 +177,7 @@ class Bushing:
     """A 6x6 stiffness between two attach points, which strains nothing as drawn.
 
     Attributes:
-        stiffness: Of the displacement [m] and the rotation vector [rad] of ``end`` as ``start`` sees it: N/m,
+        stiffness: On displacement [m] and rotation vector [rad] of ``end`` as ``start`` sees it: N/m,
             N and N m/rad; symmetric, no eigenvalue negative.
         axes: Unit vectors of its x, y and z in W as drawn, as columns; they follow the frame of ``start``.
 
@@ -343,14 +343,22 @@ class DampingTable:
         f, zeta = self.frequency_hz, self.zeta
         ordered = len(f) > 0 and bool(np.all(np.isfinite(f)) and f[0] > 0.0 and np.all(np.diff(f) > 0.0))
         if not ordered:
-            raise ConfigError("a damping table needs positive, ascending frequencies", where="damping.table")
+            raise ConfigError(
+                "a damping table needs positive, ascending frequencies",
+                where="damping.table",
+                hint="at least one frequency > 0 Hz, each higher than the one before",
+            )
         if not np.all((zeta >= 0.0) & (zeta < 1.0)):
-            raise ConfigError("a damping table holds ratios from 0 to below 1", where="damping.table")
+            raise ConfigError(
+                "a damping table holds ratios from 0 to below 1",
+                where="damping.table",
+                hint="1 % of critical is 0.01",
+            )
 
 
 @record(kw_only=True)
 class Damping:
-    """Where damping comes from; a mode's ratio is its base, plus material, plus devices.
+    """Sources of damping; a mode's ratio is the sum of base, material and devices.
 
     Attributes:
         flexible, suspension, rigid: The base: of strain, of everything else that holds a mode (devices,
@@ -382,12 +390,18 @@ class Damping:
             )
         ratios = (self.flexible, self.suspension, self.rigid, *(zeta for _, zeta in self.by_mode))
         if not all(0.0 <= np.real(zeta) < 1.0 for zeta in ratios):
-            raise ConfigError("a damping ratio must be >= 0 and < 1", where="damping")
+            raise ConfigError(
+                "a damping ratio must be >= 0 and < 1", where="damping", hint="1 % of critical is 0.01"
+            )
         if not all(
             0.0 <= np.real(x) < np.inf
             for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))
         ):
-            raise ConfigError("a loss factor or damper is negative or not finite", where="damping")
+            raise ConfigError(
+                "a loss factor or damper is negative or not finite",
+                where="damping",
+                hint="zero or positive; a loss factor is about twice the damping ratio",
+            )
 
 
 @record(kw_only=True)

@@ -10,14 +10,14 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.model.clamps import check_axes
 
-# Of the largest entry of a matrix brought to a unit diagonal: rounding of numbers that were printed.
+# Relative rounding of printed numbers, over the largest entry of a matrix scaled to a unit diagonal.
 ROUNDED = 1e-9
 
 
 def bushing_faults(
     name: str, stiffness: Float[np.ndarray, "6 6"], axes: Float[np.ndarray, "3 3"]
 ) -> Iterator[str]:
-    """What is wrong with a bushing: no numbers, not symmetric, or work to be had from a deformation."""
+    """Faults of a bushing: no numbers, not symmetric, or work to be had from a deformation."""
     try:
         check_axes(axes, f"bushing {name!r}")
     except ConfigError as error:

@@ -18,7 +18,7 @@ SQUARE = 1e-9
 
 @record(kw_only=True)
 class Clamp:
-    """Degrees of freedom of a node that stay where the article was drawn; all six unless it says otherwise.
+    """Degrees of freedom of a node that stay where the article was drawn; by default all six.
 
     Attributes:
         node: Name of the node.
@@ -54,7 +54,11 @@ class Clamp:
 
     def _check_moves(self, where: str) -> None:
         if not np.all(np.isfinite([*self.shift, *self.turn])):
-            raise ConfigError("a prescribed displacement is no number", where=where)
+            raise ConfigError(
+                "a prescribed displacement is no number",
+                where=where,
+                hint="finite numbers; metres and radians",
+            )
         idle = [a for a, s in zip(LETTERS, self.shift, strict=True) if s != 0.0 and a not in self.along]
         if idle:
             raise ConfigError(

@@ -13,29 +13,29 @@ from middeck.errors import ConfigError
 from middeck.values import record
 
 WAYS = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
-# Of the geometric mean of two sizes (`_sizes`): digits that were printed.
+# Largest asymmetry over the geometric mean of two sizes (`_sizes`): printed digits.
 UNEQUAL = 1e-7
-# Of the stiffness of a coordinate at a typical frequency: the scale of a mass that is rounding alone.
+# Mass that is rounding alone, over a coordinate's stiffness at a typical frequency.
 ROUNDED = 1e-6
-# Of the sum of the terms of a row: what it may leave in a motion as one body.
+# Largest resistance to a motion as one body, over the sum of a row's terms.
 RESISTS = 1e-6
 # The same as energy over the kinetic energy of that motion at the lowest elastic frequency.
 RESISTS_WHOLE = 1e-8
 # The same of what rounding leaves.
 ROUNDING = 1e-12
-# Of the terms of an energy: what is left of it where they cancel. Sums of hundreds of terms leave 1e-15.
+# Remainder of an energy whose terms cancel, over these: sums of hundreds of terms leave 1e-15.
 CANCELS = 1e-14
-# Of the lowest elastic omega^2, and of the largest share of mass: negative by more is not rounding.
+# Negative values beyond rounding, over the lowest elastic omega^2 and the largest share of mass.
 NEGATIVE, NEGATIVE_MASS = 1e-6, 1e-7
-# Of the inertia: rounding of it is below `NEGATIVE_MASS`, and it below that of the whole.
+# Share of the inertia that is rounding: smaller than `NEGATIVE_MASS` of the whole.
 SLIGHT = 1e-8
-# Of the mass and of the inertia: what a rigid body has of neither.
+# Share of mass and inertia that a rigid body may lack.
 BODY = 1e-6
-# Of the size: how far a grid may be from the point that it is fixed to.
+# Largest distance, over the size, of a grid from the point that it is fixed to.
 APART = 1e-6
-# Of the modal masses: so many that are not one are doubted where the others are.
+# Share of modal masses other than one up to which these are reported where the others are one.
 FEW = 0.25
-# Of a frequency of a modal coordinate over the next lower one.
+# Frequency of a modal coordinate over the next lower one beyond which it is implausible.
 ABSURD = 1e3
 # Least weight of a turn in the best fit over the largest.
 UNFITTED = 1e-9
@@ -138,7 +138,7 @@ def frame_weights(component: Component) -> Float[np.ndarray, "grid 2"]:
 
 
 def component_faults(component: Component) -> Iterator[str]:
-    """What is wrong with the matrices of a component: the first fault of each kind, with its place."""
+    """Faults of the matrices of a component: the first of each kind, with its place."""
     name, n = f"component {component.name!r}", 6 * len(component.grids)
     sizes = (len(component.grids), len(component.frames), len(component.positions), len(component.has))
     if len(set(sizes)) > 1 or component.modal < 0 or not component.grids:
@@ -183,7 +183,7 @@ def component_faults(component: Component) -> Iterator[str]:
 
 
 def component_doubts(component: Component) -> Iterator[str]:
-    """What is no fault, but seldom meant: modal masses that are not one, a frequency beyond all others."""
+    """Warnings for unusual components: modal masses other than one, a frequency beyond all others."""
     first = 6 * len(component.grids)
     k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
     off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
@@ -205,7 +205,7 @@ def component_doubts(component: Component) -> Iterator[str]:
 
 
 def coordinate_name(component: Component, index: int) -> str:
-    """What a row of the matrices is: grid and way, or the number of a modal coordinate."""
+    """The coordinate of a row of the matrices: grid and way, or the number of a modal coordinate."""
     if index < 6 * len(component.grids):
         return f"grid {component.grids[index // 6]} {WAYS[index % 6]}"
     return f"modal coordinate {index - 6 * len(component.grids) + 1}"
@@ -242,7 +242,7 @@ def _unsymmetric(component: Component, what: str, matrix: np.ndarray, size: np.n
 
 
 def _no_body(component: Component) -> Iterator[str]:
-    """As one body it must have the mass matrix of one."""
+    """Faults of a component whose mass matrix is not that of one body."""
     rigid = rigid_mass(component)
     m = float(np.trace(rigid[:3, :3])) / 3.0
     if not m > 0.0:
@@ -325,7 +325,7 @@ def _indefinite(component: Component) -> Iterator[str]:
 def _resists(
     component: Component, K: np.ndarray, M: np.ndarray, there: np.ndarray, lowest: float
 ) -> Iterator[str]:
-    """What a motion as one body meets of stiffness, row by row, or else as energy."""
+    """Faults by stiffness against a motion as one body, row by row, or else as energy."""
     R = rigid_vectors(component.positions - component.positions.mean(axis=0), len(there))[there]
     left, terms = K @ R, np.abs(K) @ np.abs(R)
     if np.all(np.abs(left) <= RESISTS * terms):
@@ -355,5 +355,9 @@ def require_component(component: Component) -> Component:
     """The component; raises `ConfigError` with all that is wrong with it."""
     faults = [*component_faults(component)]
     if faults:
-        raise ConfigError("; ".join(faults), where=f"component {component.name!r}")
+        raise ConfigError(
+            "; ".join(faults),
+            where=f"component {component.name!r}",
+            hint="correct its matrices and places, or export it again",
+        )
     return component

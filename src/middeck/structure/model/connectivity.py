@@ -1,4 +1,4 @@
-"""Which nodes hang together."""
+"""Which nodes are connected."""
 
 from __future__ import annotations
 
@@ -40,6 +40,44 @@ def joined_nodes(structure: Structure) -> list[tuple[str, str]]:
     pairs += [(at[tie.start], at[tie.end]) for tie in (*structure.springs, *structure.bushings)]
     tied = (*structure.components, *structure.links)
     return pairs + [(node[c.frames[0]], node[f]) for c in tied for f in c.frames[1:]]
+
+
+def carried_by(structure: Structure, joint: str) -> set[str]:
+    """The frames that turn with ``joint`` by joints alone: its own, and those of the joints on it."""
+    carried = {joint}
+    for _ in structure.joints:
+        carried |= {j.name for j in structure.joints if j.parent in carried}
+    return carried
+
+
+def ties_across(structure: Structure, joint: str) -> tuple[str, ...]:
+    """Links, bushings and components that fit as drawn and tie what ``joint`` carries to anything else.
+
+    Another angle of the joint draws them anew: what they tie stays where it is drawn.
+    """
+    carried = carried_by(structure, joint)
+    frame = {point.name: point.frame for point in structure.attach_points}
+    ties = [(tie.name, tie.frames) for tie in (*structure.links, *structure.components)]
+    ties += [(b.name, (frame[b.start], frame[b.end])) for b in structure.bushings]
+    return tuple(name for name, ends in ties if carried.intersection(ends) and not carried.issuperset(ends))
+
+
+def turned_by_redrawing(structure: Structure, joint: str) -> str:
+    """What is wrong with giving ``joint`` another angle than it is drawn at; empty where nothing is."""
+    ties = ties_across(structure, joint)
+    if not ties:
+        return ""
+    return (
+        f"joint {joint!r} cannot go to another angle than it is drawn at: {some_names(ties)} would be drawn "
+        "anew to fit, and what they tie would not turn with it"
+    )
+
+
+REDRAW = (
+    'let a stiff spring turn it (state = "sprung", a high stiffness, its rest angle), or draw the article '
+    "at that angle"
+)
+"""What helps where a joint cannot go to another angle."""
 
 
 def some_names(names: Sequence[str]) -> str:

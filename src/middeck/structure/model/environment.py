@@ -74,7 +74,11 @@ class Device:
             )
         for this, that in (("stiffness", "bounce_hz"), ("cable_length", "anchor")):
             if (getattr(self, this) is None) == (getattr(self, that) is None):
-                raise ConfigError(f"{this} or {that}: one of them, not both", where=where)
+                raise ConfigError(
+                    f"{this} or {that}: one of them, not both",
+                    where=where,
+                    hint="remove one of the two, or give the one that is missing",
+                )
         if (self.force is None) != bool(self.held):
             raise ConfigError(
                 "pinned directions are for a tuned device, and a tuned device needs them",
@@ -166,7 +170,7 @@ class GroundBushing:
 
 @record(kw_only=True)
 class Environment:
-    """Gravity vector in the world frame [m/s^2], and what holds the article, if anything.
+    """Gravity vector in the world frame [m/s^2], and the supports of the article, if any.
 
     ``suspension`` is one tuned cable per attach point, ``springs`` and ``bushings`` tie it to the ground,
     ``devices`` hang it in any other way, any number of them at an attach point, and ``clamps`` hold nodes

@@ -15,13 +15,13 @@ from middeck.values import record
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz", "angle")
 """Of a term: shift along, or rotation vector about, the axes of W; the angle or travel of a joint."""
-# Of the largest moment of weights: an interpolation that resists less than this about an axis has no turn.
+# Resistance about an axis, over the largest moment of weights, below which an interpolation has no turn.
 UNDETERMINED = 1e-10
 
 
 @record(kw_only=True)
 class Link:
-    """What a link prevents of the motion of ``second``, as a frame fixed to ``first`` sees it.
+    """A constraint on the motion of ``second``, as a frame fixed to ``first`` sees it.
 
     Attributes:
         first, second: Frames, nodes or joints.
@@ -30,7 +30,7 @@ class Link:
             a hinge about the third, for any angle. One: a universal joint, whose cross has one arm along the
             first of the two other axes, fixed in ``first``, and one along the last, fixed in ``second``.
             None: a ball.
-        offset: Of the point from the origin of ``second``, in its axes [m].
+        offset: Offset of the point from the origin of ``second``, in its axes [m].
         axes: Unit vectors of x, y and z of the link in W as drawn, as columns.
 
     So all six are a rigid link, "xyz" and "" a spherical joint, "xyz" and "xy" a hinge about z, "xy" and
@@ -124,7 +124,7 @@ AnyLink = Link | Interpolation | Equation
 
 
 def link_faults(link: AnyLink, joints: set[str]) -> Iterator[str]:
-    """What is wrong with a link whose frames there are; ``joints`` are those that are joints."""
+    """Faults of a link between existing frames; ``joints`` are those that are joints."""
     what = f"link {link.name!r}"
     if isinstance(link, Equation):
         yield from (f"{what}: {fault}" for fault in _equation_faults(link, joints))
@@ -179,7 +179,7 @@ def _equation_faults(link: Equation, joints: set[str]) -> Iterator[str]:
 def fitted_body(
     link: Interpolation, arms: Inexact[np.ndarray, "share 3"]
 ) -> Inexact[np.ndarray, "share row 6"]:
-    """Of each share, the factors that its shift and turn in W enter the motion of ``link`` with.
+    """Factors with which shift and turn in W of each share enter the motion of ``link``.
 
     ``arms`` are the places of the shares less that of the frame. One row for each letter that follows, along
     and then about. (MSC Nastran, Linear Static Analysis User's Guide, RBE3.)
@@ -223,7 +223,7 @@ def fitted_body(
 
 
 def _inverse(fit: np.ndarray, loose: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Of what the shares determine; analytic."""
+    """Inverse on the motions that the shares determine; analytic."""
     own = turn[:, ~loose]
     return own @ np.linalg.inv(own.T @ fit @ own) @ own.T
 

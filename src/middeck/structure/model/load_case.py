@@ -1,4 +1,4 @@
-"""Load cases: what is hung on an article, pushes it or displaces it in one test, and is taken off again."""
+"""Load cases: weights, loads and prescribed displacements of one test."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ CENTRES = ("shear_centre_y", "shear_centre_z", "mass_centre_y", "mass_centre_z")
 STIFFNESS = ("EA", "GJ", "EI_y", "EI_z", "GA_y", "GA_z", "coupling")
 INERTIA = ("rho_A", "rho_I_y", "rho_I_z")
 NUMBERS = (*STIFFNESS, *INERTIA, *CENTRES)
-# Of a tube: powers of its diameters to which these go.
+# Powers of a tube's diameters in each property.
 POWERS = {2: ("EA", "GA_y", "GA_z", "rho_A"), 4: ("GJ", "EI_y", "EI_z", "rho_I_y", "rho_I_z")}
 
 
@@ -57,7 +57,7 @@ class Section:
         rho_I_y, rho_I_z: Rotary inertia per length [kg m] about axes through the mass centre along the own
             ones; their sum is the polar one.
         GA_y, GA_z: Shear stiffness [N] along own y and z; infinite for a Bernoulli beam.
-        density: Of its material [kg/m^3], where there is one; only doubted, see `summarise`.
+        density: Density of its material [kg/m^3], where there is one; only checked, see `summarise`.
         mass: Formulation of the mass of each element.
         coupling: The stiffness less its diagonal; zero in the row of a shear whose stiffness is infinite.
         shear_centre_y, shear_centre_z: Where the shear strains are taken [m], from the node line. What shears

@@ -10,7 +10,7 @@ from middeck.errors import ConfigError
 
 # Rows of a 4x4 in the order of the 6x6: extension, shear y, shear z, twist, curvature y, curvature z.
 RIGID_IN_SHEAR = (0, 3, 4, 5)
-# Of a unit matrix after scaling by the diagonal: decimal input of a semidefinite one is so to rounding.
+# Rounding after scaling to a unit diagonal: decimal input of a semidefinite matrix is negative by that.
 ROUNDING = 1e-9
 
 
@@ -23,7 +23,7 @@ def check_stiffness(stiffness: np.ndarray) -> None:
 
 
 def stiffness_faults(stiffness: np.ndarray) -> Iterator[str]:
-    """What is wrong with a stiffness, whose diagonal may be infinite."""
+    """Faults of a stiffness, whose diagonal may be infinite."""
     if stiffness.shape not in ((4, 4), (6, 6)):
         yield f"a section stiffness has 4x4 or 6x6 numbers, not {'x'.join(map(str, stiffness.shape))}"
         return

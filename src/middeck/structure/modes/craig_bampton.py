@@ -32,14 +32,14 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.assembly.places import transport
 from middeck.structure.assembly.strain import strain_energies
+from middeck.structure.eigenproblem.eigen import ROUNDING, Eigenpairs, all_cost_less, solve_pairs
+from middeck.structure.eigenproblem.rigid_or_rounding import separate_rigid
 from middeck.structure.elements.frames import Configuration, placed, rigid_columns
-from middeck.structure.elements.since_drawn import carried_by, carried_step
+from middeck.structure.elements.motion_since_drawn import carried_by, carried_step
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import WAYS, Component, require_component
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.eigen import ROUNDING, Eigenpairs, all_cost_less, solve_pairs
-from middeck.structure.modes.eigenproblem.rigid_or_rounding import separate_rigid
 from middeck.structure.rest.equilibrium import solve_equilibrium
 
 # Residual vectors with less than this part of the energy of a whole answer are combinations of others, or
@@ -82,7 +82,7 @@ def reduce_structure(
         upto_hz: Or the frequency up to which they are; three times that of interest is usual.
         residual: Nodes with six residual attachment modes each.
         recover: Nodes whose motion the component's outputs give.
-        name: Of the component; by default ``component``.
+        name: Name of the component; by default ``component``.
 
     The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
     both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.
@@ -293,7 +293,7 @@ def _fixed_modes(
                 where="reduction",
                 hint="give it a mass or a spring, or leave it out",
             )
-        pairs = separate_rigid(*held, pairs)
+        pairs = separate_rigid(*held, pairs, dynamic_freedom(held.model, held.config))
         _check_held(held, pairs)
         hz = np.sqrt(pairs.lam) / (2.0 * np.pi)
         kept = count if count is not None else int(np.sum(hz <= (upto_hz or 0.0)))

@@ -95,7 +95,7 @@ def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str
 def moment_warnings(
     equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
 ) -> tuple[str, ...]:
-    """What moments of fixed direction do beyond the symmetric tangent, if any frequency feels it.
+    """Warnings where moments of fixed direction shift a frequency beyond the symmetric tangent.
 
     A turn t adds t x M/2 to what balances a moment M: half of the moment's spin, antisymmetric, for no
     potential has a moment of fixed direction (Ziegler 1968, Principles of Structural Stability, section 3).

@@ -13,11 +13,10 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.eigenproblem.eigen import NOTHING, Eigenpairs, solve_pairs
+from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.eigenproblem.eigen import Eigenpairs, solve_pairs
-from middeck.structure.modes.eigenproblem.left_out_stiffness import component_warnings
-from middeck.structure.modes.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.modes.lost_loose_or_buckled import (
     beyond_travel,
     buckling_member,
@@ -26,6 +25,7 @@ from middeck.structure.modes.lost_loose_or_buckled import (
     moment_warnings,
     where_lost,
 )
+from middeck.structure.modes.motions.left_out_stiffness import component_warnings
 from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kind_warnings import kind_warnings
 from middeck.structure.modes.names.kinds import find_kinds
@@ -179,10 +179,13 @@ def _solve(
             where="article",
             hint="give its bodies mass_kg, or its members a density",
         )
+    nothing = free.cancels(at.tangent, NOTHING) & free.cancels(mass, NOTHING)
+    if np.any(nothing):
+        raise _massless(model, free, int(np.argmax(nothing)))
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
     pairs = _eigenpairs(model, free, free.matrix(at.tangent), free.matrix(mass), count, soft)
-    pairs, T = separate_rigid(model, config, loads, pairs), transport(config, model.tree)
-    rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, T)
+    pairs, T = separate_rigid(model, config, loads, pairs, free), transport(config, model.tree)
+    rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, free, T)
     rank = np.argsort(~rigid, kind="stable")
     shapes = free.spread(pairs.shapes[:, rank])
     if config.since_drawn is not None and config.since_drawn.carries:
@@ -196,19 +199,18 @@ def _eigenpairs(
 ) -> Eigenpairs:
     pairs = solve_pairs(K, M, count, soft)
     if pairs is None:
-        raise _massless(model, free, K + M)
+        raise _massless(model, free, int(np.argmin(abs(K + M).sum(axis=0))))
     return Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
 
 
-def _massless(model: Model, free: Freedom, shifted: sp.csr_array) -> NumericalError:
-    worst = int(np.argmin(abs(shifted).sum(axis=0)))
+def _massless(model: Model, free: Freedom, worst: int) -> NumericalError:
     coordinate = int(np.flatnonzero(free.active)[worst])
     roots = model.tree.roots
     frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
     return NumericalError(
         "a motion has neither mass nor stiffness",
         where=f"frame {model.frames[frame]!r}",
-        hint="give the frame a mass and an inertia, or lock its axis",
+        hint="give the frame, or what carries it, a mass and an inertia, or lock its axis",
     )
 
 

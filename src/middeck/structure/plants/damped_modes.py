@@ -63,36 +63,39 @@ def solve_damped(modes: Modes, damping: Damping | None = None, *, count: int | N
     omega, shapes = modes.omega[: len(base)], modes.shapes[:, : len(base)]
     C, H = shared_losses(modes, modes.equilibrium, damping, omega, shapes)
     C = C + np.diag(2.0 * base * omega)
+    return DampedModes(*damped_roots(omega, C, H), C, H)
+
+
+def damped_roots(
+    omega: Float[np.ndarray, " mode"], C: Float[np.ndarray, "mode mode"], H: Float[np.ndarray, "mode mode"]
+) -> tuple[Complex[np.ndarray, " mode"], Complex[np.ndarray, "mode mode"]]:
+    """Roots, and unit shapes, each at the place of the real mode that it has most of; zero for a rigid one.
+
+    Raises `NumericalError` where a mode does not oscillate any more.
+    """
     moving = np.flatnonzero(omega > 0.0)
     both = np.ix_(moving, moving)
     s, V = np.zeros(len(omega), complex), np.eye(len(omega), dtype=complex)
-    s[moving], V[both] = _roots(omega[moving], C[both], H[both])
-    return DampedModes(s, V, C, H)
+    s[moving], V[both] = _moving_roots(omega[moving], C[both], H[both])
+    return s, V
 
 
-def solve_stiffened(
-    damped: DampedModes,
-    omega: Float[np.ndarray, " mode"],
-    number: int,
-    rows: Float[np.ndarray, "row mode"],
-    stiffness: Complex[np.ndarray, " row"],
-) -> tuple[complex, Complex[np.ndarray, " mode"]]:
-    """Root [rad/s] and unit shape of one mode with springs and losses k + j k_loss along some coordinates.
-
-    ``rows`` are what the coordinates move in each mode of ``damped``, ``omega`` its frequencies undamped.
-    """
+def _moving_roots(omega: np.ndarray, C: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    # States (q, q'/omega): frequencies round to 1e-16 of the highest, not their squares.
     n = len(omega)
-    K = np.diag(omega**2) + 1j * damped.hysteresis + (rows.T * stiffness) @ rows
-    scale = omega[number]
-    lam, vectors = np.linalg.eig(
-        np.block([[np.zeros((n, n)), scale * np.eye(n)], [-K / scale, -damped.losses]])
-    )
-    # Below the real axis a loss stiffness would feed the motion.
+    hold = np.diag(omega) + (1j * H if np.any(H) else 0.0) / omega[:, None]
+    drag = C * (omega / omega[:, None])
+    lam, vectors = np.linalg.eig(np.block([[np.zeros((n, n)), np.diag(omega)], [-hold, -drag]]))
     upper = np.flatnonzero(np.imag(lam) > 0.0)
+    if len(upper) != n:
+        raise NumericalError(
+            "a mode is damped so much that it does not oscillate",
+            where="damped modes",
+            hint="smaller loss factors or dampers",
+        )
     V = vectors[:n, upper] / np.linalg.norm(vectors[:n, upper], axis=0)
-    like = np.abs(damped.shapes[:, number].conj() @ V)
-    best = int(np.argmax(like))
-    return complex(lam[upper[best]]), V[:, best]
+    _, at = linear_sum_assignment(np.abs(V), maximize=True)
+    return lam[upper][at], V[:, at]
 
 
 def shared_losses(
@@ -120,22 +123,3 @@ def shared_losses(
             alone[index] = True
     none = alone[:, None] | alone
     return np.where(none, 0.0, C), np.where(none, 0.0, H)
-
-
-def _roots(omega: np.ndarray, C: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Roots, and unit shapes, each at the place of the real mode that it has most of."""
-    # States (q, q'/omega): frequencies round to 1e-16 of the highest, not their squares.
-    n = len(omega)
-    hold = np.diag(omega) + (1j * H if np.any(H) else 0.0) / omega[:, None]
-    drag = C * (omega / omega[:, None])
-    lam, vectors = np.linalg.eig(np.block([[np.zeros((n, n)), np.diag(omega)], [-hold, -drag]]))
-    upper = np.flatnonzero(np.imag(lam) > 0.0)
-    if len(upper) != n:
-        raise NumericalError(
-            "a mode is damped so much that it does not oscillate",
-            where="damped modes",
-            hint="smaller loss factors or dampers",
-        )
-    V = vectors[:n, upper] / np.linalg.norm(vectors[:n, upper], axis=0)
-    _, at = linear_sum_assignment(np.abs(V), maximize=True)
-    return lam[upper][at], V[:, at]

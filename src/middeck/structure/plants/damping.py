@@ -216,7 +216,11 @@ def _damper_rows(equilibrium: Equilibrium, damper: Damper) -> Float[np.ndarray, 
         index = _number(damper.at, "joint", _numbers(j.name for j in structure.joints))
         state = structure.joints[index].state
         if state in (JointState.LOCKED, JointState.DRIVEN):
-            raise ConfigError(f"a damper at joint {damper.at!r}, which is {state.value}", where="damping")
+            raise ConfigError(
+                f"a damper at joint {damper.at!r}, which is {state.value}",
+                where="damping",
+                hint="a damper at a joint that moves: remove it, or free the joint",
+            )
         return np.eye(1, model.tree.size, 6 * model.tree.roots + index)
     if damper.place is DamperPlace.SPRING:
         ends = model.spring_ends[_number(damper.at, "spring", _numbers(s.name for s in structure.springs))]

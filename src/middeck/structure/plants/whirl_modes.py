@@ -55,7 +55,7 @@ class GyroscopicModes:
             positive.
         whirl: d ln omega / d ln speed, of all wheels together: positive forward, 1 for the nutation of a
             rigid body, 0 where no wheel's axis circles.
-        kind, name: Of the standstill modes with most of the energy; a mode of rigid motions that the wheels
+        kind, name: Those of the standstill modes with most energy; a mode of rigid motions that the wheels
             alone hold is "gyroscopic".
         residual: |(s^2 M + s (G + C) + K) shape| of each, C that of the ratios, over the size of its terms:
             of the whole article, whatever modes it was solved in.
@@ -89,7 +89,7 @@ class GyroscopicModes:
 
     @property
     def parts(self) -> Modes:
-        """For drawings: the real parts of the shapes, then the imaginary ones, as modes."""
+        """The real parts of the shapes, then the imaginary ones, as modes for drawings."""
         called = [f"{name}, {way}" if way else name for name, way in zip(self.name, self.sense, strict=True)]
         none = np.zeros(2 * len(called))
         return dataclasses.replace(
@@ -244,7 +244,7 @@ def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarr
 
 
 def _part_rigid(g: np.ndarray, spin: Spin, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the rigid modes those that no momentum joins, and the others in circling pairs."""
+    """The rigid modes that no momentum joins, and the others in circling pairs."""
     sizes = np.linalg.norm(spin.momentum, axis=1) @ np.sum(turn.reshape(len(spin.momentum), -1) ** 2, axis=1)
     rate, pairs = np.linalg.eigh(1j * g)
     free = pairs[:, np.abs(rate) <= JOINED * sizes]
@@ -272,7 +272,7 @@ def _refined(
 
 
 def _residual(modes: Modes, spin: Spin, basis: np.ndarray, d: np.ndarray, found: Whirls) -> np.ndarray:
-    """In the coordinates that move."""
+    """Residuals of the modes in the moving coordinates."""
     at = modes.equilibrium
     free = dynamic_freedom(at.model, at.config, in_world=True)
     K, M = assemble(at.model, at.config, at.loads).tangent, modes.mass

@@ -22,7 +22,7 @@ from middeck.structure.rest.rest_criteria import (
     MOST_DAMPING,
     ROUNDED,
 )
-from middeck.structure.rest.whole_steps import deformation, move_whole, stride, unmoved
+from middeck.structure.rest.rigid_and_deforming_steps import deformation, move_whole, stride, unmoved
 
 MAX_ITERATIONS = 200
 MAX_HALVINGS = 30

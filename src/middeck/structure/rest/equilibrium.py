@@ -18,16 +18,16 @@ from middeck.structure.assembly.mesh import Model, mesh_structure
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.assembly.wheel_forces import check_speeds
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
+from middeck.structure.elements.motion_since_drawn import whole_motion
 from middeck.structure.elements.rotations import rotation_log
-from middeck.structure.elements.since_drawn import whole_motion
 from middeck.structure.elements.trees import Poses
 from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
 from middeck.structure.model.load_case import apply_load_case
-from middeck.structure.rest.as_drawn import face_as_drawn
 from middeck.structure.rest.imbalance import article_size, imbalance_scale, imbalance_weight
+from middeck.structure.rest.motion_as_a_whole import face_as_drawn
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
 from middeck.structure.rest.slack_cables import refuse_slack_cables
@@ -37,7 +37,7 @@ from middeck.values import record
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 # Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
 ONE_HELD = 1e-3
-# Of the frames of a bushing: at pi its law ends; beyond a right angle a fall may have passed that.
+# Largest turn of a bushing: its law ends at pi, and beyond a right angle a fall may have passed that.
 MOST_TURN, HALF_ROUND = np.radians(179.5), 0.5 * np.pi
 LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
 
@@ -62,7 +62,7 @@ class Equilibrium:
         holding_torque: Torque [N m], of a slide force [N], that each joint's motor, spring or lock holds,
             positive on the carried body.
         tension: Pull [N] of each of ``devices``.
-        reactions: Of every clamped node, then of every bushing to the ground.
+        reactions: Reaction of every clamped node, then of every bushing to the ground.
         enough: Residual that counts as rest: more than `TOLERANCE` where rounding of a stiff support leaves
             more, and Newton's own step shows that nothing is out of place by it.
         stable: Whether nothing grows there with the free joints held: false of a column that stands upright
@@ -158,7 +158,7 @@ def solve_equilibrium(
 def _clamp_reactions(
     model: Model, environment: Environment, config: Configuration, gradient: np.ndarray
 ) -> tuple[Reaction, ...]:
-    """At rest dE/dq of a held coordinate is the force that holds it."""
+    """Reactions of clamps: at rest dE/dq of a held coordinate is the force that holds it."""
     taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
     held = dict.fromkeys(clamp.node for clamp in environment.clamps)
@@ -169,7 +169,7 @@ def _clamp_reactions(
 def _bushing_reactions(
     model: Model, environment: Environment, config: Configuration, loads: Loads
 ) -> tuple[Reaction, ...]:
-    """What bushings to the ground do to the article, at their attach points."""
+    """Reactions of bushings to the ground on the article, at their attach points."""
     load = -bushing_states(model, config, loads)[1].gradient[:, 6:]
     return tuple(Reaction(b.name, f[:3], f[3:]) for b, f in zip(environment.bushings, load, strict=True))
 
@@ -218,6 +218,8 @@ def _check_idle(environment: Environment) -> None:
 def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
     """Whether weight and loads drive a motion of the whole that nothing can ever stop."""
     if environment.hung or environment.springs or environment.bushings:
+        return
+    if not (model.structure.mass > 0.0 or np.any(loads.push)):  # what pulls then is rounding
         return
     T = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
     drawn = dataclasses.replace(model.rest, since_drawn=None)

@@ -17,8 +17,8 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import own_law
 from middeck.structure.assembly.strain import predict_forces
 from middeck.structure.elements.frames import Configuration, move_carried, placed
+from middeck.structure.elements.motion_since_drawn import SinceDrawn
 from middeck.structure.elements.rotations import skew, turn_of
-from middeck.structure.elements.since_drawn import SinceDrawn
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
 from middeck.structure.rest.rest_criteria import (
     LONGEST_STEP,
@@ -27,16 +27,17 @@ from middeck.structure.rest.rest_criteria import (
     UNMOVED,
     Settled,
     holding,
-    is_stable,
 )
-from middeck.structure.rest.whole_steps import stride, unmoved
+from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
+from middeck.structure.rest.stability import is_stable
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20
-# Of the step before, the longest that Newton's method takes on the branch that it follows (Deuflhard 2004,
-# section 2.1); and of the longest, what shows that the next, its square, is rounding.
+# Newton's steps that stay on the branch are at most this share of the step before (Deuflhard 2004, section
+# 2.1); below the second, over the longest, the next step, its square, is rounding.
 CONTRACTION, SQUARED = 0.5, 1e-7
-# Of the longest step, the last one to a state on the way; of the longest step there may be, one aimed at.
+# Share of the longest step for the last one to a state on the way; and share of the longest allowed step that
+# is aimed at.
 NEARBY, FITTING = 0.15, 0.9
 # Turn [rad] of a node in the first step of prescribed displacements, and shift over the article's size.
 PRESCRIBED_TURN = 0.1
@@ -64,7 +65,7 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     at = assemble_carried(model, config, loads)
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
     return Settled(
-        config, at, history[-1][1], enough, tuple(history), is_stable(model, config, at, mass), True
+        config, at, history[-1][1], enough, tuple(history), is_stable(model, config, at, loads), True
     )
 
 
@@ -144,7 +145,7 @@ def rest_beside(
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
-    """What the tangent lacks for moments of fixed direction: -[M]/2 on the turn of each, antisymmetric.
+    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each.
 
     The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
     """

@@ -25,12 +25,12 @@ from middeck.structure.rest.rest_criteria import (
     TOLERANCE,
     Settled,
 )
-from middeck.structure.rest.whole_steps import stride, unmoved
+from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
 
 MIXED_ITERATIONS = 100
-# Of the least damping that holds what grows: taken, and to what it is found.
+# Damping that is taken, over the least one that stops all growth; and how closely that one is found.
 AHEAD, NEAR = 1.5, 1.3
-# Of the article's size: what is out of line by less, at a rest state that is not stable, is left there.
+# Deviation from a line, over the article's size, that is left as it is at an unstable rest state.
 IN_LINE = 1e-9
 
 

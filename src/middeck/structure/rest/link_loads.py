@@ -23,7 +23,7 @@ class LinkLoad(NamedTuple):
 
 
 def link_loads(equilibrium: Equilibrium) -> tuple[LinkLoad, ...]:
-    """What every link does to each of its frames at rest: they balance but for what the ground takes.
+    """Force and moment of every link on each of its frames at rest; with those of the ground they balance.
 
     Those on joints' angles alone are none. Of links that repeat each other one bears what both could
     (`rest_warnings`).

@@ -15,7 +15,7 @@ from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.rest.damped_descent import MAX_ITERATIONS
 from middeck.structure.rest.followed_branch import CONTRACTION
 from middeck.structure.rest.imbalance import article_size, imbalance, imbalance_scale
@@ -27,8 +27,8 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# Of the largest compliance of the supports: a motion less compliant is rigid and held twice, so that statics
-# leaves the share of each support open. They share it alike.
+# Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
+# then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
 
 

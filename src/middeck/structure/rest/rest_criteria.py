@@ -1,4 +1,4 @@
-"""Where a search for a rest state ended, what counts as rest, and whether it is stable."""
+"""Where a search for a rest state ended, and what counts as rest."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.structure.assembly.energy import Assembly
-from middeck.structure.assembly.factorisation import positive_factor
-from middeck.structure.assembly.linked import static_freedom
-from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
 
 # Largest imbalance that counts as rest, over `imbalance_scale`.
@@ -53,9 +50,3 @@ def holding(K: sp.csr_array, M: sp.csr_array) -> sp.csr_array:
     k, m = np.abs(K.diagonal()), M.diagonal()
     fastest = float((k[m > 0.0] / m[m > 0.0]).max(initial=0.0))
     return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest or LEAST_DAMPING) * M)
-
-
-def is_stable(model: Model, config: Configuration, at: Assembly, mass: sp.csr_array) -> bool:
-    """Whether nothing grows at a rest state with the assembly ``at``."""
-    free = static_freedom(model, config)
-    return positive_factor(holding(free.matrix(at.tangent), free.matrix(mass))) is not None

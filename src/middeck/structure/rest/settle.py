@@ -12,7 +12,8 @@ from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.followed_branch import displace, follow, prescribed_steps
 from middeck.structure.rest.forces_as_unknowns import unfold
 from middeck.structure.rest.imbalance import imbalance_scale
-from middeck.structure.rest.rest_criteria import TOLERANCE, Settled, is_stable
+from middeck.structure.rest.rest_criteria import TOLERANCE, Settled
+from middeck.structure.rest.stability import is_stable
 
 # Residual accepted at intermediate load steps.
 ROUGH = 1e-4
@@ -74,5 +75,5 @@ def _by_steps(
     history += [(1.0, residual, damping) for residual, damping in steps]
     residual = history[-1][1]
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
-    stable = residual < enough and is_stable(model, config, at, mass)
+    stable = residual < enough and is_stable(model, config, at, loads)
     return Settled(config, at, residual, enough, tuple(history), stable)

@@ -23,7 +23,7 @@ def refuse_slack_reactions(attach: tuple[str, ...], reaction: np.ndarray) -> Non
 
 
 def refuse_slack_cables(devices: Sequence[str], tension: Float[np.ndarray, " tie"]) -> None:
-    """At rest: `EquilibriumError` for a cable that would push. Springs, which follow ``devices``, may."""
+    """Raise `EquilibriumError` at rest for a cable that would push; the springs that follow may push."""
     pull = dict(zip(devices, map(float, tension), strict=False))
     slack = {name: value for name, value in pull.items() if value <= 0.0}
     if slack:

@@ -11,7 +11,7 @@ from jaxtyping import Complex, Float
 from middeck.structure.model.article import Damping, DampingTable
 from middeck.structure.modes.motions.strain_shares import strain_share
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damped_modes import DampedModes, shared_losses
+from middeck.structure.plants.damped_modes import shared_losses
 from middeck.structure.plants.damping import (
     ModalDamping,
     base_ratios,
@@ -26,7 +26,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
-from middeck.structure.sensitivity.softened import soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 
 
 def differentiate_ratios(
@@ -88,21 +88,10 @@ def steepness(
     return np.einsum("im,im->m", shapes, 2.0 * s * shapes + losses @ shapes)
 
 
-def differentiate_damped(
-    modes: Modes, damped: DampedModes, parameters: Sequence[Parameter]
-) -> Complex[np.ndarray, "parameter mode"]:
-    """Derivatives of ln s of complex modes, zero of rigid ones: of frequencies, and of damping.
-
-    Raises `NumericalError` where the rest state has no derivative.
-    """
-    slopes = differentiate_pencil(modes, parameters, len(damped.s))
-    return slopes.log_roots(damped.s, damped.shapes, damped.losses)
-
-
 def differentiate_pencil(
     modes: Modes, parameters: Sequence[Parameter], count: int, coordinates: Sequence[int] = ()
 ) -> PencilSlopes:
-    """Of the lowest ``count`` modes, and of these coordinates of their shapes.
+    """The derivatives for the lowest ``count`` modes, and for these coordinates of their shapes.
 
     Raises `NumericalError` where the rest state has no derivative.
     """

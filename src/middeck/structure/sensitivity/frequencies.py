@@ -28,7 +28,7 @@ from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
 from middeck.values import record
 
@@ -39,9 +39,9 @@ class FrequencySensitivities:
 
     Attributes:
         frequency_hz: The frequencies [Hz] themselves.
-        d_lambda: Of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending order,
-            whichever mode each of them belongs to: those along the parameter, of which the group's mean alone
-            is linear.
+        d_lambda: Derivatives of omega^2 [rad^2/s^2 per unit of the parameter]. Within a group in ascending
+            order, whichever mode each of them belongs to: those along the parameter, of which only the
+            group's mean is linear.
         groups: Modes, by number, that have one frequency.
     """
 
@@ -71,9 +71,9 @@ def differentiate_frequencies(
 ) -> FrequencySensitivities:
     """Derivatives of the lowest ``count`` frequencies (all by default) in every parameter.
 
-    Exact to rounding: no differences are taken. Beside a member too stiff for that they are those of the same
-    article with the member softer, to 1e-5 (`softened`). Raises `NumericalError` where the rest state itself
-    has no derivative, or where a softer member changes one of these frequencies.
+    Exact to rounding: no differences are taken. With a member too stiff for that, they are those of the same
+    article with the member softer, to 1e-5 (`stiff_member_derivatives`). Raises `NumericalError` where the
+    rest state itself has no derivative, or where a softer member changes one of these frequencies.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = group_modes(modes, count)
@@ -137,7 +137,7 @@ def _pair_derivatives(
 
 
 def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:
-    """What links do to the lowest modes, in balance with (K - lambda M) phi."""
+    """Forces of links in the lowest modes, in balance with (K - lambda M) phi."""
     rest = modes.equilibrium
     shapes, lam = modes.shapes[:, :count], modes.omega[:count] ** 2
     load = assemble(rest.model, rest.config, rest.loads).tangent @ shapes - (modes.mass @ shapes) * lam
@@ -146,7 +146,7 @@ def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:
 
 
 def _of_ties(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
-    """What links and components add, explicitly and by the way that the rest state moves."""
+    """Contributions of links and components, explicit and by the motion of the rest state."""
     model = modes.equilibrium.model
     if model.links is None and not model.components:
         return np.zeros((len(moved.ties), len(pairs.lam)))

@@ -49,7 +49,7 @@ class Tied(NamedTuple):
 
     @staticmethod
     def at(model: Model, config: Configuration, moving: Bool[np.ndarray, " coordinate"]) -> Tied:
-        """With the coordinates that are ``moving``."""
+        """The tied structure with the coordinates that are ``moving``."""
         return Tied(model, None if model.links is None else close_links(model, config, moving))
 
     @property
@@ -123,7 +123,7 @@ class TieModel(NamedTuple):
 
     @staticmethod
     def of(model: Model, patch: Patch) -> TieModel:
-        """Of the perturbed structure of ``patch``; ``model`` is the whole."""
+        """The tie model of the perturbed structure of ``patch``; ``model`` is the whole."""
         if not patch.structure.links and not patch.structure.components:
             return TieModel(None, None, np.zeros(0, dtype=int), model.tree.size)
         bare = _bare(patch.structure)

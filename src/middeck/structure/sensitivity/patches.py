@@ -21,8 +21,13 @@ from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import Body, Node, Structure
 from middeck.structure.model.environment import Environment
+from middeck.structure.sensitivity.models_side_by_side import (
+    Raft,
+    merge_configurations,
+    merge_loads,
+    merge_models,
+)
 from middeck.structure.sensitivity.parameters import Parameter, set_parameter
-from middeck.structure.sensitivity.raft import Raft, merge_configurations, merge_loads, merge_models
 
 # Its square is nothing beside one, it is far from underflow, and what it multiplies comes back exactly.
 STEP = 1e-30

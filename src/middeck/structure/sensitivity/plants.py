@@ -15,7 +15,7 @@ from middeck.structure.sensitivity.damping import differentiate_ratios
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
-from middeck.structure.sensitivity.softened import soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.values import record
 
 

@@ -40,8 +40,8 @@ from middeck.structure.sensitivity.patches import (
     spread_gradients,
 )
 from middeck.structure.sensitivity.reactions import differentiate_support
-from middeck.structure.sensitivity.softened import soften_rest
 from middeck.structure.sensitivity.static_solver import StaticSolver
+from middeck.structure.sensitivity.stiff_member_derivatives import soften_rest
 from middeck.values import record
 
 NO_LOAD = np.zeros(6)
@@ -52,9 +52,9 @@ class RestMotion:
     """How a rest state moves, one column a cause.
 
     Attributes:
-        motion: Of the frame-tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
+        motion: Motion of tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
             angles.
-        drawn: Of the same coordinates as drawn: what ``motion`` has over it has moved since.
+        drawn: Motion of the same coordinates as drawn; ``motion`` less this is the motion since.
         tension: As of `Equilibrium`.
         support: Force [N] and moment [N m] in W of every one of ``reactions``, the moment about where it is.
     """
@@ -97,8 +97,8 @@ class MovedRest(NamedTuple):
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
     """Derivatives of the rest state and of what holds it, the tuning of its suspension included.
 
-    Beside a member too stiff for matrices in W they are those with the member softer, to 1e-5 (`softened`).
-    Raises `NumericalError` where a parameter drives a motion that nothing holds.
+    With a member too stiff for matrices in W, they are those with the member softer, to 1e-5
+    (`stiff_member_derivatives`). Raises `NumericalError` where a parameter drives an unrestrained motion.
     """
     softer = soften_rest(rest)
     found = _differentiated(softer.rest, softer.parameters(parameters))
@@ -144,7 +144,7 @@ def support_slopes(
     gradient: Float[np.ndarray, "coordinate cause"],
     pushed: Sequence[Float[np.ndarray, "bushing 6"]],
 ) -> Float[np.ndarray, "reaction 6 cause"]:
-    """Of clamps from the derivatives of the energy's ``gradient``, then ``pushed`` of bushings to the ground,
+    """Derivatives of clamp forces by the energy's ``gradient``, then ``pushed`` of bushings to the ground,
     one a cause: in the order of ``reactions``."""
     free = static_freedom(rest.model, rest.config, in_world=True)
     taken = columns([free.beyond(own) for own in gradient.T], len(gradient))

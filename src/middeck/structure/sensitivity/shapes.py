@@ -37,7 +37,7 @@ from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
 from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
-from middeck.structure.sensitivity.softened import Softened, soften_modes
+from middeck.structure.sensitivity.stiff_member_derivatives import Softened, soften_modes
 from middeck.values import record
 
 
@@ -48,7 +48,7 @@ class ModeSensitivity:
     Attributes:
         d_lambda: Phi'(dK - lambda dM) Phi [rad^2/s^2 per unit] within each group of equal frequencies, zero
             between groups: on its diagonal the derivatives of omega^2 of modes that are alone.
-        d_shapes: Of the mass-normalised shapes, in the frame-tree coordinates of the rest state as it moves.
+        d_shapes: Derivatives of mass-normalised shapes, in tree coordinates of the moving rest state.
     """
 
     parameter: Parameter
@@ -92,7 +92,7 @@ def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
 def differentiate_shapes(
     modes: Modes, article: Softened, parameters: Sequence[Parameter], count: int
 ) -> Iterator[tuple[Equilibrium, ModeSensitivity]]:
-    """For each parameter the perturbed rest state and the derivatives of modes of a softened article."""
+    """The perturbed rest state and the derivatives of modes of a softened article, by each parameter."""
     rest = modes.equilibrium
     moved = move_rest(rest, article.parameters(parameters))
     perturbed = [_perturbed(rest, moved, p) for p in range(len(parameters))]

@@ -14,9 +14,9 @@ from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.eigenproblem.eigen import ROUNDING, solve_pairs
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import JointState
-from middeck.structure.modes.eigenproblem.eigen import ROUNDING, solve_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # What a solution may leave of its load, over the terms that balance in it.
@@ -38,7 +38,7 @@ class StaticSolver(NamedTuple):
 
     @staticmethod
     def at(rest: Equilibrium, at: Assembly) -> StaticSolver:
-        """At a rest state whose potential is ``at``."""
+        """The solver at a rest state whose potential is ``at``."""
         moves = static_freedom(rest.model, rest.config, in_world=True)
         K = moves.matrix(at.tangent)
         M = moves.matrix(mass_matrix(rest.model, rest.config, rest.loads))

@@ -19,8 +19,8 @@ from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.sensitivity.models_side_by_side import merge_configurations, merge_loads, merge_models
 from middeck.structure.sensitivity.patches import STEP, derivative
-from middeck.structure.sensitivity.raft import merge_configurations, merge_loads, merge_models
 
 
 def tree_gradients(

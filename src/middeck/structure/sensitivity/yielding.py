@@ -20,7 +20,7 @@ from middeck.structure.sensitivity.static_solver import StaticSolver
 
 
 def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"]) -> RestMotion:
-    """By ``strain`` on (stretch, y1, z1, y2, z2, twist) of each beam element, a column a field.
+    """Motion of the rest state by ``strain`` (stretch, y1, z1, y2, z2, twist) of each beam element and field.
 
     Forces were D e; with D (e - strain) in their place the rest state moves by K_t^-1 B' D strain. Raises
     `NumericalError` as `differentiate_rest`.

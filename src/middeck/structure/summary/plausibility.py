@@ -32,12 +32,13 @@ OVERHANG = 2.0  # an offset from a frame's origin over the distance between the 
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
 FLAT = 1e-2  # least side of a box over its largest, so that a line and a sheet have a volume
 THICK = 0.2  # the same of one body, whose thin sides nobody measured
-# Of the mass of an article: members with a density for form's sake, where bodies carry what there is.
+# Share of the mass below which members have a token density: the bodies carry the mass.
 TOKEN = 1e-3
 # kg/m^3, and kg m^2: what a power of ten may be one of (SI, slug, pound, slinch with feet or inches).
 DENSITY_UNITS = (1.0, 515.379, 16.0185, 27679.9, 1.06869e7)
 INERTIA_UNITS = (1.0, 1.35582, 0.0421401, 2.92640e-4, 0.112985)
 DIGITS = 2e-5  # of such units
+NEIGHBOURS = 8  # of a node that are looked at first
 
 
 class Measures(NamedTuple):
@@ -119,19 +120,18 @@ def _densities(structure: Structure) -> Iterator[str]:
         if (moment := _same_moment(part.body)) is not None:
             masses.setdefault(moment, set()).add(part.body.mass)
     found: list[tuple[str, str]] = []
+    around = _Surroundings(structure)
     for part in parts:
         body = part.body
         if not np.any(body.inertia):
-            found += [
-                (part.name, said) for said in (_point(part, structure) if isinstance(part, Node) else ())
-            ]
+            found += [(part.name, said) for said in (_point(part, around) if isinstance(part, Node) else ())]
             continue
         sides = _equivalent_box(body.mass, np.linalg.eigvalsh(body.inertia))
         density = body.mass / float(np.prod(np.maximum(sides, THICK * sides.max())))
         moment = _same_moment(body)
         token = moment is not None and (_is_power(moment, INERTIA_UNITS) or len(masses[moment]) > 1)
         if isinstance(part, Node) and token and density > BODY_DENSITY[1]:
-            found += [(part.name, said) for said in _point(part, structure)]
+            found += [(part.name, said) for said in _point(part, around)]
         elif _outside(density, BODY_DENSITY):
             box = " x ".join(f"{side:.3g}" for side in sides)
             said = (
@@ -158,15 +158,35 @@ def _is_power(value: float, units: tuple[float, ...]) -> bool:
     return bool(np.any(np.abs(decades - np.round(decades)) <= DIGITS / np.log(10.0)))
 
 
-def _point(node: Node, structure: Structure) -> Iterator[str]:
+class _Surroundings:
+    """The nodes of an article and how far they reach; a deck has 1e4 bodies among as many."""
+
+    def __init__(self, structure: Structure) -> None:
+        from scipy.spatial import KDTree
+
+        positions = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
+        self.index = {n.name: i for i, n in enumerate(structure.nodes)}
+        self.tree = KDTree(positions)
+        self.across = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
+
+    def nearest(self, node: Node, beyond: float) -> float:
+        """From the centre of mass of ``node`` to the next other node that is further away than ``beyond``."""
+        count, size = NEIGHBOURS, self.tree.n
+        while True:
+            far, which = self.tree.query(node.position + node.body.cg, np.arange(1, min(count, size) + 1))
+            others = far[(far > beyond) & (which != self.index[node.name])]
+            if len(others) or count >= size:
+                return float(others[0]) if len(others) else float("inf")
+            count *= NEIGHBOURS
+
+
+def _point(node: Node, around: _Surroundings) -> Iterator[str]:
     """A mass without inertia: it is somewhere within its node, or out to where its centre stands."""
     mass, cg = node.body.mass, node.body.cg
     room = max(ROOM * node.size, 2.0 * float(np.linalg.norm(cg)))
     reach = 0.5 * (mass / STEEL) ** (1.0 / 3.0)
-    others = [np.linalg.norm(n.position - node.position - cg) for n in structure.nodes if n is not node]
-    across = float(np.linalg.norm(np.ptp([n.position for n in structure.nodes], axis=0)))
     # A node at the same place is what a link or a joint ties to it there.
-    nearest = float(min((d for d in others if d > SAME * reach), default=np.inf))
+    nearest, across = around.nearest(node, SAME * reach), around.across
     if node.size > 0.0 and mass > BODY_DENSITY[1] * room**3:
         yield f"carries {mass:.4g} kg on a node of {node.size:.3g} m: is its mass in kg?"
     elif reach > max(nearest, NEAR * across):

@@ -1,4 +1,4 @@
-"""How an article hangs: its tilt, what each device carries, and where its weight lies under what holds it."""
+"""Attitude of a hanging article: tilt, load of each device, and the centre of mass under its supports."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.elements.frames import points_in_world, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.modes.motions.rigid_motions import centre_of_mass
-from middeck.structure.rest.as_drawn import FLAT, fit_rotation, split_rotation
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations
+from middeck.structure.rest.motion_as_a_whole import FLAT, fit_rotation, split_rotation
 from middeck.values import record
 
 SPANS = ("point", "line", "plane", "space")
@@ -25,7 +25,7 @@ class Attitude:
     A tilt about x is thus one about the drawn article's own x, whatever way it then faces.
 
     Attributes:
-        tilt, heading: Of the rigid body that fits the hung article best by mass: tilt [rad], and turn about
+        tilt, heading: For the rigid body with the best fit by mass: tilt [rad], and turn about
             the vertical.
         node, node_tilt: Name and tilt of every node.
         node_bending: Angle [rad] between the verticals of each node and of the rigid body: the article's own

@@ -35,7 +35,7 @@ class RestBand:
 
     Attributes:
         device, travel: Name of each device and spring, and how far its attach point may rest along it [m].
-        shift, turn: Of the whole article, by mass, along [m] and about [rad] the world axes.
+        shift, turn: Shift and turn of the whole article, by mass, along [m] and about [rad] the world axes.
     """
 
     device: tuple[str, ...]
@@ -45,7 +45,7 @@ class RestBand:
 
 
 def estimate_rest_band(equilibrium: Equilibrium) -> RestBand:
-    """How far friction may hold the article from its frictionless rest, each number taken by itself.
+    """Largest distance from frictionless rest at which friction may hold the article, for each number alone.
 
     Every device may hold any force up to its friction, in either direction: the rest states fill K^-1 W'f,
     |f_i| <= F_i, and the largest of a row r of it is the sum of |r K^-1 w_i'| F_i. Raises `EquilibriumError`
@@ -95,8 +95,8 @@ class DeviceFrictionCurve:
     """One mode of a hung article against its amplitude, with the friction of its devices.
 
     Attributes:
-        name: Of the mode.
-        amplitude: Of the device with friction that travels most [m], zero to peak.
+        name: Name of the mode.
+        amplitude: Amplitude of the device with friction that travels most [m], zero to peak.
         device, travel: Names of the devices with friction, and the amplitude of each [m].
         stiffness, loss: What the friction of each is equivalent to [N/m].
         omega: Angular frequency [rad/s] with the equivalent stiffnesses.

@@ -1,4 +1,4 @@
-"""Warnings about how an environment holds an article, and about how it hangs."""
+"""Warnings about the supports of an article and about its attitude."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ SAG_HINT = (
 
 
 def sag(attitude: Attitude) -> str:
-    """What nodes tilt by where that is bending rather than the tilt of the whole; else nothing."""
+    """Words for nodes that tilt by bending rather than with the whole; empty for none."""
     whole, tilts = np.linalg.norm(attitude.tilt), np.linalg.norm(attitude.node_tilt, axis=1)
     if not attitude.node_bending.max(initial=0.0) > SAGS * whole:
         return ""

@@ -1,1 +1,1 @@
-"""Loops designed on a fit and measured on the rig, as several chapters judge, tell and draw them."""
+"""Loops designed on a fit and measured on the rig: judgement, text and drawings for several chapters."""

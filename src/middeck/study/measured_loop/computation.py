@@ -13,7 +13,6 @@ from middeck.control.loop.closed_loop import close_loop, leave_open, predict_clo
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.control.lqg.weights import LQGWeights
 from middeck.files.studies.documents import Study
-from middeck.files.studies.form import SisoForm
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -23,6 +22,7 @@ from middeck.identification.model.measurement_model import (
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.bench import build_bench, take_closed_loop
 from middeck.laboratory.loop_stability import RigLoop, RigView, judge_loops, view_rig
+from middeck.laboratory.rig_settings import LoopTest
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -48,21 +48,22 @@ class DesignCase:
 
 
 def design_case(
-    siso: SisoForm, model: MeasurementModel, plant: Plant, measured: FrequencyResponse
+    test: LoopTest, model: MeasurementModel, plant: Plant, measured: FrequencyResponse
 ) -> DesignCase:
-    """The case of a fitted ``model`` and its design ``plant``, with the band and torque of ``siso``."""
+    """The case of a fitted ``model`` and its design ``plant``, with the band and torque of ``test``."""
     return DesignCase(
         model=model,
         plant=plant,
         fitted=evaluate_model(model, measured.frequency_hz),
         measured=measured,
-        band_hz=siso.band_hz,
-        torque_nm=siso.excitation_nm,
+        band_hz=test.band_hz,
+        torque_nm=test.open_nm,
     )
 
 
-def design_weights(siso: SisoForm, output: Sequence[float], noise: ArrayLike) -> LQGWeights:
+def design_weights(study: Study, output: Sequence[float], noise: ArrayLike) -> LQGWeights:
     """Weights of outputs, sensor ``noise`` [rad^2/Hz]; disturbance and control enter at the same motor."""
+    siso = study.siso
     return LQGWeights(
         output=np.array(output),
         input=np.array([siso.input_weight]),
@@ -132,7 +133,7 @@ class MeasuredLoop:
 
     @property
     def survives(self) -> tuple[tuple[float, bool], ...]:
-        """For each shift of the pair [%], whether the loop stays stable."""
+        """Each shift of the pair [%], and whether the loop stays stable."""
         return tuple((loop.percent, loop.stable) for loop in self.on_rig if loop.percent)
 
 

@@ -21,7 +21,7 @@ def changed(loop: Numbers) -> str:
 
 
 def held(loop: Numbers) -> str:
-    """On which shifts of the pair a loop stays stable on the rig, and on which it does not."""
+    """The shifts of the pair at which a loop is stable on the rig, and those at which it is not."""
     parts: list[str] = []
     for stable, word in ((True, "stable"), (False, "unstable")):
         moved = [on["percent"] for on in loop["rig"] if on["stable"] is stable and on["percent"]]

@@ -9,13 +9,16 @@ neighbours: a peak above g has at least one of these points under it.
 
 from __future__ import annotations
 
+import warnings
 from typing import cast
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import NumericalError
-from middeck.systems.poles.resolvent import balance_states, evaluate_transfer
+from middeck.systems.poles.resolvent import balance_states, entry_sensitivity, evaluate_transfer
+from middeck.systems.poles.rounding import EPS, LIGHTEST, is_vague
+from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
 
@@ -23,6 +26,9 @@ PRECISION = 1e-9
 """Relative rise of the peak below which the search ends; rounding of a response is 1e-12."""
 ROUNDS = 40
 """Most rounds; convergence is quadratic, three to six are typical."""
+UNCERTAIN = 1e-4
+"""Relative change of the peak by rounding of A (first order, worst case of all entries) that gives a
+warning."""
 ON_AXIS = 1e-13
 """Real part, relative to A, below which a pole counts as on the axis, with infinite gain."""
 
@@ -39,7 +45,8 @@ def peak_gain(system: StateSpace, band: tuple[float, float] = (0.0, np.inf)) -> 
     """The largest singular value of C (jw I - A)^-1 B + D within ``band`` [rad/s].
 
     The H-infinity norm where the system is stable; of an unstable one the peak over frequency all the same.
-    Raises `NumericalError` where the search does not end.
+    Warns (`UserWarning`) where rounding of A moves the peak. Raises `NumericalError` where the search does
+    not end.
 
     >>> mode = StateSpace([[0.0, 1.0], [-1.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> zeta = 0.01
@@ -51,9 +58,24 @@ def peak_gain(system: StateSpace, band: tuple[float, float] = (0.0, np.inf)) -> 
         return PeakGain(direct, band[0])
     balanced = balance_states(system)
     values = poles(balanced)
-    stuck = _on_axis(values, float(np.linalg.norm(balanced.A, 2)), band)
+    size = float(np.linalg.norm(balanced.A, 2))
+    stuck = _on_axis(values, size, band)
     if stuck is not None:
+        if ON_AXIS * size > LIGHTEST and is_vague(system):
+            _warn("whether a pole lies on the axis is undecided")
         return PeakGain(float(np.inf), stuck)
+    best = _search(balanced, values, band, direct)
+    moved = entry_sensitivity(balanced, np.array([best.omega])) if np.isfinite(best.omega) else np.zeros(1)
+    if best.gain > 0.0 and (moved := EPS * float(np.linalg.norm(moved))) > UNCERTAIN * best.gain:
+        _warn(f"rounding of the matrix A alone moves it by a relative {moved / best.gain:.0e} or more")
+    return best
+
+
+def _warn(why: str) -> None:
+    warnings.warn(f"peak of a gain: {why}; {CURE}, would tell", UserWarning, stacklevel=3)
+
+
+def _search(balanced: StateSpace, values: np.ndarray, band: tuple[float, float], direct: float) -> PeakGain:
     best = _largest(balanced, _first_lines(values, band))
     if band[1] == np.inf and direct > best.gain:
         best = PeakGain(direct, float(np.inf))
@@ -64,7 +86,11 @@ def peak_gain(system: StateSpace, band: tuple[float, float] = (0.0, np.inf)) -> 
         if found.gain <= best.gain * (1.0 + PRECISION):
             return max(best, found, key=lambda peak: peak.gain)
         best = found
-    raise NumericalError(f"no peak of the gain was settled on in {ROUNDS} rounds", gain=best.gain)
+    raise NumericalError(
+        f"no peak of the gain was settled on in {ROUNDS} rounds",
+        gain=best.gain,
+        hint="a narrower band, or a balanced realisation of the system",
+    )
 
 
 def _on_axis(values: Complex[np.ndarray, " state"], size: float, band: tuple[float, float]) -> float | None:

@@ -1,4 +1,4 @@
-"""Adaptive quadrature of many outputs together: Gauss's rule of 16 points, its error told by null rules."""
+"""Adaptive quadrature of many outputs together: Gauss's rule of 16 points, its error by null rules."""
 
 from __future__ import annotations
 

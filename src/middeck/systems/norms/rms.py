@@ -23,7 +23,13 @@ from middeck.systems.norms.axis_poles import on_axis, unbounded_outputs
 from middeck.systems.norms.pole_crowds import find_crowds
 from middeck.systems.norms.quadrature import integrate
 from middeck.systems.poles.refined_poles import refine_poles
-from middeck.systems.poles.resolvent import Resolvent, balance_states, by_schur_form, by_solving
+from middeck.systems.poles.resolvent import (
+    Resolvent,
+    balance_states,
+    by_schur_form,
+    by_solving,
+    entry_sensitivity,
+)
 from middeck.systems.poles.stability import GROWTH_LIMIT, none_grows
 from middeck.systems.state_space.statespace import StateSpace, poles
 
@@ -144,26 +150,17 @@ def _trusted_response(
     H = solved(omega)
     size = np.linalg.norm(H, axis=2)
     off = np.linalg.norm(fast(omega) - H, axis=2)
-    moved = np.finfo(float).eps * np.linalg.norm(_sensitivity(system, omega), axis=2)
+    moved = np.finfo(float).eps * np.linalg.norm(entry_sensitivity(system, omega), axis=2)
     square = np.maximum(width @ size**2, np.finfo(float).tiny)
     agree = np.all(width @ (off * size) <= SCHUR_AGREEMENT * square)
     uncertain = float(np.max(width @ (moved * np.maximum(size, moved)) / square))
     return (fast if agree else solved), uncertain
 
 
-def _sensitivity(system: StateSpace, omega: np.ndarray) -> Float[np.ndarray, "line output input"]:
-    """|C R| |A| |R B| with R = (jw I - A)^-1: sensitivity of C R B to relative changes of the entries of
-    A."""
-    n, m = system.B.shape
-    both = StateSpace(system.A, np.hstack([system.B, np.eye(n)]), np.eye(n), np.zeros((n, m + n)))
-    R = by_solving(both)(1j * omega)
-    return np.abs(system.C @ R[:, :, m:]) @ np.abs(system.A) @ np.abs(R[:, :, :m])
-
-
 def band_rms_by_quadrature(
     system: StateSpace, intensity: Float[np.ndarray, "input input"], band_hz: tuple[float, float]
 ) -> Float[np.ndarray, " output"]:
-    """As `band_rms`, by adaptive quadrature of |G|^2 cut at the resonances: slow, an independent check.
+    """`band_rms` by adaptive quadrature of |G|^2 cut at the resonances: slow, an independent check.
 
     The integrand is evaluated in the Schur form of balanced A, which is backward stable and uses no
     eigenvector. The integral is finite also for an unstable system.

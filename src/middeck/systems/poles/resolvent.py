@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.errors import NumericalError
 from middeck.systems.poles.refined_poles import PoleForm, refine_poles
 from middeck.systems.poles.strong_components import component_schur
 from middeck.systems.state_space.balancing import balance
@@ -58,10 +59,27 @@ def by_solving(system: System) -> Resolvent:
 
     def evaluate(points: np.ndarray) -> np.ndarray:
         pencil = points[:, None, None] * np.eye(len(system.A)) - system.A
-        states = np.linalg.solve(pencil, np.broadcast_to(system.B, (len(points), *system.B.shape)))
+        try:
+            states = np.linalg.solve(pencil, np.broadcast_to(system.B, (len(points), *system.B.shape)))
+        except np.linalg.LinAlgError as error:
+            raise NumericalError(
+                "a response cannot be computed: to rounding, one of its frequencies is a pole",
+                hint="other frequencies, or states of like sizes, as modal ones",
+            ) from error
         return np.asarray(system.C @ states + system.D)
 
     return evaluate
+
+
+def entry_sensitivity(
+    system: StateSpace, omega: Float[np.ndarray, " line"]
+) -> Float[np.ndarray, "line output input"]:
+    """|C R| |A| |R B| with R = (jw I - A)^-1: sensitivity of C R B to relative changes of the entries of
+    A."""
+    n, m = system.B.shape
+    both = StateSpace(system.A, np.hstack([system.B, np.eye(n)]), np.eye(n), np.zeros((n, m + n)))
+    R = by_solving(both)(1j * omega)
+    return np.abs(system.C @ R[:, :, m:]) @ np.abs(system.A) @ np.abs(R[:, :, :m])
 
 
 def by_poles(form: PoleForm) -> Resolvent:
@@ -78,7 +96,7 @@ def by_poles(form: PoleForm) -> Resolvent:
 
 
 def on_axis(form: PoleForm, omega: Float[np.ndarray, " line"]) -> Complex[np.ndarray, "line output input"]:
-    """As `by_poles` at j ``omega``, each conjugate pair by its upper pole, in real arithmetic."""
+    """`by_poles` at j ``omega``, each conjugate pair by its upper pole, in real arithmetic."""
     residues = _residues(form)
     value, residue = form.values[form.upper], residues[form.upper]
     # r / (s - p) + its conjugate = (2 Re(r) s - 2 Re(r conj(p))) / (s^2 - 2 Re(p) s + |p|^2).

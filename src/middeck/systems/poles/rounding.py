@@ -50,7 +50,7 @@ def is_vague(system: LinearSystem) -> bool:
         return False
     A, _ = balance(system.A)
     poles, rounding = poles_with_rounding(A)
-    # Of a double pole, the root.
+    # A double pole moves by the root.
     moved = np.minimum(rounding, np.sqrt(EPS * np.linalg.norm(A) * np.abs(poles)))
     decay = np.abs(np.real(poles)) if system.period_s is None else np.abs(np.abs(poles) - 1.0)
     return bool(np.any((decay >= LIGHTEST) & (moved > VAGUE * decay)))

@@ -6,8 +6,9 @@ import warnings
 
 import numpy as np
 
-from middeck.systems.poles.rounding import ROUNDINGS, is_vague, moving_poles
+from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague, moving_poles
 from middeck.systems.poles.stability import growth_limits, growth_rates, none_grows
+from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import LinearSystem
 
 OPEN = "rounding of the matrices alone may take a root across the axis"
@@ -44,14 +45,36 @@ def is_open(system: LinearSystem, *parts: LinearSystem) -> bool:
 
 
 def may_cross(system: LinearSystem, roundings: float = ROUNDINGS) -> bool:
-    """Whether ``roundings`` take a pole across the limit of growth, integrators at rest apart."""
+    """Whether ``roundings`` take a pole across the limit of growth, integrators at rest apart.
+
+    To first order, then, for the poles that this finds near, by the resolvent: rounding moves poles that
+    nearly coincide by its root, no further.
+    """
     (poles, rounding), chain = moving_poles(system)
     if not len(poles):
         return len(chain) > 2 or len(set(chain)) > 1  # no free bodies
-    blur = roundings * rounding
-    if system.period_s is None:
+    blur, angle, period_s = roundings * rounding, np.angle(poles), system.period_s
+    if period_s is None:
         size, limit = np.real(poles), growth_limits(poles)
+        beside = limit + 1j * np.imag(poles)
     else:
-        rates = 1j * np.angle(poles) / system.period_s
-        size, limit = np.abs(poles), np.exp(system.period_s * growth_limits(rates, system.period_s))
-    return bool(np.any((size - blur <= limit) & (size + blur > limit)))
+        size, limit = np.abs(poles), np.exp(period_s * growth_limits(1j * angle / period_s, period_s))
+        beside = limit * np.exp(1j * angle)
+    near = (size - blur <= limit) & (size + blur > limit)
+    if chain:
+        return bool(near.any())
+    A, _ = balance(system.A)
+    return any(_is_reached(A, s, roundings) for s in beside[near & (np.imag(poles) >= 0.0)])
+
+
+def _is_reached(A: np.ndarray, point: complex, roundings: float) -> bool:
+    """Whether so many roundings of the entries of A may put a pole at the point: not if |R| |A| is small.
+
+    R = (point - A)^-1, magnitudes by entries (Rump 1999, SIAM Review 41, "Ill-conditioned matrices are
+    componentwise near to singularity").
+    """
+    try:
+        most = np.abs(np.linalg.eigvals(np.abs(np.linalg.inv(point * np.eye(len(A)) - A)) @ np.abs(A))).max()
+    except np.linalg.LinAlgError:
+        return True
+    return bool(roundings * EPS * most >= 1.0)

@@ -166,7 +166,7 @@ def _assemble(
     size = int(chain[-1])
 
     def weights(ahead: _Ahead, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """On all states and on u[k], of ``rows`` of x(kT + eta)."""
+        """Weights of ``rows`` of x(kT + eta) on all states and on u[k]."""
         on_state, on_input = np.zeros((len(rows), size)), rows @ ahead.gain[0]
         on_state[:, :n] = rows @ ahead.transition
         for i in range(m):

@@ -14,7 +14,7 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     States as in `sample_delayed`; those beyond the plant's own are named "delay". Raises `ConfigError` for a
     period that is not positive, and for a plant that is sampled already.
 
-    >>> from middeck.systems.plants.own_plant import make_plant
+    >>> from middeck.systems.plants.plant_from_matrices import make_plant
     >>> sample_plant(make_plant([[-1.0]], [[1.0]], [[1.0]], delay_s=0.015), 0.01).state_names
     ('state 0', 'delay', 'delay')
     """

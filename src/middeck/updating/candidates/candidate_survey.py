@@ -1,4 +1,4 @@
-"""A modal test that may be made, and what it would measure of an article as it is thought to be."""
+"""A modal test that may be made, and what it would measure on the article as estimated."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.updating.residuals.surveys import SHAPE_STD
 from middeck.values import record
 
-# Of the largest motion in a mode: channels that have less of it do not see the mode.
+# Share of a mode's largest motion: channels with less do not measure the mode.
 SEEN = 0.01
 
 
@@ -35,7 +35,7 @@ class CandidateSurvey:
     Attributes:
         settings: As of `Survey`.
         frequency_std: Standard deviation of a frequency over the frequency.
-        shape_std: Of a channel over the rms of the mode's channels of its sort.
+        shape_std: Standard deviation over the rms of the mode's channels of that sort.
         channels: (node, direction) as of `MeasuredModes`; none for frequencies alone, None for every node's
             six directions and every joint.
         count: How many of the lowest modes of the band that move, suspension modes among them.
@@ -73,14 +73,17 @@ class CandidateSurvey:
 
 
 class Seen(NamedTuple):
-    """What a test would measure, and the modes of its band that its channels do not see: name and hertz."""
+    """The measured modes of a test, and those in its band that its channels do not see: name and hertz."""
 
     measured: MeasuredModes
     unseen: tuple[tuple[str, float], ...]
 
 
 def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
-    """Without noise, its deviations stated. Raises `ConfigError` where there is nothing to be seen."""
+    """What the candidate would measure, without noise, with its stated standard deviations.
+
+    Raises `ConfigError` where there is nothing to be seen.
+    """
     low, high = candidate.band_hz
     moving = [i for i, kind in enumerate(modes.kind) if kind != "rigid"]
     chosen = [i for i in moving if low <= modes.frequency_hz[i] <= high][: candidate.count]
@@ -116,7 +119,7 @@ def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequ
     most, moved = (_most(modes, one) for one in (every, own))
     large = np.any(moved > SEEN * most, axis=0)
     nodes, directions = zip(*channels, strict=True)
-    # Of a mode without any motion of a sort, rounding would be its largest part.
+    # In a mode without any motion of a sort, rounding would be the largest part.
     return large & np.any(seen(sensor_rows(modes, nodes, directions), modes)[:, list(chosen)], axis=0)
 
 

@@ -1,4 +1,4 @@
-"""Which test would help: what each of some tests would leave of the uncertainty of what is promised.
+"""Which test would help: the uncertainty of what is promised after each candidate test.
 
 What a test tells is in the slopes of what it reads, not in the values: so the deviations after it are known
 before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).
@@ -15,7 +15,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
-from middeck.updating.candidates.foreseen import Foreseen, foresee
+from middeck.updating.candidates.refinement_after_one_test import Foreseen, foresee
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import There, predict_at, solve_there
 from middeck.updating.refinement.refine import Refined
@@ -32,7 +32,7 @@ class Promised:
 
     Attributes:
         where: The environment of a mode, the load case of a gauge.
-        name: Of the mode, or of the gauge.
+        name: Name of the mode, or of the gauge.
         value: In ``unit``.
         std: Standard deviation of the logarithm of a frequency; of a reading over the largest that is
             promised of its gauge.
@@ -47,13 +47,13 @@ class Promised:
 
 @record(kw_only=True)
 class Ranked:
-    """What one test would leave.
+    """The uncertainty after one test.
 
     Attributes:
-        std: Of all that is promised, the standard deviations after the test, each as of `Promised`.
-        ratio: Of these, each over that before.
+        std: Standard deviations after the test of all that is promised, as in `Promised`.
+        ratio: Each of these over its value before.
         widest: The ratio of what is the widest before.
-        median: Of all ratios.
+        median: Median of all ratios.
         foreseen: The refinement with the test: what promises would stand on.
     """
 
@@ -67,7 +67,7 @@ class Ranked:
 
 @record(kw_only=True)
 class Ranking:
-    """What is promised, which of it is the widest, and tests from the best to the worst."""
+    """The promised quantities, the widest of them, and tests from the best to the worst."""
 
     promised: tuple[Promised, ...]
     widest: int
@@ -82,12 +82,12 @@ def rank_tests(
     count: int = 10,
     readings: Callable[[Refined], Sequence[Deflection]] | None = None,
 ) -> Ranking:
-    """The candidates by what each, alone, leaves of the widest of what is promised, then of the median.
+    """The candidates ranked by the widest promised interval that each alone would leave, then by the median.
 
     Promised are the lowest ``count`` modes that are not rigid, in each of the ``environments``, and what
     ``readings`` gives of a refinement, such as `predict_deflections` with load cases and gauges. A static
-    test is a `StaticTest` whose values are not looked at. Each candidate is refined on in thought, see
-    `middeck.updating.candidates.foreseen.foresee`, which holds for the article as it is now thought to be.
+    test is a `StaticTest` whose values are not looked at. Each candidate is evaluated by
+    `refinement_after_one_test.foresee`, which assumes that the article is as the refinement estimates it.
 
     Raises `ConfigError` for no candidate, nothing promised, a gauge that reads no more than its deviation,
     names given twice, and as `foresee`, which raises `NumericalError` too.

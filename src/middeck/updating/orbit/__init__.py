@@ -1,1 +1,1 @@
-"""From what was refined on the ground to another environment, above all orbit."""
+"""From a refinement on the ground to another environment, above all orbit."""

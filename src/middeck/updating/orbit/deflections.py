@@ -1,4 +1,4 @@
-"""What gauges will read under load cases that nobody has tried, from what was refined on those that were."""
+"""Gauge readings under untested load cases, from a refinement on tested ones."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def predict_deflections(
     since_unloaded: bool = True,
     series: str = "",
 ) -> tuple[Deflection, ...]:
-    """What ``gauges`` will read under each load case, since unloaded or since drawn.
+    """Readings of ``gauges`` under each load case, since unloaded or since drawn.
 
     Readings of a ``series`` of the static tests count from its unloaded reading. Errors of a model that was
     refined on no static test are what such models are thought to have. Raises

@@ -1,4 +1,4 @@
-"""Frequencies in another environment, above all in orbit, from what was refined on the ground."""
+"""Frequencies in another environment, above all in orbit, from a refinement on the ground."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from middeck.structure.model.umbilical import umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.refinement.mesh_and_shear import left_out
-from middeck.updating.refinement.own_errors import HALF, OwnErrors, sorts_of
+from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.complex_roots import LogRoots, roots_of_lowest
@@ -25,7 +25,7 @@ from middeck.values import record
 
 # Hz: of a cable that no model has, by which an article that floats may hang.
 CABLE_HZ = 0.03
-# Of a measured damping ratio whose deviation the test does not state, relative.
+# Relative standard deviation of a measured damping ratio for which the test states none.
 DAMPING_STD = 0.1
 # Part of a mode that need not have been seen.
 LITTLE = 0.01
@@ -36,16 +36,16 @@ class Prediction:
     """Modes as predicted, rigid ones left out.
 
     Attributes:
-        modes, index: Of the refined model, and which of its modes these are.
+        modes, index: Modes of the refined model, and which of them these are.
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
-        log_root: Of their covariance, as far as it is shared: by unknowns and errors of the refinement.
+        log_root: Root of their shared covariance, by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the surveys measured, by what each mode has of the shapes that it saw; of the rest,
             and where the survey states none, the article's. Where damping was refined: of the refined
             article's complex modes, with the model's errors of ln zeta as far as the modes share them.
         damping_seen: Part of each damping that was measured; one where damping was refined.
         damping_spread: Standard deviation of the logarithm of what was measured, or of what each has alone.
-        damping_root: Of the covariance of the logarithms, as far as it is shared; zero where damping was not
+        damping_root: Root of the shared covariance of the logarithms; zero where damping was not
             refined.
         seen: Part of each shape that the surveys saw.
         ground_hz: The refined model's frequency of the mode on the ground that has most of each; not a number
@@ -136,7 +136,7 @@ def predict_modes(
 
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
-    """What the tests of ``refined`` say of modes that are solved already."""
+    """The prediction of ``refined`` for modes that are solved already."""
     modes, index, slope, finer, roots = there
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
@@ -185,7 +185,7 @@ def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequen
 def _damping(
     refined: Refined, modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None
 ) -> dict[str, np.ndarray]:
-    """By shape, not by rank: what is lost in a cycle adds up over the shapes that a mode is made of."""
+    """Damping ratios by shape, not by rank: losses of a cycle add up over the parts of a shape."""
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
     root, nothing = np.zeros((len(index), refined.estimate.root.shape[1])), np.zeros(len(index))
     if errors is None:
@@ -207,7 +207,7 @@ def _damping(
 def _refined_damping(
     refined: Refined, roots: LogRoots, index: np.ndarray, share: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """By the refined article, and by what its ratios were off on the ground, mode by mode."""
+    """Damping ratios of the refined article, corrected by its errors on the ground, mode by mode."""
     found, slope = refined.estimate, roots.by_log_zeta[index]
     first = 1 + share.shape[1]
     own = slice(first, first + share.shape[1])

@@ -1,4 +1,4 @@
-"""Shapes of promised modes, by which a later test tells them apart whatever their order."""
+"""Shapes of promised modes, by which a later test identifies them in any order."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.refinement.refine import Refined
 from middeck.values import record
 
-# Of an article with more, so many nodes in even steps: a document is to be read.
+# Largest number of nodes in a document, in even steps: it has to stay readable.
 NODES = 60
-# Of the largest reading of a mode, which is one: more would hang on the machine.
+# Decimals of readings over the largest of a mode: more would differ between machines.
 DECIMALS = 4
 # A channel that moves as much as this part of the most moving one decides the sign: not the largest, of
 # which symmetric articles have two.
@@ -31,7 +31,7 @@ class PromisedShapes:
 
 
 def promised_shapes(refined: Refined, predicted: Prediction) -> PromisedShapes:
-    """At the channels that the surveys of ``refined`` had, and at nodes and joints of the article."""
+    """Shapes at the channels of the surveys of ``refined``, and at nodes and joints of the article."""
     modes = predicted.modes
     measured = [c.survey.measured for c in refined.compared]
     surveyed = [channel for m in measured for channel in zip(m.node, m.direction, strict=True)]
@@ -59,7 +59,7 @@ def _has(modes: Modes, channel: tuple[str, str]) -> bool:
 
 
 def _rounded(shape: np.ndarray) -> np.ndarray:
-    """With a sign and digits that hold on any machine."""
+    """The shape with a sign and digits that are equal on every machine."""
     if not shape.size:
         return shape
     size = np.abs(shape)

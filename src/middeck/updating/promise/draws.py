@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.finer import add_shear
+from middeck.structure.model.finer_mesh import add_shear
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE
@@ -32,13 +32,13 @@ from middeck.values import record
 
 @record(kw_only=True)
 class LoopSpread:
-    """What is not known of the loop beside the article.
+    """Uncertainty of the loop beside that of the article.
 
     Attributes:
         delay_s: Delay from command to reading of every path [s].
         delay_tolerance_s: Its tolerance to both sides, all values within as likely.
-        gain_tolerance: Of each sensor's gain, relative, likewise; an angle and its rate share one.
-        damping_std: Of the logarithm of a damping ratio that no survey measured.
+        gain_tolerance: Relative tolerance of each sensor's gain; an angle and its rate share one.
+        damping_std: Standard deviation of ln zeta for a mode that no survey measured.
         umbilical_hz: Frequency that a weak cable may give the article where there is no gravity, all from
             zero to this as likely (`tie_umbilical`). Frequencies of flexible modes allow for 0.03 Hz.
     """
@@ -68,7 +68,7 @@ class LoopSpread:
 
     @property
     def most_cable_hz(self) -> float:
-        """Of the cable that frequencies of flexible modes may have, stated or not."""
+        """Highest frequency of a cable that frequencies of flexible modes allow for, stated or not."""
         return max(self.umbilical_hz, CABLE_HZ)
 
 
@@ -77,7 +77,7 @@ class DrawnPlants:
     """Plants, and what was drawn for each.
 
     Attributes:
-        names: Of what was drawn: unknowns, errors of frequency and damping mode by mode, delay, gains.
+        names: Names of drawn numbers: unknowns, errors of each mode's frequency and damping, delay, gains.
         drawn: In deviations from its mean, those within tolerances in parts of these; a row a plant.
     """
 
@@ -96,9 +96,9 @@ class Drawing:
         build, finish, loop: As `draw_plants` has them.
         sensors: Each output's, an angle and its rate being one's.
         n: Numbers of the estimate's root.
-        alone, lossy: Of each mode's own error and damping.
-        pulls: Of the umbilical's frequency, from zero to one.
-        late, gains: Of the delay and of each sensor's gain, from -1 to 1.
+        alone, lossy: Numbers of each mode's own error and damping.
+        pulls: Share of the umbilical's frequency, from zero to one.
+        late, gains: Place of the delay and of each sensor's gain within its tolerance, from -1 to 1.
     """
 
     refined: Refined
@@ -128,7 +128,7 @@ class Drawing:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of what is drawn, as `DrawnPlants` has them."""
+        """Names of what is drawn, as in `DrawnPlants`."""
         modes = [self.mean.modes.name[i] for i in self.mean.index]
         return (
             *(u.name for u in self.refined.unknowns),
@@ -156,7 +156,7 @@ class Drawing:
         modal = _scaled_outputs(modal, np.array([gain[s] for s in self.sensors]))
         plant = self.finish(dataclasses.replace(plant, dynamics=modal))
         delay = loop.delay_s + loop.delay_tolerance_s * late
-        # What has no tolerance was not drawn, and no risk hangs on it.
+        # A number without tolerance was not drawn, and no risk depends on it.
         of_loop = [
             late * (loop.delay_tolerance_s > 0.0),
             (2.0 * self.pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),
@@ -235,7 +235,7 @@ def mean_plant(mean: Prediction, build: Callable[[Modes], Plant]) -> Plant:
 
 
 def _sensors(plant: Plant) -> tuple[str, ...]:
-    """Of each output; an angle and its rate are one sensor's."""
+    """The sensor of each output; an angle and its rate are of one sensor."""
     return tuple(port.name.removesuffix(RATE) for port in plant.outputs)
 
 

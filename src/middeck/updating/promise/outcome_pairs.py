@@ -21,7 +21,7 @@ from middeck.updating.residuals.pairing import WINDOW, pair_shapes
 from middeck.values import record
 
 By = Literal["shape", "name", "number"]
-# Of the MAC of its pair: a measured shape that resembles another promised one as much may be that one.
+# Share of its pair's MAC: a measured shape that resembles another promised one as much may be that one.
 AS_ALIKE = 0.8
 LISTED = 8
 
@@ -64,7 +64,7 @@ class Paired:
 
     Attributes:
         index, name: In the promise's order, from 0, and as it calls the mode.
-        mac: Of the two shapes, at the channels that both have; None without shapes.
+        mac: MAC of the two shapes, at the channels that both have; None without shapes.
         open: Why it may be another promised mode, in words; empty where it is clear.
     """
 
@@ -78,7 +78,10 @@ class Paired:
 
 
 def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> Paired:
-    """By name, else by number. Raises `DataError` where the promise has no such mode, or several."""
+    """Modes paired by name, else by number.
+
+    Raises `DataError` where the promise has no such mode, or several.
+    """
     where = f"outcome, mode of {came.frequency_hz:.5g} Hz in {promised.environment}"
     if came.number is not None and came.number > len(promised.name):
         raise DataError(

@@ -38,13 +38,13 @@ CLOSE = 0.1
 
 @record(kw_only=True)
 class RobustBound:
-    """What the worst of several plants is for one compensator, and for any other of its effort.
+    """The worst of several plants for one compensator, and for any other of its effort.
 
     Decibels count from each plant's rms without control, over all frequencies.
 
     Attributes:
         draws: How many plants.
-        worst_db: Of the compensator, the largest over the plants; ``inf`` where it is unstable on one.
+        worst_db: Largest of the compensator over the plants; ``inf`` where it is unstable on one.
         no_linear_law_below_db: For any linear compensator between the same ports, of any order, whose effort
             is no more on each of the plants, the largest over them is this at least; ``nan`` where no plant
             has a bound.

@@ -19,15 +19,27 @@ from middeck.structure.modes.solve import Modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
-from middeck.updating.promise.blocks import Measured, Site, blocks, join_blocks, measure_block, seen_by
+from middeck.updating.promise.blocks_of_draws import (
+    Measured,
+    Site,
+    blocks,
+    join_blocks,
+    measure_block,
+    seen_by,
+)
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
-from middeck.updating.promise.outlook import Outlook, highest_promised, look_ahead, with_friction
 from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept, SweptPlants, sweep_plants, try_sweep
 from middeck.updating.promise.slip_run import join_slips
 from middeck.updating.promise.slip_time import SlipTime
+from middeck.updating.promise.stability_probability import (
+    Outlook,
+    highest_promised,
+    look_ahead,
+    with_friction,
+)
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
@@ -35,13 +47,13 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Promise:
-    """What is promised of every compensator in one environment.
+    """The promise for every compensator in one environment.
 
     Attributes:
         modes: Frequencies, with their intervals.
         plants: Those drawn, inner loops closed and delays in.
         outlooks: In the order of the plan: compensators given, then those of the ladder.
-        rest_rms: Of the performance without any compensator, by draw.
+        rest_rms: Rms of the performance without any compensator, by draw.
         bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
         highest: The last of the ladder that is promised stable, and every one before it; None for none.
         swept: Plants of the sweep of the plan, around the most probable one.
@@ -97,7 +109,10 @@ def promise(
 
 
 def set_sites(refined: Refined, plan: Plan) -> dict[str, Site]:
-    """What the draws share, by environment. Raises as `promise`, of whose draws none is built yet."""
+    """The values that the draws share, by environment.
+
+    Raises as `promise`, of whose draws none is built yet.
+    """
     plan = with_refined(plan, refined)
     first = next(iter(plan.environments.values()))
     modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)

@@ -1,4 +1,4 @@
-"""What came beside what was promised, and how good many promises were."""
+"""Outcomes beside promised intervals, and the score of many promises."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Kind = Literal["mode", "compensator", "reading"]
 
 @record(kw_only=True)
 class Statement:
-    """What was said of one quantity before it was known.
+    """A statement about one quantity before it was known.
 
     Attributes:
         kind, name: Which quantity it is, both together: a compensator may be called as a mode is.
         low, high: Its 95 % interval, in its unit; ``inf`` where it may be lost altogether.
-        probability: Of a loop, that it is stable; None for other quantities.
-        cautious: Of a loop, the decibels that it reaches with 99 %; None for other quantities.
+        probability: Probability that a loop is stable; None for other quantities.
+        cautious: Decibels that a loop reaches with 99 % probability; None for other quantities.
     """
 
     kind: Kind
@@ -35,7 +35,7 @@ class Statement:
 
 @record(kw_only=True)
 class Scored:
-    """What came of it; an unstable loop has no ``value``."""
+    """The outcome of a statement; an unstable loop has no ``value``."""
 
     kind: Kind
     name: str

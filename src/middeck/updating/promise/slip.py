@@ -1,4 +1,4 @@
-"""Dry friction of joints in a promise: what is known of it, and what is drawn."""
+"""Dry friction of joints in a promise: stated values, tolerances and draws."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class JointSlip:
     """A joint that gives way by a slip angle and then slips, see `middeck.joints.friction.Friction`.
 
     Attributes:
-        name: Of the joint's motor and of the angle that is read there.
+        name: Name of the joint's motor and of the angle that is read there.
         slip_torque: Torque [N m] at which it slips; along a slide [N].
         slip_angle: How far [rad] it gives way before; along a slide [m].
         viscous: Viscous drag [N m s/rad] beside it; along a slide [N s/m].
@@ -53,7 +53,7 @@ class DrawnSlips:
 
     @property
     def stiffness(self) -> Float[np.ndarray, "draw joint"]:
-        """Of the presliding springs [N m/rad]."""
+        """Stiffness of the presliding springs [N m/rad]."""
         return self.slip_torque / self.slip_angle
 
 

@@ -9,8 +9,8 @@ import scipy.linalg as sla
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.law.compensator import Compensator, locate_ports
+from middeck.control.robust.verification.batch import same_shapes
 from middeck.control.robust.verification.many_loops import decide_many
-from middeck.control.robust.verification.monte_carlo import same_shapes
 from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
@@ -106,7 +106,7 @@ def noise_response(
     wiring: SlipPorts,
     frequency_hz: Float[np.ndarray, " line"],
 ) -> Complex[np.ndarray, "line output noise"]:
-    """Of angles and performance to the disturbances, then to the noise of what ``law`` reads; delay exact."""
+    """Response of angles and performance to disturbances, then to noise read by ``law``; exact delay."""
     w, rows = plant.input_indices(wiring.disturbances), _rows(plant, wiring)[1]
     G = open_response
     if law is None:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.delay_order import approximation_order
+from middeck.control.law.delay_order import pade_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.joints.sliding import SlidingLoops, slide
@@ -49,7 +49,7 @@ class Slipped:
     Attributes:
         db: What friction adds to the rms of the performance, by draw; ``inf`` where the slipping loop is
             unstable. Draws differ by as much as articles do, without what their records add.
-        variance: Of what a draw's records say, by the noise.
+        variance: Variance of a draw's result by the noise of its records.
         travel: Rms of each joint's angle [rad].
         sticks: Whether the loop with its sliders as springs does not grow.
     """
@@ -62,14 +62,20 @@ class Slipped:
 
 @record(kw_only=True)
 class SlipRun:
-    """How every compensator, and under the key None no compensator, is simulated on all draws alike."""
+    """How every compensator, and under the key None no compensator, is simulated on all draws alike.
+
+    Attributes:
+        order: Of the Pade approximation of the loop's delay, for the band of the noise. One for modes far
+            above it is no better there, and its poles nearly coincide with those of a compensator designed
+            on one: their residues cancel (7 % of a joint's answer to its slider, at order 40 of 30 ms).
+    """
 
     plan: Plan
     laws: Mapping[str | None, Compensator | None]
     slips: DrawnSlips
     wiring: SlipPorts
     time: SlipTime
-    orders: Mapping[str | None, int]
+    order: int
 
 
 def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
@@ -84,16 +90,9 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
     )
     every: dict[str | None, Compensator | None] = {None: None, **laws}
     own = _own_ports(first, every.values(), wiring)
-    return SlipRun(
-        plan=plan,
-        laws=every,
-        slips=slips,
-        wiring=wiring,
-        time=choose_time(own, every.values(), slips, plan, wiring),
-        orders={
-            name: 1 if law is None else approximation_order(own, law.system) for name, law in every.items()
-        },
-    )
+    time = choose_time(own, every.values(), slips, plan, wiring)
+    order = pade_order(2.0 * np.pi * time.band_hz * float(own.delay_s.max(initial=0.0)))
+    return SlipRun(plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=order)
 
 
 def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:
@@ -116,7 +115,7 @@ def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str
             first=start + first,
         )
         for name, law in run.laws.items():
-            parts[name].append(_run(run, some, law, run.orders[name]))
+            parts[name].append(_run(run, some, law))
     return {name: _joined(each) for name, each in parts.items()}
 
 
@@ -157,8 +156,8 @@ class _Draws:
     first: int
 
 
-def _run(asked: SlipRun, some: _Draws, law: Compensator | None, order: int) -> Slipped:
-    around = [around_sliders(p, law, asked.wiring, order) for p in some.plants]
+def _run(asked: SlipRun, some: _Draws, law: Compensator | None) -> Slipped:
+    around = [around_sliders(p, law, asked.wiring, asked.order) for p in some.plants]
     forms = [pole_form(loop) for loop in around]
     held = {i: form for i, form in enumerate(forms) if form is not None}
     count, joints = some.stiffness.shape
@@ -202,7 +201,7 @@ def _with_friction(
 def _ratio_db(
     upper: Float[np.ndarray, "draw record"], lower: Float[np.ndarray, "draw record"]
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]]:
-    """Of two sums over records, and the variance of that (Cochran 1977, "Sampling techniques", chapter 6)."""
+    """Decibels of the ratio of two sums over records, and their variance (Cochran 1977, chapter 6)."""
     above, records = upper.sum(axis=1), upper.shape[1]
     ratio = above / lower.sum(axis=1)
     off = (upper - ratio[:, None] * lower) / above[:, None]
@@ -252,7 +251,7 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
 def _mean_square(
     z: Float[np.ndarray, "sample loop output"], band_hz: tuple[float, float] | None, time: SlipTime
 ) -> Float[np.ndarray, " loop"]:
-    """Of all outputs together; in a band by the lines that the noise has, half a step off zero."""
+    """Mean square of all outputs together; in a band by the noise's lines, half a step off zero."""
     if band_hz is None:
         return np.mean(np.sum(z**2, axis=2), axis=0)
     half = np.exp(-1j * np.pi * np.arange(len(z)) / len(z))[:, None, None]

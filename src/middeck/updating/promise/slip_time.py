@@ -54,7 +54,7 @@ class SlipTime:
 
     @property
     def samples(self) -> int:
-        """Of the record."""
+        """Number of samples of the record."""
         return round(self.record_s * self.sample_hz)
 
     @property
@@ -64,14 +64,17 @@ class SlipTime:
 
     @property
     def lines_hz(self) -> Float[np.ndarray, " line"]:
-        """Of the noise: halfway between multiples of one over the record, so that none is at rest."""
+        """Lines of the noise: halfway between multiples of one over the record, so that none is at zero."""
         return (np.arange(int(self.band_hz * self.record_s)) + 0.5) / self.record_s
 
 
 def choose_time(
     plant: Plant, laws: Iterable[Compensator | None], slips: DrawnSlips, plan: Plan, wiring: SlipPorts
 ) -> SlipTime:
-    """By one plant. Raises `ConfigError` for a joint whose torque does not turn its own angle."""
+    """The times of a run, by one plant.
+
+    Raises `ConfigError` for a joint whose torque does not turn its own angle.
+    """
     alone = around_sliders(plant, None, wiring, 1)
     joints = len(wiring.joints)
     turning = alone.C[:joints] @ alone.A @ alone.B  # angular acceleration by torque

@@ -42,7 +42,7 @@ def common_rests(problem: Linear, links: Sequence[tuple[int, int, float]]) -> Li
 
 
 def same_modes(made: Sequence[Compared], new: Compared) -> list[tuple[int, int, float]]:
-    """Of each row of a new survey, which comes after all others, the row that it has most in common with.
+    """The row that each row of a new, last survey has most in common with, and how much.
 
     An error E of the model is phi_i'E phi_m in the row of mode i and a pair whose own mode is m: in modes of
     another set-up, each made of these, it has the product of the two parts.

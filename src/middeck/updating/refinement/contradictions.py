@@ -20,7 +20,7 @@ CONTRADICT = 2.0
 
 
 class Tests(NamedTuple):
-    """What was measured beside the model, in the order of the rows of `linear_problem`."""
+    """Measured values beside the model, in the order of the rows of `linear_problem`."""
 
     compared: tuple[Compared, ...]
     heard: tuple[ComparedResponse, ...]
@@ -40,7 +40,7 @@ class Tests(NamedTuple):
         return np.concatenate(own)
 
     def widened(self, kind: type, by: float) -> Tests:
-        """With deviations of frequencies, or of ln zeta, so many times larger."""
+        """The tests with deviations of frequencies, or of ln zeta, so many times larger."""
         name = "compared" if kind is Compared else "damped"
         return self._replace(**{name: tuple(_widened(t, by) for t in getattr(self, name))})
 

@@ -1,4 +1,4 @@
-"""Which unknowns a refinement can find: how far each moves what was measured, and which move it alike.
+"""Which unknowns a refinement can determine: how far each moves the measured values, and which alike.
 
 Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
 one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it
@@ -94,7 +94,7 @@ def weigh_unknowns(
 
 
 def _usual(compared: object, model_error: float, static_error: float, damping_error: float) -> float:
-    """What the model is thought to be wrong by beside noise; in a response's rows that is counted already."""
+    """Usual error of the model beside noise; in a response's rows it is counted already."""
     if isinstance(compared, ComparedResponse):
         return 0.0
     if isinstance(compared, ComparedDamping):

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.contradictions import CONTRADICT
-from middeck.updating.refinement.own_errors import HALF, sorts_of
+from middeck.updating.refinement.model_errors import HALF, sorts_of
+from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.posterior import errors_shown
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
+from middeck.updating.refinement.wrong_channels import wrong_channels
+from middeck.updating.refinement.wrong_readings import wrong_readings
 from middeck.updating.residuals.damping import log_std
 from middeck.updating.residuals.surveys import Compared, left_open
 
-# Of the prior deviation: an unknown that keeps this much of it was not seen.
+# Share of the prior standard deviation: an unknown that keeps this much was not determined.
 KEPT = 0.9
 # Prior deviations: an unknown that ends farther away is where the prior said that it is not.
 FAR = 2.5
-# Of a direction: parameters with a smaller part of it are not named.
+# Component of a direction below which a parameter is not named.
 PART = 0.35
 # A model error this many times the noise of the test counts.
 ABOVE = 2.0
@@ -71,7 +75,22 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *_of_responses(refined),
         *_of_damping(refined),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
+        *_of_other_pairs(refined),
+        *(said for c in refined.compared for said in wrong_channels(c)),
+        *wrong_readings(refined),
     )
+
+
+def _of_other_pairs(refined: Refined) -> Iterator[str]:
+    several = itertools.groupby(other_pairs(refined), lambda pair: pair.survey)
+    for survey, (first, *more) in several:
+        others = f" (so may {len(more)} more of its modes be others)" if more else ""
+        yield (
+            f"{survey}: the measured mode of {first.measured_hz:.4g} Hz was taken for the model's of "
+            f"{first.paired_hz:.4g} Hz and may as well be that of {first.other_hz:.4g} Hz{others}: shapes do "
+            "not tell them apart, the priors allow either, and if it is, all that is stated is wrong. "
+            "Measured shapes, modes that are missing, or narrower spreads would tell"
+        )
 
 
 def _mixing(compared: Compared, some: Sequence[tuple[float, float]]) -> str:
@@ -155,6 +174,13 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
 
 
 def _of_responses(refined: Refined) -> Iterator[str]:
+    for c in refined.compared:
+        if c.survey.friction and c.survey.response is not None:
+            yield (
+                f"{c.survey.name}: the response is compared with shapes of joints that swing freely; a "
+                "joint that sticks makes others: leave the response out, or take friction out of the record "
+                "before the fit (identify --friction)"
+            )
     for heard in refined.responses:
         if heard.miss > MISSED:
             yield (

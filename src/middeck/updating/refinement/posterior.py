@@ -1,4 +1,4 @@
-"""Linear estimate of unknowns and of what the model cannot do, each with what is known of it before.
+"""Linear estimate of unknowns and of the model's own errors, each with its prior.
 
     y = J x + S d + e,    x ~ N(m, spread^2),  d_j ~ N(0, tau_j^2),  e ~ N(0, std^2)
 
@@ -131,7 +131,7 @@ def most_probable(
 def unseen_deviations(
     problem: Linear, tau: Float[np.ndarray, " sort"], usual: float | Float[np.ndarray, " sort"] = USUAL
 ) -> Float[np.ndarray, " sort"]:
-    """Of errors that no test saw: those whose normal 95 % interval holds 95 %, tau itself being uncertain.
+    """Standard deviations of errors that no test measured: 95 % intervals that allow for an uncertain tau.
 
     Few modes say little of tau, and the most probable one is too small for what they do not show. ``tau`` are
     the most probable; each is let go by itself, the others held.

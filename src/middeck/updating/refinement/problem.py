@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from middeck.updating.refinement.mesh_and_shear import left_out
-from middeck.updating.refinement.own_errors import OwnErrors, sorts_of
+from middeck.updating.refinement.model_errors import OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import KNOWN, Linear
 from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.gauges import Gauge
@@ -25,12 +25,12 @@ MODAL = len(MODES)
 
 
 def sort_names(statics: bool, damped: bool) -> tuple[str, ...]:
-    """Of the model's own errors, where there are static tests or not, and rows of damping or not."""
+    """Names of the model's own errors, with or without static tests and rows of damping."""
     return (*MODES, *STATIC * statics, *(DAMPED,) * damped)
 
 
 class _Errors(NamedTuple):
-    """Of the model, in rows: what each shares of errors (`Linear.S`) and their sorts."""
+    """Errors of the model, in rows: what each shares of errors (`Linear.S`) and their sorts."""
 
     S: np.ndarray
     rest: np.ndarray
@@ -85,7 +85,7 @@ def _of_modes(compared: Sequence[Compared]) -> _Errors:
 
 
 def _of_mesh_and_shear(compared: Compared) -> np.ndarray:
-    """What more elements and shear would change in each row."""
+    """Change of each row by more elements and shear."""
     own, (of, place) = compared.pairs[:, 0], compared.rows.T
     index, at = np.unique(np.append(own, place), return_inverse=True)
     k = at[: len(own)][of]

@@ -26,7 +26,6 @@ from middeck.updating.residuals.damping import (
     solve_damped_near,
     states_damping,
 )
-from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
     ComparedStatic,
@@ -53,7 +52,7 @@ from middeck.values import record
 ELSEWHERE = (ENVIRONMENT, LOOP, FRICTION)
 # Relative errors of a beam model's sag and, over them, of each reading, that are thought likely before.
 USUAL_STATIC, OF_READING = 0.02, 0.25
-# Of ln zeta: what loss factors and dampers make of a mode is thought likely to be off by this much.
+# Usual error of ln zeta that loss factors and dampers give a mode.
 USUAL_DAMPING = 0.2
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
@@ -82,8 +81,8 @@ class Refined:
         fields: Strains of the static tests, which have errors of their own; None where there are no tests.
         unseen: Deviations of the model's own errors that no test saw, one a sort: ``estimate.tau``, and more
             where the tests say little of it.
-        responses: Of the surveys that have one, beside the model.
-        damped: Of the surveys that state damping, beside the model; none where no unknown moves any.
+        responses: Responses of the surveys that have one, beside the model.
+        damped: Damping of the surveys that state it, beside the model; none if no unknown moves any.
     """
 
     structure: Structure
@@ -108,7 +107,7 @@ class Refined:
 
     @property
     def sorts(self) -> tuple[str, ...]:
-        """Of the model's own errors, one ``estimate.tau`` each."""
+        """Names of the model's own errors, one for each ``estimate.tau``."""
         return sort_names(bool(self.statics), bool(self.damped))
 
     @property
@@ -134,7 +133,7 @@ class Refined:
 
     @property
     def factors(self) -> dict[str, float]:
-        """Of the article's parameters by name, as the ``[factors]`` of its file take them.
+        """Factors of the article's parameters by name, as the ``[factors]`` of its file take them.
 
         What is added, and what belongs to an environment or a loop, has no place there (`left_out`).
         """
@@ -147,7 +146,7 @@ class Refined:
         return factors
 
     def friction(self) -> tuple[RefinedFriction, ...]:
-        """Of each joint whose friction the surveys state, in the order of their first."""
+        """Friction of each joint for which surveys state it, in the order of their first."""
         rows = self.estimate.root[: len(self.unknowns)]
         stated = {f.joint: f for c in self.compared for f in c.survey.friction}
         return tuple(
@@ -191,7 +190,7 @@ def refine(
     static_error: float = USUAL_STATIC,
     damping_error: float = USUAL_DAMPING,
 ) -> Refined:
-    """The most probable unknowns. ``structure`` is the article as drawn, whatever they are.
+    """The most probable unknowns, given all tests; ``structure`` is the article as drawn.
 
     ``model_error`` is what the frequencies of a model of this sort are thought to be wrong by, in parts of
     one, whatever its numbers, ``static_error`` what its members yield, ``damping_error`` its damping ratios
@@ -208,12 +207,13 @@ def refine(
     sizes = [model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics)
     usual = np.array(sizes + [damping_error] * lossy)
     x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
-    at = first = places.solve(x, lossy)
+    at, first = places.solve(x, lossy), ()
     # Responses and damping are nearly linear in what is left when the modes have settled, and not before.
     settled, open_x = False, np.diag(spread)
     measured = lossy or any(s.response is not None for s in surveys)
     while True:
         tests = places.compare(at, statics, settled)
+        first = first or (tests.compared, at.loaded)
         heard = places.hear(tests.compared, x, open_x) if settled else ()
         fields = ErrorFields.of(at.loaded) if at.loaded else None
         tests, problem, found = estimate_of(tests._replace(heard=heard), fields, x - mean, spread, usual)
@@ -234,10 +234,8 @@ def refine(
         statics=tests.statics,
         linear_at=x,
         estimate=found,
-        before_hz=tuple(_before(old, c) for old, c in zip(first.modes, tests.compared, strict=True)),
-        before=tuple(
-            tuple(old.value(t.gauges).tolist()) for old, t in zip(first.loaded, statics, strict=True)
-        ),
+        before_hz=tuple(_before(*both) for both in zip(first[0], tests.compared, strict=True)),
+        before=tuple(tuple(old.value(t.gauges).tolist()) for old, t in zip(first[1], statics, strict=True)),
         history=tuple(history),
         converged=history[-1] < SMALL,
         fields=fields,
@@ -261,11 +259,10 @@ def compare_at_first(
     return tests._replace(heard=places.hear(tests.compared, mean, np.diag(spread))).every
 
 
-def _before(old: Modes, compared: Compared) -> tuple[float, ...]:
-    """Of the modes that the measured ones were at first; where one was none, not a number."""
-    hz = dict.fromkeys(compared.pairs[:, 1].tolist(), np.nan)
-    hz |= {j: old.frequency_hz[i] for i, j in pair(old, compared.survey.measured).tolist() if j in hz}
-    return tuple(hz[j] for j in compared.pairs[:, 1].tolist())
+def _before(old: Compared, new: Compared) -> tuple[float, ...]:
+    """Frequencies, before the refinement, of the modes paired with the measured ones; NaN without a pair."""
+    hz = {j: float(old.modes.frequency_hz[i]) for i, j in old.pairs.tolist()}
+    return tuple(hz.get(j, np.nan) for j in new.pairs[:, 1].tolist())
 
 
 class _At(NamedTuple):
@@ -344,6 +341,15 @@ def _places(
         set_up_static(structure, t.environment, t.settings, t.load_case, t.since_unloaded, unknowns)
         for t in statics
     ]
+    stated: dict[str, tuple[float, float]] = {}
+    for friction in (f for s in surveys for f in s.friction):
+        sizes = friction.slip_torque, friction.slip_angle
+        if stated.setdefault(friction.joint, sizes) != sizes:
+            raise ConfigError(
+                f"surveys state two slip torques or slip angles of joint {friction.joint!r}",
+                where="friction",
+                hint="one joint has one; what it may be is the spread of an unknown",
+            )
     for k, unknown in enumerate(unknowns):
         heard = [s.response.ports for s in surveys if s.response is not None]
         rubbed = [f for s in surveys for f in s.friction]
@@ -371,14 +377,14 @@ def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
 
 def _moved(places: _Places, x: np.ndarray, step: np.ndarray, lossy: bool) -> tuple[np.ndarray, _At]:
     """A step, shorter where the article has no rest state at its end, or damping ratios that cannot be."""
+    why = ""
     for _ in range(HALVINGS):
         try:
             return x + step, places.solve(x + step, lossy)
-        except (ConfigError, NumericalError):
-            step = 0.5 * step
+        except (ConfigError, NumericalError) as error:
+            step, why = 0.5 * step, error.what
     raise NumericalError(
-        "the article has no equilibrium, or a mode a damping ratio of one and more, at the values towards "
-        "which the refinement moves the unknowns",
+        f"there is no such article at the values towards which the refinement moves the unknowns: {why}",
         where="refinement",
         hint="narrower spreads, or fewer unknowns",
     )
@@ -397,7 +403,7 @@ def problem_of(
 
 
 def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
-    """Of each survey by name, the mean of what the refined article leaves of ln f."""
+    """Each survey by name, with the mean residual of ln f in the refined article."""
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     left = problem.y - problem.J @ refined.estimate.x - problem.S @ refined.estimate.d
     first = np.cumsum([0, *(len(c.rows) for c in refined.compared)])

@@ -7,19 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.errors import ConfigError
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damped_modes import DampedModes, damping_ratios, solve_damped, solve_stiffened
+from middeck.structure.plants.damped_modes import DampedModes, damped_roots, damping_ratios, solve_damped
 from middeck.structure.sensitivity.damping import differentiate_pencil, steepness
 from middeck.structure.sensitivity.parameters import read_parameter
 from middeck.updating.residuals.friction import Added
+from middeck.updating.residuals.own_articles import SPARE
+from middeck.updating.residuals.surveys import Paired
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record
-
-# Modes above the highest that is asked for, which losses may mix into it; and by how much, relative, a root
-# with friction may move without the last of these: a joint that sticks bends the article where it holds, as
-# a sum of free modes does slowly.
-SPARE, MISSED = 6, 1e-3
 
 
 @record
@@ -48,7 +44,7 @@ class LogRoots:
 
 
 def roots_of_lowest(modes: Modes, bound: Sequence[Bound], count: int) -> LogRoots:
-    """Of the lowest ``count`` modes, and of `SPARE` above these, without friction."""
+    """Roots of the lowest ``count`` modes, and of `SPARE` above these, without friction."""
     damped = solve_damped(modes, count=count + SPARE)
     return differentiate_roots(modes, damped, damped.s, damped.shapes, bound, ())
 
@@ -61,7 +57,7 @@ def differentiate_roots(
     bound: Sequence[Bound],
     added: Sequence[Added],
 ) -> LogRoots:
-    """Of roots in the losses of ``damped``; joints have ``added`` stiffness, one value for every root."""
+    """Derivatives of roots in the losses of ``damped``, under ``added`` joint stiffness for each root."""
     both = modes.equilibrium.model.structure, modes.equilibrium.environment
     now = [[read_parameter(*both, p) for p in b.parameters] for b in bound]
     parameters = [p for own in now for p in own]
@@ -80,44 +76,25 @@ def differentiate_roots(
             slope[k] += step
             of_losses[k] += step * parameter.name.startswith(DAMPING)
         for a in added:
-            pushed = -a.slope[k] * (a.row @ shapes) ** 2 / steep
-            slope[k] += pushed
-            of_losses[k] += pushed
+            moved = (a.row @ shapes) ** 2 / steep
+            slope[k] -= a.slope[k] * moved
+            of_losses[k] -= 1j * np.imag(a.slope[k]) * moved
     return LogRoots(s, shapes, slope.T, of_losses.T)
 
 
-def stiffened_roots(
-    damped: DampedModes, ours: np.ndarray, added: Sequence[Added], omega: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Root and shape of each pair, with the friction that it has at its amplitude.
-
-    Raises `ConfigError` where the modes are too few for the stiffness of the joints.
-    """
-    if not added:
-        return damped.s[ours], damped.shapes[:, ours]
-    s, shapes = _stiffened(damped, ours, added, omega, len(omega))
-    fewer = max(len(omega) - SPARE, int(ours.max(initial=0)) + 1)
-    moved = np.abs(_stiffened(damped, ours, added, omega, fewer)[0] / s - 1.0)
-    if moved.max(initial=0.0) > MISSED:
-        hz = np.abs(s[np.argmax(moved)]) / (2.0 * np.pi)
-        raise ConfigError(
-            f"joints with friction are too stiff for {len(omega)} modes: the mode at {hz:.4g} Hz moves by "
-            f"{100.0 * moved.max():.2g} % without the last {len(omega) - fewer}",
-            where="surveyed friction",
-            hint="a test in which the joints slip, or an article with an elastic joint that sticks",
-        )
-    return s, shapes
-
-
-def _stiffened(
-    damped: DampedModes, ours: np.ndarray, added: Sequence[Added], omega: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of the lowest ``count`` free modes alone."""
-    kept = slice(count)
-    few = DampedModes(damped.s[kept], *(M[kept, kept] for M in damped[1:]))
-    rows = np.array([a.row[kept] for a in added])
-    found = [
-        solve_stiffened(few, omega[kept], int(i), rows, np.array([a.stiffness[k] for a in added]))
-        for k, i in enumerate(ours)
-    ]
+def roots_of_pairs(
+    damped: DampedModes, paired: Paired
+) -> tuple[Complex[np.ndarray, " pair"], Complex[np.ndarray, "mode pair"]]:
+    """Root of each pair with what friction loses at its amplitude, and its shape in its article's modes."""
+    if paired.own.turn is None:
+        return damped.s[paired.labels], damped.shapes[:, paired.labels]
+    rows = np.array([a.row for a in paired.added])
+    count, found = paired.own.count, []
+    for k, label in zip(paired.pairs[:, 1], paired.labels, strict=True):
+        turn = paired.own.turn[k]
+        lost = np.imag([a.stiffness[k] for a in paired.added])
+        H = turn.T @ (damped.hysteresis + (rows.T * lost) @ rows) @ turn
+        own = paired.own.modes.omega[count * k :][:count]
+        s, shapes = damped_roots(own, turn.T @ damped.losses @ turn, H)
+        found.append((s[label], shapes[:, label]))
     return np.array([s for s, _ in found]), np.array([v for _, v in found]).T

@@ -15,10 +15,11 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError, DataError
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, solve_damped
-from middeck.updating.residuals.complex_roots import SPARE, LogRoots, differentiate_roots, stiffened_roots
+from middeck.updating.residuals.complex_roots import LogRoots, differentiate_roots, roots_of_pairs
 from middeck.updating.residuals.friction import Added, add_friction
-from middeck.updating.residuals.pairing import WINDOW, pair
-from middeck.updating.residuals.surveys import Compared, Survey, compare
+from middeck.updating.residuals.own_articles import SPARE
+from middeck.updating.residuals.pairing import WINDOW
+from middeck.updating.residuals.surveys import Compared, Survey, compare, pair_survey
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record
 
@@ -36,7 +37,7 @@ class ComparedDamping:
         residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
         likeness: Part of each complex mode that is its real one.
         left_out: Paired measured modes whose ratio is zero, not stated or not determined.
-        frequency_hz: Of the complex modes of all pairs of the survey, in their order.
+        frequency_hz: Frequency of the complex modes of all pairs of the survey, in their order.
     """
 
     survey: Survey
@@ -83,19 +84,20 @@ def compare_with_damping(
     ``damped`` is of `solve_damped_near`. Raises as `compare`, `DataError` for ratios in per cent, and
     `ConfigError` for deviations that are not stated and a mode to which the model gives no damping.
     """
-    pairs = pair(modes, survey.measured)
-    ours, theirs = pairs.T
-    added = _at_pairs(add_friction(modes, len(damped.s), survey.friction, bound, x), theirs)
-    s, shapes = stiffened_roots(damped, ours, added, modes.omega[: len(damped.s)])
+    count = len(damped.s)
+    paired = pair_survey(modes, survey, add_friction(modes, count, survey.friction, bound, x), count)
+    ours, theirs = paired.pairs.T
+    s, mixed = roots_of_pairs(damped, paired)
     higher = np.ones(len(survey.measured.frequency_hz))
-    higher[theirs] = np.abs(s) / modes.omega[ours]
-    found = compare(modes, _slower(survey, higher), bound, pairs)
-    roots = differentiate_roots(modes, damped, s, shapes, bound, added)
+    higher[theirs] = np.abs(s) / paired.own.modes.omega[ours]
+    found = compare(modes, _slower(survey, higher), bound, paired)
+    shapes = paired.own.in_free(mixed, theirs)
+    roots = differentiate_roots(modes, damped, s, shapes, bound, _at_pairs(paired.added, theirs))
     slope, residual = found.slope.copy(), found.residual.copy()
-    slope[: len(pairs)] += np.real(roots.of_losses)
-    residual[len(pairs) :] -= _mixed(found, shapes)
+    slope[: len(ours)] += np.real(roots.of_losses)
+    residual[len(ours) :] -= _mixed(found, mixed)
     compared = dataclasses.replace(found, survey=survey, slope=slope, residual=residual)
-    return compared, _rows(compared, roots, bound)
+    return compared, _rows(compared, roots, mixed, bound)
 
 
 def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:
@@ -103,16 +105,16 @@ def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:
 
 
 def _mixed(found: Compared, shapes: np.ndarray) -> Float[np.ndarray, " row"]:
-    """What complex modes have of neighbours, in the rows of these."""
+    """The neighbours' part of complex modes, in the rows of these."""
     of, mode = found.rows[len(found.pairs) :].T
-    ours, theirs = found.pairs[of].T
-    hz = found.survey.measured.frequency_hz[theirs]
+    hz = found.survey.measured.frequency_hz[found.pairs[of, 1]]
     apart = 0.5 * (1.0 - (found.modes.frequency_hz[mode] / hz) ** 2)
-    return apart * np.real(shapes[mode, of] / shapes[ours, of])
+    own, label = found.paired.labels[of], mode % found.paired.own.count
+    return apart * np.real(shapes[label, of] / shapes[own, of])
 
 
 def _slower(survey: Survey, by: np.ndarray) -> Survey:
-    """With frequencies divided by so much, as accurate as they were."""
+    """The survey with its frequencies divided by ``by``, at equal accuracy."""
     measured, std = survey.measured, survey.measured.frequency_std_hz
     return dataclasses.replace(
         survey,
@@ -124,7 +126,7 @@ def _slower(survey: Survey, by: np.ndarray) -> Survey:
     )
 
 
-def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> ComparedDamping:
+def _rows(compared: Compared, roots: LogRoots, mixed: np.ndarray, bound: Sequence[Bound]) -> ComparedDamping:
     survey, (ours, theirs) = compared.survey, compared.pairs.T
     std = log_std(survey)[theirs]
     kept = std <= 1.0
@@ -145,7 +147,7 @@ def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> Compar
         residual=np.log(survey.measured.damping[at] / zeta),
         std=std[kept],
         slope=roots.by_log_zeta[kept],
-        likeness=np.abs(roots.shapes[index, np.flatnonzero(kept)]) ** 2,
+        likeness=np.abs(mixed[compared.paired.labels[kept], np.flatnonzero(kept)]) ** 2,
         left_out=tuple(theirs[~kept].tolist()),
         frequency_hz=np.abs(roots.s) / (2.0 * np.pi),
     )
@@ -154,7 +156,7 @@ def _rows(compared: Compared, roots: LogRoots, bound: Sequence[Bound]) -> Compar
 
 
 def log_std(survey: Survey) -> Float[np.ndarray, " measured"]:
-    """Of ln zeta; infinite where a ratio is zero, not stated, or has no deviation beside others that have."""
+    """Standard deviation of ln zeta; infinite for a ratio that is zero, not stated, or stated without one."""
     zeta, stated = np.nan_to_num(survey.measured.damping), survey.measured.damping_std
     if stated is None and survey.damping_std is None and np.any(zeta != 0.0):
         raise ConfigError(

@@ -23,10 +23,11 @@ from middeck.structure.correlation.measured_modes import ACTUATOR, SENSOR, Measu
 from middeck.structure.model.article import Actuator, ActuatorKind, Sensor, SensorKind, Structure
 from middeck.structure.plants.sensors_and_actuators import RATE
 
-# Of a frequency, relative: a mode that is known worse tells an article nothing, a pole that is damped more is
-# a delay's or a filter's; the least is the most that pairs of tests allow beside what a fit states.
+# Relative standard deviation of a frequency beyond which a mode says nothing of an article; damping ratio
+# beyond which a pole is a delay's or a filter's; and least relative deviation, the most that pairs of tests
+# allow beside what a fit states.
 MOST, DAMPED, LEAST = 0.01, 0.3, 3e-6
-# Of a shape's largest channel: cross-talk and axes that are not quite where they are drawn.
+# Standard deviation over a shape's largest channel: cross-talk and misaligned axes.
 CROSS = 1e-3
 # Relative, of sensors and motors: what a calibration leaves.
 GAIN_STD = 0.01
@@ -47,7 +48,7 @@ def survey_from_fit(
     Args:
         fitted: From torques or forces to angles or travels, or to their rates; a fit, or the covariance of
             its model.
-        standing: Of each mode of the model, where no fit says it; without it the covariance alone judges.
+        standing: Standing of each mode if no fit gives it; without it the covariance decides.
         gain_std: Standard deviation of each port's gain, relative: an error that no fit can see.
 
     Raises `ConfigError` for a port that the article does not have, an accelerometer or a gain deviation that
@@ -129,7 +130,7 @@ def _shape(
     actuators: list[Actuator],
     gain_std: float,
 ) -> tuple[Complex[np.ndarray, " channel"], Float[np.ndarray, " channel"]]:
-    """At sensors, then at actuators, the largest one of size one; deviations of real and imaginary part."""
+    """The shape at sensors, then at actuators, its largest entry one, and deviations of its two parts."""
     model, at = covariance.model, covariance.at
     pole = model.poles[m]
     read = np.array([1.0 / pole if is_rate else 1.0 for _, is_rate in sensors])
@@ -147,7 +148,7 @@ def _shape(
 
 
 def _part_std(deviation: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Of complex numbers from those of their parts; a part that was held has none."""
+    """Standard deviations of complex numbers from those of their parts; none for a part that was held."""
     return np.linalg.norm(np.where(places >= 0, deviation[places], 0.0), axis=-1)
 
 

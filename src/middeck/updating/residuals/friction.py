@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.special import roots_genlaguerre
+from scipy.special import gammainc
 
 from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
@@ -23,8 +23,10 @@ from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
 TORQUE, ANGLE = "slip_torque", "slip_angle"
-# Points over the amplitudes of a narrow-band random motion.
-POINTS = 40
+# Step in y of amplitudes beyond the slip angle, (A/angle - 1) = exp(2 y): in y the mean is smooth, so the
+# trapezoidal rule is exact to rounding for any rms.
+STEP = 1.0 / 16.0
+BEYOND = np.exp(2.0 * np.arange(-15.0, 15.0, STEP))
 
 
 @record(kw_only=True)
@@ -34,8 +36,8 @@ class SurveyedFriction:
     Attributes:
         joint: Name of the joint. Unknowns are ``friction.NAME.slip_torque`` and ``friction.NAME.slip_angle``,
             factors on the next two.
-        slip_torque, slip_angle: Of a spring and a slider in series [N m], [rad]; of a slide [N], [m].
-        amplitude: Of the joint in each measured mode [rad], zero to peak; of a slide [m].
+        slip_torque, slip_angle: Spring and slider in series [N m], [rad]; for a slide [N], [m].
+        amplitude: Amplitude of the joint in each measured mode [rad], zero to peak; of a slide [m].
         random: Whether that is the rms of a narrow-band random motion instead.
 
     Raises `ConfigError` for numbers that are not positive and finite.
@@ -69,13 +71,13 @@ class SurveyedFriction:
 
 
 class Added(NamedTuple):
-    """What the friction of one joint adds in each measured mode.
+    """Stiffness and loss that the friction of one joint adds in each measured mode.
 
     Attributes:
-        coordinate: Of the joint in shapes.
-        row: Of the joint in the model's modes.
+        coordinate: Coordinate of the joint in shapes.
+        row: Row of the joint in the model's modes.
         stiffness: k_eq + j k_loss [N m/rad].
-        slope: Of that by each unknown.
+        slope: Its derivative by each unknown.
     """
 
     coordinate: int
@@ -85,7 +87,10 @@ class Added(NamedTuple):
 
 
 def joint_coordinate(modes: Modes, name: str) -> int:
-    """Of a joint in shapes. Raises `ConfigError` for one that there is not, or that does not move."""
+    """The coordinate of a joint in shapes.
+
+    Raises `ConfigError` for one that there is not, or that does not move.
+    """
     model = modes.equilibrium.model
     joints = {j.name: (k, j.state) for k, j in enumerate(model.structure.joints)}
     number, state = joints.get(name, (0, JointState.LOCKED))
@@ -106,7 +111,7 @@ def add_friction(
     bound: Sequence[Bound],
     x: Float[np.ndarray, " unknown"],
 ) -> tuple[Added, ...]:
-    """Of every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
+    """Friction added to every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
     return tuple(_added(modes, count, f, bound, x) for f in frictions)
 
 
@@ -128,12 +133,19 @@ def equivalent(
     Of a random motion, whose amplitude has Rayleigh's distribution, the mean weighted with the energy of the
     swing (Roberts and Spanos 1990, "Random Vibration and Statistical Linearization", chapter 5).
     """
-    points, weights = roots_genlaguerre(POINTS, 1.0) if friction.random else (np.array([0.5]), np.ones(1))
-    A = np.outer(np.sqrt(2.0 * points), friction.amplitude)
+    sticks = 0.0
+    A, weights = friction.amplitude[None], np.ones((1, 1))
+    if friction.random:
+        slips = angle / (np.sqrt(2.0) * friction.amplitude)
+        t = slips * (1.0 + BEYOND[:, None])
+        # Of exp(-u) u du with u = (A/rms)^2/2 = t^2.
+        A, weights = np.sqrt(2.0) * friction.amplitude * t, 4.0 * STEP * t**3 * np.exp(-(t**2)) * (t - slips)
+        sticks = gammainc(2.0, slips**2)
     found = Friction(slip_torque=torque, stiffness=torque / angle).describing_function(A.ravel())
     N = (found.stiffness + 1j * found.loss).reshape(A.shape)
     # With cos psi = 1 - 2 ratio: of k_eq (4 k / pi) sin psi, of k_loss (4 k / pi) (1 - 2 ratio), by ratio.
     ratio = np.minimum(angle / A, 1.0)
     rise = 4.0 / np.pi * torque / angle * (2.0 * np.sqrt(ratio * (1.0 - ratio)) + 1j * (1.0 - 2.0 * ratio))
-    by_angle = np.where(ratio < 1.0, rise * ratio, 0.0) - N
-    return weights @ N, np.array([weights @ N, weights @ by_angle])
+    by_angle = np.where(ratio < 1.0, rise * ratio, 0.0)
+    value = sticks * torque / angle + np.sum(weights * N, axis=0)
+    return value, np.array([value, np.sum(weights * by_angle, axis=0) - value])

@@ -19,7 +19,7 @@ UPRIGHT = 1e-6
 
 
 class GaugeKind(Enum):
-    """What a gauge reads."""
+    """Kind of reading of a gauge."""
 
     SHIFT = "shift"  # how far a point of a node has moved since drawn, along a direction
     TILT = "tilt"  # how far a line of a node has turned towards a direction since drawn
@@ -33,11 +33,11 @@ class Gauge:
 
     Attributes:
         at: A node; of a force or a moment a clamped node, a bushing to the ground, or a device.
-        kind: Of the reading [m, rad, N, N m].
+        kind: Kind of the reading [m, rad, N, N m].
         direction: In W, of any length; the pull of a device needs none. A tilt is the angle of ``line`` over
             the plane across it, asin(direction . R line), less that as drawn.
-        point: Of a shift, from the node, in its axes [m].
-        line: Of a tilt, in the axes of the node.
+        point: Point of a shift, from the node, in its axes [m].
+        line: Line of a tilt, in the axes of the node.
         std: Standard deviation of a reading.
 
     Raises `ConfigError` for a direction or a line of no length, or one along the other.
@@ -71,7 +71,7 @@ class Gauge:
 
     @property
     def unit(self) -> str:
-        """Of what it reads."""
+        """Unit of the reading."""
         return {"shift": "m", "tilt": "rad", "force": "N", "moment": "N m"}[self.kind.value]
 
     @property
@@ -85,7 +85,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def read(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-    """What they read in ``rest``. Raises `ConfigError` for a node or a support that is not there."""
+    """Readings of ``gauges`` in ``rest``. Raises `ConfigError` for a node or a support that is not there."""
     out = np.array([_seen(rest, gauge) @ gauge.along for gauge in gauges])
     for k, gauge in enumerate(gauges):
         if gauge.kind is GaugeKind.TILT:

@@ -1,4 +1,4 @@
-"""What a test measured beside its modes: responses with what is known of them, and anti-resonances."""
+"""Responses and anti-resonances that a test measured beside its modes, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.entry_factors import entry_slopes
+from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
 # Lines are no nearer than this part of their frequency: nearer ones tell the same of a model's error.
 SPACING = 0.005
-# Of the response: a line that is noisier has no logarithm to speak of.
+# Relative noise of a response beyond which a line has no useful logarithm.
 NOISY = 0.3
 WHERE = "response of a survey"
 
@@ -38,15 +38,15 @@ class AntiResonance:
 
 @record(kw_only=True)
 class MeasuredResponse:
-    """What a test measured beside its modes, between actuators and sensors of the article.
+    """Responses that a test measured beside its modes, between actuators and sensors of the article.
 
     Attributes:
         response: Measured, with its ``variance``, or the covariance of a fitted model, whose lines err
             together; ports are named as the article's.
-        delay_s: Of every path, as far as it is known.
+        delay_s: Delay of every path, as far as it is known.
         band_hz: Lines that count; None for all of a measured response.
         modal_error: What the model's modal constants are thought to be wrong by, one deviation, relative.
-        line_error: Of each mode's part at each line, beside that.
+        line_error: Further error of each mode's part at each line.
 
     Raises `ConfigError` for nothing measured, a response without variance, a fitted one without a band, an
     error or a band that cannot be, and for a path of which the response and anti-resonances are given: the

@@ -38,14 +38,14 @@ class ModalTransfer:
         return s[:, None] ** 2 + 2.0 * self.zeta * self.omega * s[:, None] + self.omega**2
 
     def read(self, s: Complex[np.ndarray, " line"], output: int) -> Complex[np.ndarray, "line mode"]:
-        """What an output reads of each mode."""
+        """Reading of an output in each mode."""
         at = s[:, None]
         return self.phi[output] + at * self.phi_rate[output] + at**2 * self.phi_acceleration[output]
 
     def parts(
         self, s: Complex[np.ndarray, " line"], output: int, input: int
     ) -> Complex[np.ndarray, "line mode"]:
-        """What each mode adds to one path."""
+        """Contribution of each mode to one path."""
         return self.read(s, output) * self.psi[:, input] / self.denominator(s)
 
     def pole_slopes(
@@ -95,7 +95,7 @@ class TransferSlopes:
 
 
 def transfer_of(modes: Modes, inputs: Sequence[str], outputs: Sequence[str], count: int) -> ModalTransfer:
-    """Of the lowest ``count`` modes, with the article's damping."""
+    """The transfer functions of the lowest ``count`` modes, with the article's damping."""
     rest, shapes = modes.equilibrium, modes.shapes[:, :count]
     drive, read = input_rows(rest, inputs), output_rows(rest, outputs)
     return ModalTransfer(
@@ -116,7 +116,7 @@ def transfer_slopes(
     held: Sequence[int],
     count: int,
 ) -> TransferSlopes:
-    """By the unknowns; the poles of modes ``held`` stay as they are, those of the others move."""
+    """Derivatives by the unknowns; the poles of modes ``held`` stay, those of the others move."""
     rest = modes.equilibrium
     now = [[read_parameter(rest.model.structure, rest.environment, p) for p in b.parameters] for b in bound]
     found = iter(

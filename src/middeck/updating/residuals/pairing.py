@@ -10,29 +10,37 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import MeasuredModes, seen, sensor_rows
 from middeck.structure.modes.solve import Modes
 
-# Of a shape: a measured mode that has less in common with any of the model's is not paired.
+# Least common part of a measured shape and the shape of the model that is paired with it.
 COMMON = 0.4
 # No measured mode is a mode of twice its frequency.
 WINDOW = 2.0
 
 
 def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
-    """What the channels of the test would read of each mode."""
+    """Readings of the test's channels in each mode."""
     return seen(sensor_rows(modes, measured.node, measured.direction), modes)
 
 
-def pair(modes: Modes, measured: MeasuredModes) -> Int[np.ndarray, "pair 2"]:
-    """One to one: by shape and nearness in frequency; where there are no shapes by frequency."""
-    moving = np.array([i for i, kind in enumerate(modes.kind) if kind != "rigid"], dtype=int)
-    apart = np.abs(np.log(modes.frequency_hz[moving, None] / measured.frequency_hz))
+def pair(
+    modes: Modes, measured: MeasuredModes, columns: Int[np.ndarray, "row measured"] | None = None
+) -> Int[np.ndarray, "pair 2"]:
+    """One to one: by shape and nearness in frequency; where there are no shapes by frequency.
+
+    ``columns`` are the modes that each measured mode may be, those of one row as one; else all may be any.
+    """
+    hz = modes.frequency_hz
+    if columns is None:
+        columns = np.repeat(np.flatnonzero(hz > 0.0)[:, None], len(measured.frequency_hz), axis=1)
+    apart = np.abs(np.log(np.maximum(hz[columns], np.finfo(float).tiny) / measured.frequency_hz))
     if measured.node:
-        found = pair_shapes(modal_assurance(at_channels(modes, measured)[:, moving], measured.shape), apart)
+        alike = modal_assurance(at_channels(modes, measured), measured.shape)
+        found = pair_shapes(np.take_along_axis(alike, columns, axis=0), apart)
     else:
         i, j = linear_sum_assignment(apart)
         kept = apart[i, j] <= np.log(WINDOW)
         found = np.stack([i[kept], j[kept]], axis=1)
-    pairs = np.stack([moving[found[:, 0]], found[:, 1]], axis=1)
-    return pairs[np.argsort(pairs[:, 1], kind="stable")]
+    row, of = found[np.argsort(found[:, 1], kind="stable")].T
+    return np.stack([columns[row, of], of], axis=1)
 
 
 def pair_shapes(

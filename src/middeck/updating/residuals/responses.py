@@ -37,8 +37,8 @@ from middeck.updating.unknowns.loop_unknowns import LoopSlopes, loop_slopes
 from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
-# Of ln zeta of a mode whose damping the survey does not state, and where it states no deviation; of ln omega
-# of a mode that it did not see.
+# Standard deviations of ln zeta of a mode whose damping the survey does not state, and where it states no
+# deviation; and of ln omega of a mode that it did not measure.
 UNKNOWN_DAMPING, DAMPING_STD, UNSEEN = 0.3, 0.1, 0.01
 # Modes kept: below so many times the top of the band, and no fewer than this.
 BEYOND, LEAST = 5.0, 26
@@ -285,7 +285,7 @@ def _of_zero(beside: _Beside, zero: AntiResonance, wide: int, open_x: np.ndarray
 
 
 def _find_zero(model: ModalTransfer, path: tuple[int, int], omega: float) -> complex | None:
-    """Of one path without its delay, by Newton from the measured frequency on the axis."""
+    """Zero of one path without its delay, by Newton's method from the measured frequency on the axis."""
     s = 1j * omega
     for _ in range(STEPS):
         at = np.array([s])
@@ -307,7 +307,7 @@ def poles_of(
     damping_std: np.ndarray | None,
     zeta: np.ndarray,
 ) -> Poles:
-    """Of the lowest modes, as many as ``zeta`` has, the article's ratios: measured ones where there are."""
+    """Poles of the lowest modes, as many as ``zeta`` has, with measured ratios where there are any."""
     count = len(zeta)
     omega, ratio = modes.omega[:count].copy(), zeta.copy()
     omega_std, zeta_std = np.full(count, UNSEEN), np.full(count, UNKNOWN_DAMPING)

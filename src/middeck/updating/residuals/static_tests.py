@@ -1,4 +1,4 @@
-"""Static tests beside the article as it is thought to be: sag, tilt and reactions under load cases.
+"""Static tests beside the article as drawn: sag, tilt and reactions under load cases.
 
 A model's members are wrong by more than their numbers: ribs that slip, a clamp that gives. Statically that is
 a relative error of what they yield, delta e = E e of their strains e. E is d_j on each of the directions that
@@ -33,21 +33,21 @@ from middeck.updating.residuals.surveys import set_up
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change
 from middeck.values import record
 
-# Of the largest singular value: strains that the tests have less of are none of theirs. They see nothing of
-# the error there, and to count it as several independent ones would make it small.
+# Singular value over the largest below which strains are not those of the tests: the error cannot be seen
+# there, and several independent ones would make its estimate small.
 PRESENT = 0.01
-# Of an error, what it changes by as strains grow by a factor of e: by as much grows a relative error of a
-# wing's sag, seen as one of what its members yield, where the wing bends far.
+# Change of an error while strains grow by a factor of e: a relative error of a wing's sag, taken as one of
+# its members' yielding, grows by that where the wing bends far.
 GROWTH = 0.3
-# Of the most of a direction, less is none.
+# Share of a direction's largest part that is zero.
 ROUNDING = 1e-9
-# Of the largest stiffness of an element: less is rounding.
+# Stiffness, over an element's largest, that is rounding.
 STIFF = 1e-12
 
 
 @record(kw_only=True)
 class StaticTest:
-    """What gauges read under one load case.
+    """Readings of gauges under one load case.
 
     Attributes:
         value: One a gauge, in its unit; their ``std`` say how well.
@@ -109,11 +109,11 @@ class Loaded(NamedTuple):
             yield -1.0, self.unloaded
 
     def value(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-        """What gauges read."""
+        """Readings of the gauges."""
         return np.sum([sign * read(rest, gauges) for sign, rest in self.states()], axis=0)
 
     def lengths(self, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-        """As of `lengths`."""
+        """See `lengths`."""
         return lengths(self.rest, self.unloaded, gauges)
 
     def strains(self) -> Float[np.ndarray, "state whitened"]:
@@ -256,7 +256,7 @@ class ErrorFields(NamedTuple):
 
     @staticmethod
     def of(tests: Sequence[Loaded]) -> ErrorFields:
-        """Of all their rest states, each counting as much as any other, whatever its load."""
+        """Error fields of all rest states of ``tests``, each counted equally, whatever its load."""
         strains = np.concatenate([test.strains() for test in tests]).T
         size = np.linalg.norm(strains, axis=0)
         left, s, _ = np.linalg.svd(strains / np.where(size > 0.0, size, 1.0), full_matrices=False)
@@ -265,7 +265,7 @@ class ErrorFields(NamedTuple):
 
     @staticmethod
     def none(at: Loaded) -> ErrorFields:
-        """Of no test, for an article at rest as it is in ``at``."""
+        """Error fields of no test, for an article at rest as in ``at``."""
         return ErrorFields(np.zeros((at.strains().shape[1], 0)), np.zeros(0))
 
     def part(self, at: Loaded) -> float:

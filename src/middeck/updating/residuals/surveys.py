@@ -1,4 +1,4 @@
-"""Modes measured on the ground beside those of the article as it is thought to be."""
+"""Modes measured on the ground beside those of the article as drawn."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from jaxtyping import Float, Int
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.measured_modes import MeasuredModes, sort_rms, straight_channels
 from middeck.structure.correlation.unit_slips import doubt_survey_units
-from middeck.structure.model.article import Structure
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
-from middeck.updating.residuals.friction import SurveyedFriction
+from middeck.updating.residuals.friction import Added, SurveyedFriction
+from middeck.updating.residuals.own_articles import OwnArticles, check_spare, own_articles
 from middeck.updating.residuals.pairing import at_channels, pair
 from middeck.updating.residuals.responses import (
     ComparedResponse,
@@ -29,11 +31,11 @@ from middeck.updating.residuals.responses import (
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 
-# Of a shape whose noise the test does not state, relative.
+# Relative standard deviation of a shape for which the test states none.
 SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
-# Of a measured shape: parts of it that are known no better are not told by the channels.
+# Relative uncertainty of parts of a measured shape beyond which the channels do not determine them.
 TOLD = 0.25
 # Shapes that differ by less than this part of themselves at all channels are one to rounding.
 SAME = 1e-10
@@ -49,7 +51,7 @@ class Survey:
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
-        friction: Of joints that were not free of it, and how far they moved.
+        friction: Friction of the joints that had any, and how far they moved.
     """
 
     name: str
@@ -73,7 +75,10 @@ class Survey:
 
     @property
     def std(self) -> Float[np.ndarray, " measured"]:
-        """Of the logarithms of the frequencies. Raises `ConfigError` where nothing states one."""
+        """Standard deviations of the logarithms of the frequencies.
+
+        Raises `ConfigError` where nothing states one.
+        """
         hz, stated = self.measured.frequency_hz, self.measured.frequency_std_hz
         own = np.zeros(len(hz)) if stated is None else stated / hz
         std = np.where(own > 0.0, own, self.frequency_std or 0.0)
@@ -87,6 +92,26 @@ class Survey:
         return std
 
 
+class Paired(NamedTuple):
+    """Modes of the articles in which a survey's modes were measured, and which the measured ones are.
+
+    Attributes:
+        pairs: (mode, measured mode), one to one.
+        column: Mode that each pair is (second axis) in the article of each.
+        added: By friction.
+    """
+
+    own: OwnArticles
+    pairs: Int[np.ndarray, "pair 2"]
+    column: Int[np.ndarray, "pair pair"]
+    added: tuple[Added, ...]
+
+    @property
+    def labels(self) -> Int[np.ndarray, " pair"]:
+        """The free mode with the largest share in each pair."""
+        return self.pairs[:, 0] % self.own.count
+
+
 @record(kw_only=True)
 class Compared:
     """A survey beside the model: equations of motion of the measured modes in the model's own.
@@ -97,18 +122,28 @@ class Compared:
     their frequencies alone leave open.
 
     Attributes:
-        pairs: (mode, measured mode), one to one.
+        paired: Which modes are compared; ``free`` are without the friction of joints, ``modes`` with it.
         rows: (pair, mode) of each equation: first those of the pairs' own modes, then those of neighbours.
         std: Standard deviation of each residual by the noise of the test.
     """
 
     survey: Survey
-    modes: Modes
-    pairs: Int[np.ndarray, "pair 2"]
+    free: Modes
+    paired: Paired
     rows: Int[np.ndarray, "row 2"]
     residual: Float[np.ndarray, " row"]
     std: Float[np.ndarray, " row"]
     slope: Float[np.ndarray, "row unknown"]
+
+    @property
+    def modes(self) -> Modes:
+        """Modes of the articles in which they were measured."""
+        return self.paired.own.modes
+
+    @property
+    def pairs(self) -> Int[np.ndarray, "pair 2"]:
+        """(mode, measured mode), one to one."""
+        return self.paired.pairs
 
     @property
     def unpaired(self) -> tuple[int, ...]:
@@ -120,14 +155,15 @@ class Compared:
 
 def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
     """Frequencies [Hz] of measured neighbours of which the survey's shapes do not say how they mix."""
-    near = _neighbours(compared.modes, compared.pairs)
+    column = compared.paired.column
+    near = neighbours(compared.modes, column)
     said = compared.rows[len(compared.pairs) :]
     hz = compared.survey.measured.frequency_hz[compared.pairs[:, 1]]
     known = {(int(a), int(i)) for a, i in said}
     return tuple(
         (float(hz[a]), float(hz[b]))
         for a, b in zip(*np.nonzero(np.triu(near)), strict=True)
-        if (int(a), int(compared.pairs[b, 0])) not in known
+        if (int(a), int(column[a, b])) not in known
     )
 
 
@@ -142,7 +178,11 @@ class SetUp(NamedTuple):
         """The modes with the unknowns at ``x``. Raises `NumericalError` where there is no rest state."""
         equilibrium = solve_equilibrium(*change(*self, x))
         if not equilibrium.converged:
-            raise NumericalError("the article has no rest state", where="refinement")
+            raise NumericalError(
+                "the article has no rest state",
+                where="refinement",
+                hint="narrower priors, or a suspension that holds the article in this survey",
+            )
         return solve_modes(equilibrium)
 
 
@@ -152,25 +192,29 @@ def set_up(
     settings: Sequence[tuple[str, float]],
     unknowns: Sequence[Unknown],
 ) -> SetUp:
-    """The article with ``settings``. Raises `ConfigError` for a setting of no parameter, and as `bind`."""
+    """The article with ``settings``.
+
+    Raises `ConfigError` for a setting of no parameter, for an angle that draws links anew, and as `bind`.
+    """
     both = structure, environment
     for name, value in settings:
         (parameter,) = find_parameters(*both, [name])
+        for joint in both[0].joints if value != parameter.value else ():
+            drawn = f"joint.{joint.name}." + ("target" if joint.state is JointState.DRIVEN else "angle")
+            if name == drawn and (redrawn := turned_by_redrawing(both[0], joint.name)):
+                raise ConfigError(redrawn, where=f"set {name}", hint=REDRAW)
         both = set_parameter(*both, parameter, value)
     return SetUp(*both, bind(unknowns, *both))
 
 
-def compare(
-    modes: Modes,
-    survey: Survey,
-    bound: Sequence[Bound],
-    pairs: Int[np.ndarray, "pair 2"] | None = None,
-) -> Compared:
-    """Pairs (those of `pair` where none are given), residuals and slopes.
+def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count: int = 0) -> Paired:
+    """Pairs with the modes that have what friction has ``added`` to the lowest ``count`` of ``modes``.
 
-    Raises `ConfigError` where nothing measured resembles any of the modes.
+    Raises `ConfigError` where nothing measured resembles any of the modes, and as `check_spare`.
     """
-    pairs = pair(modes, survey.measured) if pairs is None else pairs
+    own = own_articles(modes, count, added)
+    every = own.columns(np.arange(len(survey.measured.frequency_hz))) if added else None
+    pairs = pair(own.modes, survey.measured, every)
     if not len(pairs):
         raise ConfigError(
             "no measured mode resembles any of the model's",
@@ -182,22 +226,31 @@ def compare(
                 )
             ),
         )
-    c, c_std = _mixtures(modes, survey, pairs)
-    k, j = np.nonzero(_neighbours(modes, pairs) & (c_std > 0.0))
+    check_spare(modes.omega, own, pairs, added)
+    column = own.columns(pairs[:, 1])[pairs[:, 0] % own.count].T
+    return Paired(own, pairs, column, tuple(added))
+
+
+def compare(modes: Modes, survey: Survey, bound: Sequence[Bound], paired: Paired | None = None) -> Compared:
+    """Residuals and slopes of pairs (those of `pair_survey` without friction where none are given)."""
+    paired = pair_survey(modes, survey) if paired is None else paired
+    free, modes, pairs, column = modes, paired.own.modes, paired.pairs, paired.column
+    c, c_std = _mixtures(modes, survey, pairs, column)
+    k, j = np.nonzero(neighbours(modes, column) & (c_std > 0.0))
     rows = np.concatenate(
-        [np.stack([np.arange(len(pairs)), pairs[:, 0]], axis=1), np.stack([k, pairs[j, 0]], axis=1)]
+        [np.stack([np.arange(len(pairs)), pairs[:, 0]], axis=1), np.stack([k, column[k, j]], axis=1)]
     )
-    ratio = (modes.frequency_hz[pairs[:, 0]] / survey.measured.frequency_hz[pairs[:, 1], None]) ** 2
-    own = survey.std[pairs[:, 1]]
+    ratio = (modes.frequency_hz[column] / survey.measured.frequency_hz[pairs[:, 1], None]) ** 2
+    std = survey.std[pairs[:, 1]]
     apart = 0.5 * (1.0 - ratio[k, j])
     return Compared(
         survey=survey,
-        modes=modes,
-        pairs=pairs,
+        free=free,
+        paired=paired,
         rows=rows,
         residual=np.concatenate([-0.5 * np.log(np.diag(ratio)), apart * c[k, j]]),
-        std=np.concatenate([own, np.hypot(apart * c_std[k, j], own[k] * c[k, j])]),
-        slope=_equation_slopes(modes, survey, bound, pairs, rows, c),
+        std=np.concatenate([std, np.hypot(apart * c_std[k, j], std[k] * c[k, j])]),
+        slope=_equation_slopes(paired, survey, bound, rows, c),
     )
 
 
@@ -208,7 +261,8 @@ def compare_measured_response(
     open_x: Float[np.ndarray, "unknown drawn"],
 ) -> ComparedResponse:
     """The survey's response beside the model at ``x``, at the poles of its modes (`compare_response`)."""
-    survey, modes, pairs = compared.survey, compared.modes, compared.pairs
+    survey, modes = compared.survey, compared.free
+    pairs = np.stack([compared.paired.labels, compared.pairs[:, 1]], axis=1)
     test, measured = survey.response, survey.measured
     assert test is not None
     count = kept_modes(modes, pairs, test.top_hz)
@@ -224,14 +278,16 @@ def compare_measured_response(
     return compare_response(survey.name, test, modes, poles, bound, x, open_x)
 
 
-def _neighbours(modes: Modes, pairs: np.ndarray) -> np.ndarray:
+def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
     """Which paired modes are close to which others."""
-    f = np.log(modes.frequency_hz[pairs[:, 0]])
-    return (np.abs(f[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
+    f = np.log(modes.frequency_hz[column])
+    return (np.abs(np.diag(f)[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
 
 
-def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What each measured shape has of each paired mode, one of its own, and the deviations of that.
+def _mixtures(
+    modes: Modes, survey: Survey, pairs: np.ndarray, column: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The share of each paired mode in each measured shape, one of its own, and the deviations of that.
 
     Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
     deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
@@ -240,11 +296,11 @@ def _mixtures(modes: Modes, survey: Survey, pairs: np.ndarray) -> tuple[np.ndarr
     count, measured = len(pairs), survey.measured
     c, c_std = np.eye(count), np.zeros((count, count))
     channels = len(measured.node)
-    basis = at_channels(modes, measured)[:, pairs[:, 0]] if channels else np.zeros((0, count))
-    shape, std = _real_shapes(measured), _shape_std(modes, measured)
-    near = _neighbours(modes, pairs) | np.eye(count, dtype=bool)
+    read = at_channels(modes, measured) if channels else np.zeros((0, len(modes.omega)))
+    shape, std = real_shapes(measured), shape_deviations(modes, measured)
+    near = neighbours(modes, column) | np.eye(count, dtype=bool)
     for k, a in enumerate(pairs[:, 1]):
-        weight = 1.0 / std[:, a]
+        weight, basis = 1.0 / std[:, a], read[:, column[k]]
         for own in (np.arange(count), np.flatnonzero(near[k])):
             part = _parts(weight[:, None] * basis[:, own], weight * shape[:, a], own == k)
             if part is not None and part[1][near[k, own]].max() <= TOLD:
@@ -269,30 +325,35 @@ def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.nd
     return found / scale, np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
 
 
-def _real_shapes(measured: MeasuredModes) -> np.ndarray:
+def real_shapes(measured: MeasuredModes) -> np.ndarray:
     """Shapes turned to the phase in which they are largest."""
     phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
     return np.real(measured.shape * np.exp(-1j * phase))
 
 
-def _shape_std(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """As the test states it; where it states none or zero, `SHAPE_STD` of the mode's channels of its sort."""
+def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
+    """Stated standard deviations of shapes; otherwise `SHAPE_STD` of the mode at channels of that sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
     usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
     return usual if stated is None else np.where(stated > 0.0, stated, usual)
 
 
 def _equation_slopes(
-    modes: Modes, survey: Survey, bound: Sequence[Bound], pairs: np.ndarray, rows: np.ndarray, c: np.ndarray
+    paired: Paired, survey: Survey, bound: Sequence[Bound], rows: np.ndarray, c: np.ndarray
 ) -> np.ndarray:
-    """Of each row by the unknowns: of its mode with the pair's own and its neighbours, as they mix."""
-    near = _neighbours(modes, pairs) | np.eye(len(pairs), dtype=bool)
-    place = np.full(len(modes.omega), -1)
-    place[pairs[:, 0]] = np.arange(len(pairs))
+    """Derivatives of each row by the unknowns: of its mode with the pair's own and its neighbours."""
+    (own, pairs, column, added), count = paired, len(paired.pairs)
+    modes = own.modes
+    near = neighbours(modes, column) | np.eye(count, dtype=bool)
     terms = [(r, i, j, a) for r, (a, i) in enumerate(rows) for j in np.flatnonzero(near[a])]
     row, left, right, of = np.array(terms, dtype=int).T
     lam = (2.0 * np.pi * survey.measured.frequency_hz[pairs[of, 1]]) ** 2
-    by_unknown = product_slopes(modes, bound, left, pairs[right, 0], lam) / (2.0 * lam[:, None])
+    others = column[of, right]
+    by_unknown = product_slopes(modes, bound, left, others, lam)
+    for joint in added:
+        moved = modes.shapes[joint.coordinate]
+        by_unknown += (np.real(joint.slope[:, pairs[of, 1]]) * moved[left] * moved[others]).T
+    by_unknown /= 2.0 * lam[:, None]
     out = np.zeros((len(rows), len(bound)))
     np.add.at(out, row, c[of, right][:, None] * by_unknown)
     return out

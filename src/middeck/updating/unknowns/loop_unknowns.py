@@ -44,14 +44,14 @@ class LoopSlopes:
 
     @property
     def any(self) -> np.ndarray:
-        """Of each unknown, whether it moves anything here."""
+        """Whether each unknown moves anything here."""
         return (np.vstack([self.delay, self.output, self.input]) != 0.0).any(axis=0)
 
 
 def loop_slopes(
     unknowns: Sequence[Sequence[str]], inputs: Sequence[str], outputs: Sequence[str]
 ) -> LoopSlopes:
-    """Of unknowns, each by the names of its parameters; an angle and its rate are one sensor's."""
+    """Derivatives by unknowns, named by their parameters; an angle and its rate are one sensor's."""
     sensors = [f"{SENSOR}{name.removesuffix(RATE)}" for name in outputs]
     motors = [f"{MOTOR}{name}" for name in inputs]
 

@@ -1,4 +1,4 @@
-"""What a refinement may change: named parameters, alone or together, each with what is known of it before."""
+"""Unknowns of a refinement: named parameters, alone or together, each with its prior."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Unknown:
             Damping and friction are never added to, so that they stay positive.
         spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, of one that
             is ``added``, of what is added to each of them, in its unit.
-        mean: Of x; zero is the article as it is.
+        mean: Prior mean of x; zero is the article as drawn.
 
     Raises `ConfigError` for a spread that is not positive, for no parameter, for some of the article and some
     of the environment, and for damping or friction that is added.
@@ -89,7 +89,8 @@ class Bound:
 def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environment) -> tuple[Bound, ...]:
     """The parameters that each unknown moves here; those of a suspension are not in every environment.
 
-    Raises `ConfigError` for a name that fits none, and for a factor on numbers that are zero.
+    Raises `ConfigError` for a name that fits none, for a parameter named twice, and for a factor on numbers
+    that are zero.
     """
     every = list_parameters(structure, environment)
     return tuple(Bound(u, _fitting(u, every)) for u in unknowns)
@@ -110,6 +111,14 @@ def _fitting(unknown: Unknown, every: Sequence[Parameter]) -> tuple[Parameter, .
                 else "added = true adds the unknown instead of multiplying by it",
             )
         found += [p for p in some if unknown.added or p.value]
+    names = [p.name for p in found]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ConfigError(
+            f"{twice[0]} is named twice: the unknown would move it twice",
+            where=f"unknown {unknown.name!r}",
+            hint="patterns that do not overlap",
+        )
     return tuple(found)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from middeck.control.law.moved_numbers import DRAWS, is_vague_plant, move_plant
+from middeck.control.law.rounding_of_results import DRAWS, is_vague_plant, move_plant
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_limits, growth_rates

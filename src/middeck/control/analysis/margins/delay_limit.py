@@ -173,7 +173,7 @@ def _steps(system: StateSpace, period_s: float) -> int:
         turned = steps * TURN / (2.0 * np.pi)
         raise NumericalError(
             f"a mode turns {turned:.3g} times in a period: its delay margin is not found",
-            hint="a higher rate, or a plant without what is far beyond it",
+            hint="a higher rate, or a plant without the modes far above it",
         )
     return max(1, int(steps))
 

@@ -29,7 +29,7 @@ from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms
 from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_round, is_short, spread_rounding
 from middeck.control.analysis.stability.stability import decide_loop
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.values import record
 
 
@@ -101,7 +101,7 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
 
 
 def _hidden(P: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """At which lines rounding hides the sensitivity of a channel."""
+    """Whether rounding hides the sensitivity of a channel, line by line."""
     own, error = (np.diagonal(part, axis1=1, axis2=2) for part in (S, spread_rounding(P, S)))
     return np.any(error > TRUSTED * (1.0 + np.abs(own)), axis=1)
 

@@ -34,7 +34,7 @@ from middeck.control.analysis.margins.neutral import bears_no_delay
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.stability.stability import LoopStability, decide_loop
 from middeck.control.analysis.text_table import align_columns
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.errors import ConfigError
 from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.state_space.statespace import LinearSystem, StateSpace

@@ -39,7 +39,7 @@ def spread_rounding(
 
 
 def is_short(loop: FeedbackLoop, s: Complex[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
-    """At which lines `approximate_halves` is exact to rounding: all of a sampled loop."""
+    """Whether `approximate_halves` is exact to rounding, line by line: everywhere for a sampled loop."""
     longest = float(loop.plant.delay_s.max(initial=0.0)) if loop.period_s is None else 0.0
     return np.abs(s) * longest < SHORT
 

@@ -14,7 +14,7 @@ from middeck.control.analysis.loop.feedback_loop import (
 from middeck.control.analysis.rms.closed_response import closed_response
 from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator, idle_compensator
-from middeck.control.law.moved_numbers import measure_known
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms, require_one_each
 from middeck.systems.norms.rms import response_rms

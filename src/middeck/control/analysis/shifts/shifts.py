@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
-from middeck.control.analysis.loop.feedback_loop import form_loop
-from middeck.control.analysis.stability.stability import decide_loop, loop_poles, require_known
+from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, form_loop, split_unmoved
+from middeck.control.analysis.stability.stability import (
+    LoopStability,
+    decide_loop,
+    find_roots,
+    judge_roots,
+    loop_poles,
+    require_known,
+)
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.errors import ConfigError
 from middeck.systems.plants.mode_blocks import part_modes
 from middeck.systems.plants.mode_shift import shift_modes
@@ -55,10 +64,25 @@ def find_allowed_shifts(
 
     Raises `ConfigError` for modes that do not exist or do not oscillate (`shift_modes`), or ``most`` not
     between 0 and 1; `NumericalError` where modes without names nearly coincide (`part_modes`), and where
-    stability cannot be decided (`decide_stability`).
+    stability cannot be decided (`decide_stability`). Warns (`UserWarning`) where rounding of the matrices
+    makes a shift uncertain (`measure_known`).
     """
     if not 0.0 < most < 1.0:
         raise ConfigError(f"most = {most:g}", hint="0 < most < 1")
+    return measure_known(
+        "allowed shifts", lambda *both: _find(*both, modes, most), _numbers, plant, compensator
+    )
+
+
+def _numbers(found: tuple[AllowedShift, ...]) -> Float[np.ndarray, " number"]:
+    return np.log(np.abs([end for one in found for end in (one.down, one.up)]))
+
+
+def _find(
+    plant: Plant, compensator: Compensator, modes: Sequence[str] | None, most: float
+) -> tuple[AllowedShift, ...]:
+    loop = form_loop(plant, compensator)
+    require_known(loop, split_unmoved(loop)[0])
     plant = _named(plant)
     names = _oscillating(plant) if modes is None else tuple(modes)
     return tuple(
@@ -101,8 +125,7 @@ def _first(
     low = 0.0
     for high in np.append(np.arange(STEP, most, STEP), most):
         loop = form_loop(plant_at(sign * float(high)), law)
-        require_known(loop)
-        if not none_grows(loop_poles(loop), loop.period_s) and not decide_loop(loop).stable:
+        if not none_grows(loop_poles(loop), loop.period_s) and not _judged(loop).stable:
             break
         low = float(high)
     else:
@@ -114,12 +137,17 @@ def _bisect(
     plant_at: Callable[[float], Plant], law: Compensator, sign: float, bracket: tuple[float, float]
 ) -> tuple[float, float]:
     low, high = bracket
-    found = decide_loop(form_loop(plant_at(sign * high), law))
+    found = _judged(form_loop(plant_at(sign * high), law))
     while high - low > RESOLUTION:
         middle = 0.5 * (low + high)
-        outcome = decide_loop(form_loop(plant_at(sign * middle), law))
+        outcome = _judged(form_loop(plant_at(sign * middle), law))
         if outcome.stable:
             low = middle
         else:
             high, found = middle, outcome
     return sign * high, found.frequency_hz
+
+
+def _judged(loop: FeedbackLoop) -> LoopStability:
+    """With rounding left out: beside the axis it leaves every loop open, and `measure_known` asks of it."""
+    return judge_roots(find_roots(loop, known=True), loop.period_s)

@@ -22,9 +22,10 @@ from middeck.control.analysis.stability.delayed_roots import (
 from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.poles.rounding import ROUNDINGS, is_vague, poles_with_rounding
+from middeck.systems.poles.rounding import LIGHTEST, ROUNDINGS, is_vague, poles_with_rounding
 from middeck.systems.poles.stability import all_decay, growth_limits, growth_rates, none_grows
 from middeck.systems.poles.verdict import CURE, OPEN, may_cross
 from middeck.systems.state_space.statespace import LinearSystem
@@ -68,7 +69,8 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
 
     Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
     disagree at the highest order, right of every line that was tried, or where rounding of the matrices alone
-    may take a root across the axis.
+    may take a root across the axis. Warns (`UserWarning`) where it makes margin or damping uncertain
+    (`measure_known`).
 
     >>> import middeck as md
     >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
@@ -78,28 +80,37 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     >>> [decide_stability(md.delay_plant(integrator, tau), P).stable for tau in (1.57, 1.58)]     # pi / 2
     [True, False]
     """
-    return decide_loop(form_loop(plant, law))
+    return measure_known(
+        "margin and damping", lambda *both: decide_loop(form_loop(*both)), _numbers, plant, law
+    )
+
+
+def _numbers(found: LoopStability) -> Float[np.ndarray, " number"]:
+    return np.log(np.maximum(np.abs([found.margin, found.damping]), LIGHTEST))
 
 
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
-    """As `decide_stability`, for a loop already formed."""
+    """As `decide_stability`, for a loop already formed; margin and damping may be uncertain."""
     return judge_roots(find_roots(loop), loop.period_s)
 
 
-def find_roots(loop: FeedbackLoop) -> Complex[np.ndarray, " root"]:
+def find_roots(loop: FeedbackLoop, *, known: bool = False) -> Complex[np.ndarray, " root"]:
     """Roots of a loop [rad/s]: all that matter for stability, exact, and those left of them as approximated.
 
-    An infinite one stands for a chain of roots on or right of the axis. Raises as `decide_stability`.
+    An infinite one stands for a chain of roots on or right of the axis. Raises as `decide_stability`, but not
+    for rounding of the matrices where these are given as ``known``.
     """
     if not loop.plant.delayed:
         moved, unmoved = split_unmoved(loop)
-        require_known(loop, moved)
+        if not known:
+            require_known(loop, moved)
         return np.concatenate([loop_poles(moved), unmoved])
     if direct_gain(loop) >= 1.0:  # a neutral equation (Hale and Verduyn Lunel 1993)
         return np.array([complex(np.inf, np.inf)])
     whole = loop
     loop, unmoved = split_unmoved(whole)
-    require_known(whole, loop)
+    if not known:
+        require_known(whole, loop)
     halves, reach = evaluate_halves(loop), _reach(loop)
     open_poles, rounding = find_open_poles(loop)
     vague = any(map(is_vague, _parts(loop)))
@@ -187,7 +198,7 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
 
 
 def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
-    """What the roots of `find_roots` say."""
+    """The verdict on the roots of `find_roots`."""
     if not len(roots):
         return LoopStability(
             stable=True,

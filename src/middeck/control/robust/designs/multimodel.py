@@ -3,7 +3,7 @@
 The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the law's matrices,
 with analytic gradients. The domain is the set of laws that stabilise all models; the cost grows without bound
 at its edge, so that a descent begun inside stays inside. How to begin inside is in
-`middeck.control.robust.search.approach`.
+`middeck.control.robust.search.continuation`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.problem.robust_compensator import RobustCompensator
 from middeck.control.robust.problem.several_plants import Problem, law_of, pose_problem, true_costs, whole_law
-from middeck.control.robust.search.approach import Arrival, approach, carry_on
+from middeck.control.robust.search.continuation import Arrival, approach, carry_on
 from middeck.control.robust.search.smooth_maximum import blend
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant

@@ -31,7 +31,7 @@ from middeck.control.robust.problem.several_plants import (
     true_costs,
     whole_law,
 )
-from middeck.control.robust.search.approach import RESTARTS, approach, carry_on
+from middeck.control.robust.search.continuation import RESTARTS, approach, carry_on
 from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
 from middeck.control.robust.search.quasi_newton import descend
 from middeck.control.robust.search.smooth_maximum import gradient_row

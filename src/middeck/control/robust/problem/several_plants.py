@@ -76,7 +76,10 @@ def pose_problem(
         )
     else:
         if positions is not None:
-            raise ConfigError("positions= needs an Uncertainty, but plants were given one by one")
+            raise ConfigError(
+                "positions= needs an Uncertainty, but plants were given one by one",
+                hint="leave positions= out, or give an Uncertainty in place of the plants",
+            )
         given = tuple(without_delays(p) for p in (plant, *uncertainty))
         _same_groups(given)
         problem = Problem(
@@ -133,7 +136,7 @@ def law_of(compensator: Compensator) -> Law:
     """The matrices of a strictly proper compensator; raises `ConfigError` for another."""
     system = compensator.system
     if np.any(system.D):
-        raise ConfigError("start= is not strictly proper")
+        raise ConfigError("start= is not strictly proper", hint="a compensator with D = 0: add a roll-off")
     return Law(system.A, system.B, system.C)
 
 

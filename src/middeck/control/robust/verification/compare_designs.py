@@ -34,7 +34,7 @@ class ComparedDesign:
         name, setting: The design, and ``"continuous"`` or the sampling rate.
         order: States of the compensator, fixed filters included.
         nominal_db, nominal_control_rms: On the nominal plant; ``inf`` where unstable.
-        stable_share: Of the unseen plants.
+        stable_share: Share of the unseen plants that are stable.
         worst_db, median_db: Over the stable ones among them; ``inf`` where there is none.
         nominal_rms, worst_rms, median_rms: As ``..._db``, in the unit of the weighted outputs; they compare
             designs where a plant drifts without control (a free body) and all decibels are minus infinity.

@@ -96,7 +96,7 @@ def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | Non
 def measure_in_family(
     plant: Plant, known: FamilyLaw, *, measured: bool = True, most_lines: int = MOST_LINES
 ) -> NoiseOutcome | None:
-    """As `integrate_noise`, for a plant of decaying modes; None where undecided by ``most_lines``.
+    """`integrate_noise` for a plant of decaying modes; None where undecided by ``most_lines``.
 
     Raises `ConfigError` for process noise that reaches z directly.
     """
@@ -196,7 +196,7 @@ def _merged(lines: np.ndarray, new: np.ndarray, order: np.ndarray) -> np.ndarray
 
 
 def _first_lines(poles: np.ndarray, top: float) -> Float[np.ndarray, " line"]:
-    """Beside the open loop's poles, and octaves."""
+    """Frequency lines beside the open loop's poles, and in octaves."""
     upper = poles[np.imag(poles) >= 0.0]
     sides = np.abs(np.real(upper))[:, None] * np.concatenate([-BESIDE[1:], BESIDE])
     lines = np.concatenate([(np.imag(upper)[:, None] + sides).ravel(), top * 0.5 ** np.arange(24.0)])

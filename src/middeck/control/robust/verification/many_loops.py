@@ -6,6 +6,8 @@ residual or error, is decided loop by loop, as one loop alone is.
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -13,6 +15,7 @@ from middeck.control.h2.closed_cost import Law
 from middeck.control.robust.verification.single_loop import TOLERATED, measure_one
 from middeck.control.robust.verification.squaring import find_units, share_way, square_loops
 from middeck.errors import ConfigError
+from middeck.systems.poles.verdict import CURE, OPEN
 from middeck.systems.state_space.balancing import balance
 from middeck.values import record
 
@@ -30,12 +33,13 @@ class ManyLoops:
 
     Attributes:
         stable: As `middeck.systems.poles.stability.is_stable` decides each.
-        rms: Of each output under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
+        rms: Rms of outputs under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
             pole does not decay.
-        error: Of each rms, relative, about: |A X + X A' + B B'| trace(O) / (2 rms^2) with the observability
-            Gramian O of this output, and the rounding of c X c'. From one on no digit is known.
+        error: Relative error of each rms, about |A X + X A' + B B'| trace(O) / (2 rms^2) with the
+            observability Gramian O of this output, and the rounding of c X c'. From one on no digit is known.
         residual: |A X + X A' + B B'| / (2 |A| |X| + |B B'|), Frobenius norms, the first as a few fixed
-            vectors see it, of all but the last, small terms of X; ``nan`` where the rms is infinite.
+            vectors see it, of all but the last, small terms of X; ``nan`` where the rms is infinite, ``inf``
+            where rounding leaves stability open.
         alone: Loops that were decided one by one.
     """
 
@@ -78,7 +82,8 @@ def measure_many(
 ) -> ManyLoops:
     """Stability and rms of loops x' = A x + B w, z = C x; w is white, of unit two-sided intensity.
 
-    Raises `ConfigError` for stacks that do not fit each other or are not finite.
+    Warns (`UserWarning`) where rounding leaves stability open: the loop then counts as unstable. Raises
+    `ConfigError` for stacks that do not fit each other or are not finite.
     """
     _check(A, B, C)
     count, n = A.shape[:2]
@@ -99,6 +104,12 @@ def measure_many(
         stable[part] = ~found.grown
     for i in np.flatnonzero(alone):
         stable[i], rms[i], error[i], residual[i] = measure_one(A[i], B[i], C[i])
+    if undecided := int(np.isinf(residual).sum()):
+        warnings.warn(
+            f"stability of {undecided} of {count} loops is undecided, and counts as lost: {OPEN}; {CURE}, "
+            "would tell",
+            stacklevel=2,
+        )
     return ManyLoops(stable=stable, rms=rms, error=error, residual=residual, alone=alone)
 
 
@@ -109,4 +120,7 @@ def _check(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> None:
         shapes = ", ".join(f"{k} {M.shape}" for k, M in stacks.items())
         raise ConfigError(f"stacks of {shapes}", hint="A (loop, n, n), B (loop, n, w), C (loop, z, n)")
     if not all(np.isfinite(M).all() for M in stacks.values()):
-        raise ConfigError("a stack of loops holds a number that is not finite")
+        raise ConfigError(
+            "a stack of loops holds a number that is not finite",
+            hint="drop unstable or failed designs from the stack first",
+        )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +22,6 @@ from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
 from middeck.control.robust.verification.many_loops import measure_many
 from middeck.control.robust.verification.sampled_loops import sampled_outcomes
-from middeck.control.robust.verification.single_loop import measure_one
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
@@ -38,7 +39,7 @@ class PlantOutcomes:
     Attributes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
         stable: By roots. A loop of infinite rms does not count as stable: a root on the axis drifts.
-        rms: Of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
+        rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
             unstable. Of a sampled loop at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
             plant is unstable without control and stable with it.
@@ -90,7 +91,7 @@ def verify_robustness(
 def outcomes_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, rates_hz: Sequence[float] = ()
 ) -> tuple[PlantOutcomes, ...]:
-    """As `verify_robustness`, for a list of plants."""
+    """`verify_robustness` for a list of plants."""
     _require(plants, compensator)
     reference = np.zeros(0)
     if plants:
@@ -130,7 +131,8 @@ def _require_ports(plant: Plant, compensator: Compensator) -> None:
     if reads != plant.y or drives != plant.u:
         raise ConfigError(
             f"the compensator reads {', '.join(reads)} and drives {', '.join(drives)}; the plant's groups y "
-            f"and u are {', '.join(plant.y)} and {', '.join(plant.u)}"
+            f"and u are {', '.join(plant.y)} and {', '.join(plant.u)}",
+            hint="design the compensator on a plant with the same groups, in the same order",
         )
 
 
@@ -181,7 +183,7 @@ def which_decay(
 def _noise_on(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> tuple[Bool[np.ndarray, " plant"], Float[np.ndarray, " plant"], Float[np.ndarray, " plant"]]:
-    """As `noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
+    """`noise_on` over all frequencies; without ``measured`` a finite rms may be any finite number."""
     _require(plants, compensator)
     found: list[NoiseOutcome | None] = [None] * len(plants)
     modal = [p.delayed and p.modal is not None for p in plants]
@@ -204,27 +206,35 @@ def _approximated(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> list[NoiseOutcome | None]:
     """All plants together with approximated delays, but exactly where that is needed; None if undecided."""
-    system = compensator.system
-    law = Law(system.A, system.B, system.C)
-    of_law = is_vague(system)
+    of_law = is_vague(compensator.system)
     # Modal plants have no mixed states.
     vague = [of_law or (p.modal is None and is_vague(remove_delays(p).system)) for p in plants]
+    known = [p for p, its in zip(plants, vague, strict=True) if not its]
+    together = iter(_together(known, compensator, weights, measured=measured))
+    found = [None if its else next(together) for its in vague]
+    for i, plant in enumerate(plants):
+        if found[i] is None:
+            with contextlib.suppress(NumericalError):
+                found[i] = integrate_noise(plant, compensator, weights, measured=measured)
+    return found
+
+
+def _together(
+    plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
+) -> list[NoiseOutcome | None]:
+    """Outcomes with approximated delays; None for a plant that these, or rounding, leave undecided."""
+    system = compensator.system
+    law = Law(system.A, system.B, system.C)
     orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
     values, rms, control = _rms(models, [law] * len(models), measured=measured)
     stable = exact_growth(plants, law, values) <= 0.0
-    rows = zip(stable, rms, control, strict=True)
-    found: list[NoiseOutcome | None] = [NoiseOutcome(bool(a), float(b), float(c)) for a, b, c in rows]
+    found: list[NoiseOutcome | None] = []
     for i, plant in enumerate(plants):
-        if not (plant.delayed or vague[i]):
-            continue
-        agreed = stable[i] == np.isfinite(rms[i]) and is_within(order, plant, values[i])
-        if vague[i] or orders[i] > order or not agreed:
-            try:
-                found[i] = integrate_noise(plant, compensator, weights, measured=measured)
-            except NumericalError:
-                found[i] = None
+        agreed = stable[i] == np.isfinite(rms[i]) and orders[i] <= order
+        lost = np.isnan(rms[i]) or (plant.delayed and not (agreed and is_within(order, plant, values[i])))
+        found.append(None if lost else NoiseOutcome(bool(stable[i]), float(rms[i]), float(control[i])))
     return found
 
 
@@ -242,14 +252,16 @@ def _outcomes(
 def _rms(
     models: Sequence[GeneralizedPlant], laws: Sequence[Law], *, measured: bool
 ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Poles, rms of the weighted outputs, and of the weighted input, plant by plant."""
+    """Poles, rms of the weighted outputs, and of the weighted input, plant by plant; ``nan`` where rounding
+    leaves stability open.
+    """
     poles: list[np.ndarray] = [np.zeros(0)] * len(models)
     rms, control = np.full(len(models), np.inf), np.full(len(models), np.inf)
     closed = [closed_matrices(m, law) for m, law in zip(models, laws, strict=True)]
     for group in same_shapes([c[0].shape for c in closed]):
         A, B, C = (np.array([closed[i][k] for i in group]) for k in range(3))
         values = np.linalg.eigvals(A).astype(complex)
-        each = measure_many(A, B, C).rms if measured else _bounded(A, C, values)
+        each = _measured(A, B, C) if measured else _bounded(A, C, values)
         inputs = models[group[0]].B2.shape[1]
         outputs = each.shape[1] - inputs
         for j, i in enumerate(group):
@@ -259,11 +271,17 @@ def _rms(
     return poles, rms, control
 
 
+def _measured(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> Float[np.ndarray, "loop output"]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it leaves open is decided exactly
+        found = measure_many(A, B, C)
+    return np.where(np.isinf(found.residual)[:, None], np.nan, found.rms)
+
+
 def _bounded(A: np.ndarray, C: np.ndarray, values: np.ndarray) -> Float[np.ndarray, "loop output"]:
-    """Zero for each loop whose poles decay, ``values`` or what these are without rounding; else ``inf``."""
-    nothing = np.zeros((A.shape[1], 0))
-    some = [
-        np.zeros(len(c)) if all_decay(own) else measure_one(a, nothing, c)[1]
-        for a, c, own in zip(A, C, values, strict=True)
-    ]
-    return np.array(some)
+    """Zero for each loop whose poles decay, ``values`` or what these are without rounding; as `_measured`."""
+    decay = np.array([all_decay(own) for own in values], bool)
+    found = np.zeros((len(A), C.shape[1]))
+    nothing = np.zeros((len(A), A.shape[1], 0))
+    found[~decay] = _measured(A[~decay], nothing[~decay], C[~decay])
+    return found

@@ -8,17 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.analysis.loop.feedback_loop import form_loop
+from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import pade_order, phase_of_modes
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.verification.batch import (
-    row_rms,
-    same_shapes,
-    sampled_covariances,
-    warn_of_lost,
-)
+from middeck.control.robust.verification.batch import row_rms, same_shapes, warn_of_lost
+from middeck.control.robust.verification.sampled_covariances import sampled_covariances
 from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -80,7 +77,7 @@ def sampled_outcomes(
 
 def _is_known(plant: Plant, law: Compensator) -> bool:
     try:
-        decide_stability(plant, law)
+        decide_loop(form_loop(plant, law))
     except NumericalError:
         return False
     return True

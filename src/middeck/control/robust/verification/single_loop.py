@@ -11,6 +11,7 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import solve_triangular
 from middeck.control.robust.verification.batch import row_rms
 from middeck.systems.poles.stability import all_decay, growth_rates, none_grows
+from middeck.systems.poles.verdict import is_open
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import StateSpace
 
@@ -24,11 +25,15 @@ def measure_one(
 ) -> tuple[bool, np.ndarray, np.ndarray, float]:
     """Stability, rms of the outputs, their errors, and the residual, as of `ManyLoops`.
 
-    Where an output is lost in the rounding of others it is computed anew, in units of the states' rms.
+    Where rounding leaves stability open (`is_open`) the loop counts as unstable, with a residual of ``inf``.
+    An output lost in the rounding of others is computed again, in units of the states' rms.
     """
-    rates = growth_rates(StateSpace(A, B, C, np.zeros((len(C), B.shape[1]))))
+    system = StateSpace(A, B, C, np.zeros((len(C), B.shape[1])))
+    rates, lost = growth_rates(system), np.full(len(C), np.inf)
+    if is_open(system):
+        return False, lost, lost, np.inf
     if not all_decay(rates):
-        return none_grows(rates), np.full(len(C), np.inf), np.full(len(C), np.inf), np.nan
+        return none_grows(rates), lost, lost, np.nan
     if not B.shape[1]:
         return True, np.zeros(len(C)), np.zeros(len(C)), 0.0
     scale = balance(A)[1]

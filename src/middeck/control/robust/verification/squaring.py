@@ -85,7 +85,7 @@ def _middle(poles: np.ndarray) -> float:
 
 
 class Way(NamedTuple):
-    """What all loops share: p, the most squarings, the parts of (A - p I)^-1 if any, and probes."""
+    """Values that all loops share: p, the most squarings, the parts of (A - p I)^-1 if any, and probes."""
 
     pole: float
     most: int
@@ -94,7 +94,7 @@ class Way(NamedTuple):
 
 
 def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
-    """What all loops ``A`` share in the units ``scale``."""
+    """The values that all loops ``A`` share in the units ``scale``."""
     pole = _middle(np.linalg.eigvals(A[0]))
     most = int(np.clip(np.log2(pole / GROWTH_LIMIT) - 3.0, 0, SQUARINGS))
     return Way(pole, most, find_parts(A, scale, pole), _probes(A.shape[1]))
@@ -199,7 +199,7 @@ def _invert(A: np.ndarray, way: Way, wide: np.ndarray) -> tuple[np.ndarray, Floa
 
 
 def _feigned(moved: np.ndarray, turned: np.ndarray, way: Way) -> Float[np.ndarray, " loop"]:
-    """By how much rounding has changed M, as `PROBES` vectors see it, twice."""
+    """Twice the change of M by rounding, as `PROBES` vectors see it."""
     inverse, columns = turned.swapaxes(1, 2), way.probes.T
     gap = inverse @ (moved @ (inverse @ columns) - columns)
     return EPS * moved.shape[1] + 4.0 * way.pole * _sizes(gap) / math.sqrt(PROBES)

@@ -24,6 +24,8 @@ Formulation = Literal["consistent", "coupled", "lumped"]
 Array = np.ndarray
 THIRDS = 3
 PARTS = (2, 4, 8)  # of a member that tapers
+LEAST = 0.1  # of a third's flexibility, against its mean
+NEAR = 0.25 ** np.arange(1, 9)  # of a cell
 CHANGE = 1.3  # of flexibility and mass along a part, against the mean
 ROUNDING = 1e-9  # of a coupling of bending in both planes
 PRODUCT = 1e-6  # of rotary inertia that an article leaves out
@@ -35,11 +37,13 @@ LENGTHS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 class ArticleSections(NamedTuple):
     """Tables of an article, one for each element of a member.
 
-    ``product``: rotary inertia about axes that are not those of the member is left out.
+    ``product``: rotary inertia about axes that are not those of the member is left out. ``steep``: it tapers
+    more than the elements can follow.
     """
 
     tables: tuple[dict[str, Any], ...]
     product: bool
+    steep: bool
 
 
 def article_sections(
@@ -48,7 +52,7 @@ def article_sections(
     """The sections of a member in SI units; of a ``rod`` the mass goes straight between its ends."""
     coupled = formulation == "coupled"
     spread = ("coupled rod" if coupled else "rod") if rod else "coupled" if coupled else "consistent"
-    stiffness, moments = _elements(section, formulation)
+    stiffness, moments, steep = _elements(section, formulation)
     inertia = moments * mass_unit * units.length ** np.array([-1.0, 0.0, 0.0, 1.0, 1.0, 1.0])
     lengths = units.length**LENGTHS
     tables: list[dict[str, Any]] = []
@@ -67,11 +71,11 @@ def article_sections(
             table["mass_centre_m"] = centre
         product |= abs(yz - rho * centre[0] * centre[1]) > PRODUCT * (yy + zz)
         tables.append(table)
-    return ArticleSections(tuple(tables), bool(product))
+    return ArticleSections(tuple(tables), bool(product), steep)
 
 
 def taper_notes(made: Mapping[str, ArticleSections]) -> list[str]:
-    """What differs from the deck's own program, by names of sections."""
+    """Notes on differences from the deck's own program, by names of sections."""
     notes: list[str] = []
     tapered = {name: len(part.tables) for name, part in made.items() if len(part.tables) > 1}
     if tapered:
@@ -80,6 +84,12 @@ def taper_notes(made: Mapping[str, ArticleSections]) -> list[str]:
         notes.append(
             f"{some_names(list(tapered))} tapers: {count} elements of a member have its flexibility and "
             "mass; the deck's own program makes one element of it, with an integration and a mass of its own"
+        )
+    steep = [name for name, part in made.items() if part.steep]
+    if steep:
+        notes.append(
+            f"{some_names(steep)} changes so steeply that {THIRDS * PARTS[-1]} elements follow it to "
+            "percents only: divide the beam in the deck"
         )
     left = [name for name, part in made.items() if part.product]
     if left:
@@ -115,12 +125,12 @@ def _ends(section: BarSection) -> tuple[tuple[float, float, float, float], ...]:
     return tuple(out)
 
 
-def _elements(section: BarSection, formulation: Formulation) -> tuple[Array, Array]:
-    """Stiffness and moments of mass of the elements of a member: one, or several if it tapers."""
+def _elements(section: BarSection, formulation: Formulation) -> tuple[Array, Array, bool]:
+    """Stiffness and moments of mass of the elements of a member, one, or several if it tapers; if steeply."""
     factor = 0.0 if formulation == "lumped" else 1.0
     if not section.tapers:
         start = np.zeros(1)
-        return _stiffness(section, start), factor * _moments(section, section.at(start), formulation)
+        return _stiffness(section, start), factor * _moments(section, section.at(start), formulation), False
     x, weight, cell = _points(section, np.linspace(0.0, 1.0, THIRDS * PARTS[-1] + 1))
     K, moments = _stiffness(section, x), _moments(section, section.at(x), formulation)
     diagonal = np.diagonal(K, axis1=1, axis2=2)
@@ -128,11 +138,10 @@ def _elements(section: BarSection, formulation: Formulation) -> tuple[Array, Arr
     C = np.linalg.inv(K[:, live[:, None], live])
     mass = moments[:, :1, None]
     parts = next((n for n in PARTS if all(_is_even(v, weight, cell, n) for v in (C, mass))), PARTS[-1])
-    shape = (THIRDS * parts, len(live), len(live))
-    found = np.linalg.inv(_thirds(C.reshape(len(x), -1), x, weight, cell, parts).reshape(shape))
+    found, steep = _positive_thirds(C, x, weight, cell, parts)
     out = np.repeat(K[:1], len(found), axis=0)
-    out[:, live[:, None], live] = found
-    return out, factor * _thirds(moments, x, weight, cell, parts)
+    out[:, live[:, None], live] = np.linalg.inv(found)
+    return out, factor * _thirds(moments, x, weight, cell, parts), steep
 
 
 def _is_even(values: Array, weight: Array, cell: Array, parts: int) -> bool:
@@ -160,9 +169,28 @@ def _thirds(rows: Array, x: Array, weight: Array, cell: Array, parts: int) -> Ar
     return np.vstack(out)
 
 
+def _positive_thirds(C: Array, x: Array, weight: Array, cell: Array, parts: int) -> tuple[Array, bool]:
+    """`_thirds` of flexibilities (point, n, n); means of the thirds, and true, where none of those are left.
+
+    Where a part changes steeply a constant that keeps three integrals may be negative: a hinge, or worse.
+    """
+    third = cell * parts // PARTS[-1]
+    means = np.einsum("gi,ijk->gjk", (np.arange(THIRDS * parts)[:, None] == third) * weight, C)
+    means *= THIRDS * parts
+    kept = _thirds(C.reshape(len(x), -1), x, weight, cell, parts).reshape(means.shape)
+    root = np.linalg.inv(np.linalg.cholesky(means))
+    lost = np.linalg.eigvalsh(root @ kept @ np.swapaxes(root, 1, 2)).min(axis=1) < LEAST
+    lost = np.repeat(lost.reshape(-1, THIRDS).any(axis=1), THIRDS)
+    return np.where(lost[:, None, None], means, kept), bool(lost.any())
+
+
 def _points(section: BarSection, edges: Array) -> tuple[Array, Array, Array]:
-    """Six Gauss points each between edges and stations, weights, and the cell of each."""
-    ends = np.unique(np.concatenate([edges, section.knots]))
+    """Six Gauss points each between edges and stations, weights, and the cell of each.
+
+    Towards stations the pieces are ever shorter: a beam may end in a point, where its flexibility is large.
+    """
+    near = section.knots[:, None] + np.outer([-1.0, 1.0], NEAR / (len(edges) - 1)).ravel()
+    ends: Array = np.unique(np.clip(np.concatenate([edges, section.knots, near.ravel()]), 0.0, 1.0))
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     points, weights = np.polynomial.legendre.leggauss(6)
     x, weight = middle[:, None] + half[:, None] * points, half[:, None] * weights

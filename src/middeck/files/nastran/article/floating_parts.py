@@ -30,7 +30,7 @@ def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
 
 
 def _pairs(parts: Parts, standing: Standing) -> list[tuple[str, str]]:
-    """What joins what, by the names of grids and scalar points."""
+    """Pairs of joined grids and scalar points, by their names."""
     on = standing.carrier
     pairs = [
         (f"{on(part.grids[0])}", f"{on(part.grids[1])}")

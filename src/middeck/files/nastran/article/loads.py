@@ -16,8 +16,14 @@ from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.connectivity import some_names
 
-DIRECT = ("FORCE", "MOMENT")
+# Along a line of two grids, or across two such lines.
+BY_GRIDS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("FORCE1", "MOMENT1"), ("g1", "g2")),
+    **dict.fromkeys(("FORCE2", "MOMENT2"), ("g1", "g2", "g3", "g4")),
+}
+DIRECT = ("FORCE", "MOMENT", *BY_GRIDS)
 TAKEN = (*DIRECT, "PLOAD1", "GRAV")
+LEAST_SINE = 1e-9  # of the angle between two lines that say what is across both
 ALIKE = 1e-6  # of gravity: fields of eight columns
 INSIDE = "how its member bends between its ends, which move and turn as under it"
 
@@ -160,22 +166,45 @@ class LoadSets:
         return member_load(entry, bar, factor, self.basis, self.standing)
 
     def _load(self, factor: float, entry: Entry, units: Units, faults: list[Fault]) -> dict[str, Any]:
-        grid, cid = entry["g"], entry["cid"]
+        grid = entry["g"]
         carrier = self.standing.carrier(grid)
         if carrier not in self.standing.kept:
             faults.append(entry.fault(f"grid {grid} has no element or mass, or there is no such grid", "g"))
-        elif cid not in self.places.systems:
-            faults.append(entry.fault(f"there is no coordinate system {cid}", "cid"))
-        else:
-            place = self.places.grids[grid]
-            given = self.places.systems[cid].axes_at(place) @ _direction(entry, "f", faults)
-            vector = factor * entry["f"] * given
-            key, unit = "force_n", units.force
-            if entry.name == "MOMENT":
-                key, unit = "moment_nm", units.force * units.length
-            arm = (place - self.places.grids[carrier]) * units.length
-            return {"frame": f"g{carrier}", key: vector * unit, "offset_m": arm}
-        return {}
+            return {}
+        place = self.places.grids[grid]
+        by_grids = entry.name in BY_GRIDS
+        along = self._by_grids(entry, faults) if by_grids else self._by_vector(entry, place, faults)
+        vector = factor * entry["f"] * along
+        key, unit = "force_n", units.force
+        if entry.name.startswith("MOMENT"):
+            key, unit = "moment_nm", units.force * units.length
+        arm = (place - self.places.grids[carrier]) * units.length
+        return {"frame": f"g{carrier}", key: vector * unit, "offset_m": arm}
+
+    def _by_vector(self, entry: Entry, place: np.ndarray, faults: list[Fault]) -> np.ndarray:
+        """The vector N in basic coordinates, of any length."""
+        system = self.places.systems.get(entry["cid"])
+        if system is None:
+            faults.append(entry.fault(f"there is no coordinate system {entry['cid']}", "cid"))
+            return np.zeros(3)
+        return system.axes_at(place) @ _direction(entry, "f", faults)
+
+    def _by_grids(self, entry: Entry, faults: list[Fault]) -> np.ndarray:
+        """The unit vector from G1 to G2, or across that line and the one from G3 to G4."""
+        keys = BY_GRIDS[entry.name]
+        absent = next((key for key in keys if entry[key] not in self.places.grids), None)
+        if absent is not None:
+            faults.append(entry.fault(f"there is no grid {entry[absent]}", absent))
+            return np.zeros(3)
+        ends = [self.places.grids[entry[key]] for key in keys]
+        first, *second = (b - a for a, b in zip(ends[::2], ends[1::2], strict=True))
+        given = np.cross(first, second[0]) if second else first
+        size, room = np.linalg.norm(given), np.prod([np.linalg.norm(line) for line in (first, *second)])
+        if not size > LEAST_SINE * room:
+            what = "two lines that are parallel, or of no length" if second else "grids in one place"
+            faults.append(entry.fault(f"its direction is zero: {what}", keys[-1]))
+            return np.zeros(3)
+        return given / size
 
 
 def _direction(entry: Entry, size: str, faults: list[Fault]) -> np.ndarray:

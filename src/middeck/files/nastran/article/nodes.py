@@ -33,9 +33,9 @@ def carried_points(basis: Basis, standing: Standing) -> Tables:
         {
             "name": f"g{grid}",
             "frame": f"g{standing.carriers[grid]}",
-            "offset_m": _arm(basis, standing.carriers[grid], basis.places.grids[grid]),
+            "offset_m": (place - basis.places.grids[standing.carriers[grid]]) * basis.units.length,
         }
-        for grid in basis.places.grids
+        for grid, place in basis.places.grids.items()
         if standing.carriers.get(grid) in standing.kept
     ]
 
@@ -46,10 +46,6 @@ def rider_links(standing: Standing) -> Tables:
         {"name": f"rigid_g{grid}", "from": f"g{carrier}", "to": f"g{grid}"}
         for grid, carrier in standing.riders.items()
     ]
-
-
-def _arm(basis: Basis, carrier: int, point: np.ndarray) -> np.ndarray:
-    return (point - basis.places.grids[carrier]) * basis.units.length
 
 
 def _node(basis: Basis, grid: int, body: Mass | None) -> dict[str, Any]:

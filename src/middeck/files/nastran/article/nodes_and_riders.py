@@ -16,7 +16,7 @@ from middeck.structure.model.component import Component
 
 
 class Standing(NamedTuple):
-    """What of a deck's grids its article has.
+    """Which of a deck's grids become nodes of the article, and which ride on others.
 
     Attributes:
         kept: Grids that are nodes.

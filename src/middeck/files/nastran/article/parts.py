@@ -21,7 +21,7 @@ from middeck.files.nastran.masses_and_springs.bodies import (
     read_scalar_masses,
     scalar_masses,
 )
-from middeck.files.nastran.masses_and_springs.direct import direct_masses, direct_ties
+from middeck.files.nastran.masses_and_springs.direct_matrices import direct_masses, direct_ties
 from middeck.files.nastran.masses_and_springs.scalars import (
     WAY,
     Element,
@@ -30,7 +30,7 @@ from middeck.files.nastran.masses_and_springs.scalars import (
     scalar_points,
     tie_terms,
 )
-from middeck.files.nastran.masses_and_springs.ties import Tie, read_ties
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie, read_ties
 from middeck.files.nastran.members.members import Bar, read_bars
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
@@ -39,7 +39,7 @@ LeftOut = tuple[str, int, str]
 
 
 class Basis(NamedTuple):
-    """What every step of a conversion stands on: the deck, its units and places, the mass of its members."""
+    """The common basis of a conversion: the deck, its units and places, the mass of its members."""
 
     deck: Deck
     units: Units
@@ -58,7 +58,7 @@ class Basis(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """What was read of a deck; ``held`` are the components of grids that the ground holds."""
+    """The parts read from a deck; ``held`` are the components of grids that the ground holds."""
 
     bars: list[Bar]
     masses: list[Mass]
@@ -75,7 +75,7 @@ def set_out(deck: Deck, units: Units, formulation: Formulation) -> Basis:
     unknown = (
         entry.fault(f"there is no coordinate system {entry['cd']}", "cd")
         for entry in deck.entries.of("GRDSET", "GRID")
-        if (entry["cd"] or 0) > 0 and entry["cd"] not in basis.places.systems
+        if (entry["cd"] or 0) not in basis.places.systems
     )
     raise_some(list(unknown))
     return basis
@@ -122,7 +122,7 @@ def grids_named(entry: Entry) -> list[int]:
     return [entry["gn"], *(n for n in map(integer, filter(None, entry["gm"])) if n)]
 
 
-# Of a place, from sums of such places.
+# Relative rounding of a place that is computed as a sum.
 ROUNDING = 1e-12
 
 

@@ -77,7 +77,7 @@ def _names(section: str, made: ArticleSections) -> list[str]:
 
 
 def _along(section: str, made: ArticleSections) -> dict[str, Any]:
-    """What struts of one property share."""
+    """The keys that struts of one property share."""
     names, count = _names(section, made), len(made.tables)
     if count == 1:
         return {"section": section}

@@ -1,4 +1,4 @@
-"""What became of the cards: which were converted, which left out and why, and what is doubtful."""
+"""The report on the cards: which were converted, which left out and why, and which are doubtful."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _why_idle(card: str) -> str:
 
 
 def note_doubts(basis: Basis, parts: Parts) -> list[str]:
-    """What case control selects in vain, what is missing, and what the deck's own program does otherwise."""
+    """Notes on missing sets of case control, and on differences from the deck's own program."""
     entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
     notes: list[str] = []
     if deck.unended:
@@ -80,7 +80,7 @@ def note_doubts(basis: Basis, parts: Parts) -> list[str]:
     for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
         absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
         notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
-    notes += [f"include not found before BEGIN BULK: {name}" for name in deck.missing]
+    notes += deck.notes
     stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
     if stiff:
         notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")

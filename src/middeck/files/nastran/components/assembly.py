@@ -35,7 +35,7 @@ OWN = ("SEBULK", "SECONCT")
 SETS = tuple(f"{kind}SET{end}" for kind in "ABCQ" for end in ("", "1"))
 PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH", "PMASS", "MAT1")
 WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
-# Of the size: grids that are joined by place.
+# Largest distance, over the size, of grids that are joined by place.
 NEAR = 1e-5
 LONGEST = 100_000  # points in a range
 
@@ -81,8 +81,8 @@ def read_assembly(
     cend = next((i for i, line in enumerate(bulk.head) if line[0].strip().upper() == "CEND"), len(bulk.head))
     cards = [card for card in bulk.main if card.name not in OWN]
     selection = read_selection(bulk.head[cend + 1 :], subcase)
-    entries, missing = read_entries(cards), tuple(bulk.missing)
-    return Deck(str(path), selection, entries, missing, not bulk.head, len(bulk.main), bulk.unended), parts
+    entries, notes = read_entries(cards), tuple(bulk.notes)
+    return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
 
 
 def _unread(bulk: Bulk) -> Iterator[Fault]:

@@ -38,7 +38,7 @@ class Lone(NamedTuple):
     digits: int
 
     def block(self, row: int, column: int) -> np.ndarray:
-        """What the coordinates of one grid have with those of another, by their places in the list."""
+        """Coupling of the coordinates of one grid with those of another, by their places in the list."""
         return self.matrix[6 * row : 6 * row + 6, 6 * column : 6 * column + 6]
 
     def size(self, row: int) -> np.ndarray:

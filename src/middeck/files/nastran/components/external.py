@@ -44,13 +44,13 @@ _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
 class Bulk(NamedTuple):
     """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK.
 
-    ``missing`` names includes there that are not found; ``unended`` is the last line where ENDDATA lacks.
+    ``notes`` are those on includes; ``unended`` is the last line where ENDDATA lacks.
     """
 
     head: list[Line]
     main: list[Card]
     supers: dict[int, list[Card]]
-    missing: list[str]
+    notes: list[str]
     unended: Line | None
 
 
@@ -63,12 +63,12 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     head: list[Line] = []
     main: list[Line] = []
     supers: dict[int, list[Line]] = {}
-    missing: list[str] = []
+    notes: list[str] = []
     unended: Line | None = None
     for path in paths:
         reader = Lines(Path(path))
         lines, begins = reader.lines, reader.begins
-        missing += reader.missing
+        notes += reader.notes
         unended = reader.unended
         bulk = [at for at in begins if _BULK.match(lines[at][0])]
         before = head if bulk else main
@@ -82,7 +82,7 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
             into = supers.setdefault(int(found[1]), []) if found else main
             into += lines[start + 1 : end]
     parts = {n: join_cards(found) for n, found in supers.items()}
-    return Bulk(head, join_cards(main), parts, missing, unended)
+    return Bulk(head, join_cards(main), parts, notes, unended)
 
 
 def has_card(path: str | Path, name: str) -> bool:
@@ -116,9 +116,9 @@ def read_external(
     Args:
         cards: Files with its cards, such as the punch file.
         matrices: Its OUTPUT4 file; None where DMIG among the cards hold them.
-        units: Of the deck.
-        number: Of the superelement, where the cards are those of several.
-        name: Of the component.
+        units: Units of the deck.
+        number: Number of the superelement, where the cards are those of several.
+        name: Name of the component.
 
     Raises `ConfigError` or `DataError` with file and line for cards or matrices that do not fit.
     """
@@ -155,7 +155,9 @@ def component_of(
     if K is None or M is None:
         what = names["stiffness" if K is None else "mass"]
         raise DataError(
-            f"none of the matrices {', '.join(what)}; there are {', '.join(found) or 'none'}", where=source
+            f"none of the matrices {', '.join(what)}; there are {', '.join(found) or 'none'}",
+            where=source,
+            hint="the file with both stiffness and mass of the component",
         )
     if K4 is not None:
         raise DataError(
@@ -204,11 +206,19 @@ def basic_matrix(
     boundary = _boundary(cards, punched.pairs({"stiffness": (name,), "mass": ()}), places, where)
     matrix = _pick(punched.matrices(boundary, where), (name,), what, boundary.size, where)
     if matrix is None:
-        raise DataError(f"{name} is zero", where=where)
+        raise DataError(
+            f"{name} is zero",
+            where=where,
+            hint="select another matrix, or remove its selection from the deck",
+        )
     size = np.sqrt(np.abs(np.diagonal(matrix)))  # of each coordinate: a turn's may be 1e9 in mm and N
     allowed = UNEQUAL * np.outer(size, size) + ROUNDING * np.abs(matrix).max()
     if np.any(np.abs(matrix - matrix.T) > allowed):
-        raise DataError(f"the {what} is not symmetric", where=f"{where}, matrix {name!r}")
+        raise DataError(
+            f"the {what} is not symmetric",
+            where=f"{where}, matrix {name!r}",
+            hint="export it as a symmetric matrix (form 6), in more digits",
+        )
     turn, _ = _to_basic(boundary, places, BARE, where)
     return boundary.grids, boundary.scalars, turn @ matrix @ turn.T
 
@@ -235,7 +245,11 @@ def _pick(
     if matrix.shape == (1, 1) and size > 1 and matrix[0, 0] == 0.0:
         return None
     if np.iscomplexobj(matrix):
-        raise DataError(f"the {what} is complex", where=f"{where}, matrix {name!r}")
+        raise DataError(
+            f"the {what} is complex",
+            where=f"{where}, matrix {name!r}",
+            hint="export a real matrix; damping is a matrix of its own (B or K4)",
+        )
     if matrix.shape != (size, size):
         raise DataError(
             f"the {what} has {matrix.shape[0]} rows for {size} coordinates of grids and scalar points",
@@ -259,7 +273,11 @@ def _boundary(cards: Sequence[Card], punched: list[tuple[int, str]], places: Pla
     seen: set[int] = set()
     for number in (*(grid for grid, _ in grids), *scalars):
         if number in seen:
-            raise DataError(f"point {number} twice on the boundary", where=where)
+            raise DataError(
+                f"point {number} twice on the boundary",
+                where=where,
+                hint="name each grid once, with all its components",
+            )
         seen.add(number)
     lost = [grid for grid, _ in grids if grid not in places.grids]
     if lost:
@@ -295,7 +313,11 @@ def _to_basic(boundary: Boundary, places: Places, units: Units, where: str) -> t
     for i, (grid, comps) in enumerate(zip(boundary.grids, boundary.components, strict=True)):
         system = places.moves_in[grid]
         if system not in places.systems:
-            raise DataError(f"grid {grid} has no coordinate system {system} (CD)", where=where)
+            raise DataError(
+                f"grid {grid} has no coordinate system {system} (CD)",
+                where=where,
+                hint="add its CORD card to the deck",
+            )
         axes = places.displacement_axes(grid)
         whole = np.kron(np.eye(2), axes) * np.repeat([1.0 / units.length, 1.0], 3)[:, None]
         index = np.array([int(c) - 1 for c in comps])
@@ -325,7 +347,7 @@ class Punched(NamedTuple):
         return [pair for pair in found if pair[1]] + [pair for pair in found if not pair[1]]
 
     def matrices(self, boundary: Boundary, where: str) -> dict[str, np.ndarray]:
-        """As arrays in the order of ``boundary``."""
+        """The matrices as arrays in the order of ``boundary``."""
         rows = [
             (g, int(c)) for g, comps in zip(boundary.grids, boundary.components, strict=True) for c in comps
         ]
@@ -339,7 +361,7 @@ class Punched(NamedTuple):
                     what = (
                         f"DMIG {name} names point {lost[0]} component {lost[1]}, which is not on the boundary"
                     )
-                    raise DataError(what, where=where)
+                    raise DataError(what, where=where, hint="do matrices and cards belong together?")
                 matrix[place[a], place[b]] = value
                 if self.symmetric[name]:
                     matrix[place[b], place[a]] = value

@@ -34,7 +34,11 @@ def write_external(stem: str | Path, component: Component) -> dict[str, Path]:
     Raises `ConfigError` for a component whose grids lack coordinates.
     """
     if not np.all(component.has):
-        raise ConfigError("a grid without some of its six coordinates", where=f"component {component.name!r}")
+        raise ConfigError(
+            "a grid without some of its six coordinates",
+            where=f"component {component.name!r}",
+            hint="reduce the component with all six coordinates of each boundary grid",
+        )
     stem = Path(stem)
     paths = {ending: stem.with_name(f"{stem.name}.{ending}") for ending in ("op4", "pch", "asm")}
     component, grids = _ascending(component)

@@ -21,7 +21,7 @@ from middeck.structure.model.clamps import LETTERS
 WAYS = ("x", "y", "z", "rx", "ry", "rz")
 # The component of a scalar point, which has one motion.
 ONLY = "0"
-# Of a direction cosine: what rounding leaves of none.
+# Direction cosine that is zero to rounding.
 SQUARE = 1e-14
 
 
@@ -167,6 +167,8 @@ def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[i
 
 def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
     for entry, key, carrier, grid, components in partial_links(deck.entries, faults):
+        if carrier == grid:
+            faults.append(entry.fault(f"grid {grid} follows itself", key))
         table = {"name": f"{entry.name.lower()}_{entry.id}_g{grid}", "from": f"g{carrier}", "to": f"g{grid}"}
         table |= _directions(places, grid, components)
         depends = tuple((grid, c) for c in components)

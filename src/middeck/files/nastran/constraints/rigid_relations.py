@@ -19,7 +19,7 @@ from middeck.files.toml.faults import Fault
 
 ALL = "123456"
 LINE = 8  # fields of a line
-# Of the independent rows, lengths over the size of the element: nearer to a mechanism is refused.
+# Largest condition of the independent rows, lengths over the size of the element: beyond is a mechanism.
 WORST = 1e6
 
 Moves = tuple[tuple[int, str], ...]
@@ -81,7 +81,7 @@ def _at_once(entry: Entry, key: str, moves: tuple[Moves, Moves], faults: list[Fa
 
 
 def _without_expansion(texts: list[str | None]) -> list[str | None]:
-    """Without a last real, the coefficient of thermal expansion."""
+    """The fields without a last real number, the coefficient of thermal expansion."""
     given = [(k, text) for k, text in enumerate(texts) if text is not None]
     return texts[: given[-1][0]] if given and real(given[-1][1]) is not None else texts
 

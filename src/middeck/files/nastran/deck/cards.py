@@ -26,7 +26,7 @@ def _columns(width: int, count: int) -> Callable[[str], tuple[str, ...]]:
     return itemgetter(*(slice(8 + width * k, 8 + width * (k + 1)) for k in range(max(2, count))))
 
 
-# By the length of a line, at most 80: by how many fields it has.
+# Columns of the fields of a line, by its length, at most 80.
 NARROW = [_columns(8, min(ROW, (length - 1) // 8)) for length in range(81)]
 WIDE = [_columns(16, count) for count in range(ROW // 2 + 1)]
 MARKS = "+*"
@@ -153,9 +153,9 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
         if not tail or (after is not None and _mark(after[HEAD])):
             continue
         if tail[0] in MARKS:
-            if _mark(tail) and after is None:
+            if after is None:
                 hint = "is the deck whole? if the card ends here, clear its tenth field"
-                faults.append(_fault(row[LINE], f"the continuation {_mark(tail)!r} is missing", hint))
+                faults.append(_fault(row[LINE], f"the continuation {tail!r} is missing", hint))
         elif is_free or not (counted or (after is not None and integer(tail) is not None)):
             faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
     return faults
@@ -201,7 +201,7 @@ def _joined(group: list[Row]) -> Card:
 
 
 def _filled(fields: list[str]) -> tuple[str, ...]:
-    """Without the blanks at the end."""
+    """The fields without the blanks at the end."""
     while fields and not fields[-1]:
         fields.pop()
     return tuple(fields)

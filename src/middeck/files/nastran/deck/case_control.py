@@ -1,4 +1,4 @@
-"""What case control selects: sets of constraints and loads, and matrices, in one subcase or in all alike."""
+"""Selections of case control in one subcase or in all: sets of constraints and loads, and matrices."""
 
 from __future__ import annotations
 

@@ -12,6 +12,10 @@ from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
+# Distance from the polar axis, over the largest coordinate, below which a point is on it.
+ON_AXIS = 1e-9
+# NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
+CORD2_LINES = 2
 
 
 class System(NamedTuple):
@@ -37,6 +41,9 @@ class System(NamedTuple):
         if self.kind == "R":
             return self.axes
         x, y, z = self.axes.T @ (point - self.origin)
+        size = np.abs([self.origin, point]).max()
+        if np.hypot(x, y) <= ON_AXIS * size:  # what rounding leaves has no direction
+            x, y, z = 0.0, 0.0, z if abs(z) > ON_AXIS * size else 0.0
         turn = np.arctan2(y, x)
         c, s = np.cos(turn), np.sin(turn)
         round_z = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -60,7 +67,7 @@ class Places(NamedTuple):
 
     def displacement_axes(self, grid: int) -> Float[np.ndarray, "3 3"]:
         """Directions (columns, basic) of the displacement components of ``grid``."""
-        return self.systems[max(self.moves_in[grid], 0)].axes_at(self.grids[grid])
+        return self.systems[self.moves_in[grid]].axes_at(self.grids[grid])
 
 
 def place_grids(entries: Entries) -> Places:
@@ -138,7 +145,7 @@ class _Resolver:
                     self._refuse(entry.fault(f"there is no {_word(need)}", key))
                     return
                 if need in within:
-                    self._refuse(entry.fault(f"{_word(need)} hangs on itself: a circle", key))
+                    self._refuse(entry.fault(f"{_word(need)} is defined by itself: a circle", key))
                     return
                 missing.append(need)
             if missing:
@@ -155,6 +162,9 @@ class _Resolver:
         if entry.name[4] == "1":
             a, b, c = (self.grids[entry[key]] for key in ("g1", "g2", "g3"))
         else:
+            if len(entry.card.lines) < CORD2_LINES:
+                self._refuse(entry.fault("its second line is missing, with the third point", "c1"))
+                return False
             based = self.systems[entry["rid"]]
             a, b, c = (
                 based.to_basic(np.array([entry[f"{p}1"], entry[f"{p}2"], entry[f"{p}3"]])) for p in "abc"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from middeck.errors import ConfigError
-from middeck.files.disk.looks import EMPTY, NO_DECK, looks_like
+from middeck.files.disk.kind_of_content import EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, read_sections
@@ -26,15 +26,15 @@ CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 class Deck(NamedTuple):
     """A deck as read.
 
-    ``bulk_only``: it has neither executive nor case control, so that nothing is selected. ``missing`` names
-    the includes before BEGIN BULK that are not there; ``cards`` is the number of cards, ``unended`` the last
-    line of a deck without ENDDATA.
+    ``bulk_only``: it has neither executive nor case control, so that nothing is selected. ``notes`` are
+    those on its includes; ``cards`` is the number of cards, ``unended`` the last line of a deck without
+    ENDDATA.
     """
 
     path: str
     selection: Selection
     entries: Entries
-    missing: tuple[str, ...]
+    notes: tuple[str, ...]
     bulk_only: bool
     cards: int
     unended: Line | None
@@ -65,7 +65,7 @@ def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
         str(path),
         read_selection(sections.case, subcase),
         entries,
-        sections.missing,
+        sections.notes,
         not sections.case and not sections.executive,
         len(cards),
         sections.unended,

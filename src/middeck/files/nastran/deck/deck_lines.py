@@ -24,12 +24,12 @@ Line = tuple[str, str, int]
 
 
 class DeckText(NamedTuple):
-    """The lines of a deck, see `Lines` for ``missing`` and ``unended``."""
+    """The lines of a deck, see `Lines` for ``notes`` and ``unended``."""
 
     executive: tuple[Line, ...]
     case: tuple[Line, ...]
     bulk: tuple[Line, ...]
-    missing: tuple[str, ...]
+    notes: tuple[str, ...]
     unended: Line | None
 
 
@@ -49,9 +49,9 @@ def read_sections(path: str | Path) -> DeckText:
     if not others:
         if cend is not None:
             raise_at(head[-1], "", "the deck ends here without BEGIN BULK", hint=WHOLE)
-        return DeckText((), (), tuple(head), (), None)
+        return DeckText((), (), tuple(head), (), reader.unended)
     at = -1 if cend is None else cend
-    return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.missing, reader.unended)
+    return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.notes, reader.unended)
 
 
 def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:
@@ -68,8 +68,8 @@ class Lines:
     """All lines of a deck with what it includes, up to ENDDATA.
 
     Includes are sought beside the file that names them, then beside the deck. Raises `ConfigError` for a file
-    that cannot be read, an include that includes itself, or is missing in bulk data, and a deck without
-    ENDDATA whose last line does not end or goes on: what is lost there cannot be told.
+    that cannot be read, a deck that ends within a line (what is lost there cannot be told), and an include
+    that includes itself, or is missing in bulk data.
 
     Attributes:
         lines: Without comments, blank ones and ENDDATA.
@@ -85,16 +85,10 @@ class Lines:
         self.ended = False
         self.files: list[Path] = []
         self._absent: list[Fault] = []
-        self._torn: tuple[str, int] | None = None  # the place of a last line that does not end
+        self._cut: list[str] = []
         self._read(deck, ())
         if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):
             raise_fault(self._absent[0])
-        if self.begins and self.unended:
-            if self.unended[1:] == self._torn:
-                what = "the deck ends within this line, without ENDDATA"
-                raise_at(self.unended, "", what, hint=f"{WHOLE} if it is, end the line")
-            if self.unended[0].rstrip().endswith(("+", "*")):
-                raise_at(self.unended, "", "the deck ends here without the continuation", hint=WHOLE)
 
     @property
     def unended(self) -> Line | None:
@@ -102,15 +96,15 @@ class Lines:
         return None if self.ended or not self.lines else self.lines[-1]
 
     @property
-    def missing(self) -> tuple[str, ...]:
-        """Includes before bulk data that are not there, with their places."""
-        return tuple(f"{fault.value} ({fault.place})" for fault in self._absent)
+    def notes(self) -> tuple[str, ...]:
+        """What to say of includes: missing before bulk data, or with a last line that does not end."""
+        gone = (f"include not found before BEGIN BULK: {f.value} ({f.place})" for f in self._absent)
+        return (*gone, *self._cut)
 
     def _read(self, path: Path, within: tuple[Path, ...]) -> None:
         """Append the lines of ``path`` and of what it includes."""
         self.files.append(path)
         file, number, texts, lines = str(path), 0, text_of(path).split("\n"), self.lines
-        self._torn = self._torn or (file, len(texts))
         while number < len(texts) and not self.ended:
             text = texts[number]
             number += 1
@@ -134,6 +128,13 @@ class Lines:
                     self.ended = True
                     continue
             lines.append((text, file, number))
+        last = texts[-1]
+        if last and not (self.ended or last.lstrip().startswith("$") or _INCLUDE.match(last)):
+            if within:  # includes of many writers end so
+                self._cut.append(f"{file}:{len(texts)}: the include ends within this line; {WHOLE}")
+                return
+            what, hint = "the file ends within this line", f"{WHOLE} if it is, end the line"
+            raise_at((last, file, len(texts)), "", what, hint=hint)
 
     def _include(self, named: str, line: Line, path: Path, within: tuple[Path, ...]) -> None:
         given = Path(named.replace("\\", "/"))

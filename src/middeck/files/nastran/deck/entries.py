@@ -27,6 +27,7 @@ from middeck.files.nastran.deck.formats import (
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault, nearest, raise_faults
 
+ALL = "123456"
 # Names of which two may stand on one card.
 DOUBLE = frozenset(("PELAS", "CORD1R", "CORD1C", "CORD1S"))
 LARGEST = 10**15  # no integer of Nastran is
@@ -64,6 +65,7 @@ WANTED = {
     "r": "must be a real number, with a decimal point",
     "g": "must be a grid or a real number, with a decimal point",
     "c": "must be components out of 123456",
+    "d": "must be components out of 123456",
     "t": "must be a name",
     "a": "must not be blank",
     "-": "must be blank",
@@ -83,7 +85,7 @@ class Entry(NamedTuple):
 
     @property
     def id(self) -> Any:
-        """What it goes by: its first field."""
+        """The number or name in its first field."""
         return self.values[0]
 
     @property
@@ -286,9 +288,10 @@ def _value(text: str, kind: str) -> Any:
         case "g":
             value = integer(text)
             return real(text) if value is None else value
-        case "c":
-            digits = "".join(sorted(set(text) - {"0"}))
-            return digits if not set(text) - set("0123456") and len(set(text)) == len(text) else None
+        case "c" | "d":
+            one_each = len(set(text)) == len(text) and not set(text) - set(ALL)
+            none = "" if kind == "c" and text == "0" else None
+            return "".join(sorted(text)) if one_each else none
         case "t":
             return text if text[0].isalpha() else None
         case "a":

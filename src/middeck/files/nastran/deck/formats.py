@@ -1,9 +1,10 @@
 """What stands in which field of the cards that are read, and which other cards there are.
 
 A format names the fields in their order, each as ``name:kind``: n a positive integer, i an integer, r a
-real, g a grid (integer) or a real, c components (digits 1 to 6), t text, a anything; ``-`` must be blank and
-``*`` is not looked at. ``=`` gives the default of a blank field, or none; a field without it is required. A
-last name with ``+`` takes all that follows. After MSC and NX Nastran, Quick Reference Guides.
+real, g a grid (integer) or a real, c components (digits 1 to 6, or 0 for none), d some of them, t text, a
+anything; ``-`` must be blank and ``*`` is not looked at. ``=`` gives the default of a blank field, or none; a
+field without it is required. A last name with ``+`` takes all that follows. After MSC and NX Nastran, Quick
+Reference Guides.
 """
 
 from __future__ import annotations
@@ -19,8 +20,7 @@ _BAR_ENDS = (
 )
 # Loads of load sets that are no forces on grids; RFORCE and ACCEL depend on masses.
 _OTHER_LOADS = """
-PLOAD PLOAD2 PLOAD4 PLOADX1 SLOAD SPCD DEFORM RFORCE RFORCE1 ACCEL ACCEL1 FORCE1 FORCE2 MOMENT1 MOMENT2 QVOL
-TEMP TEMPD TEMPRB LSEQ
+PLOAD PLOAD2 PLOAD4 PLOADX1 SLOAD SPCD DEFORM RFORCE RFORCE1 ACCEL ACCEL1 QVOL TEMP TEMPD TEMPRB LSEQ
 """
 OTHER_LOADS = tuple(_OTHER_LOADS.split())
 
@@ -58,8 +58,8 @@ FORMATS: dict[str, str] = {
     "PELAS": "pid:n k:r ge:r=0 s:r=0",
     "CBUSH": "eid:n pid:n= ga:n gb:n= x1:g= x2:r= x3:r= cid:i= s:r=0.5 ocid:i=-1 s1:r= s2:r= s3:r=",
     "PBUSH": "pid:n +rest:a",
-    "RBE2": "eid:n gn:n cm:c +gm:a",
-    "RBE3": "eid:n - refgrid:n refc:c +rest:a",
+    "RBE2": "eid:n gn:n cm:d +gm:a",
+    "RBE3": "eid:n - refgrid:n refc:d +rest:a",
     "RBAR": "eid:n ga:n gb:n cna:c= cnb:c= cma:c= cmb:c= alpha:r=0",
     "RBE1": "eid:n +rest:a",
     "MPC": "sid:n +terms:a",
@@ -72,6 +72,8 @@ FORMATS: dict[str, str] = {
     "GRAV": "sid:n cid:i=0 a:r n1:r=0 n2:r=0 n3:r=0 mb:i=0",
     "FORCE": _FORCE,
     "MOMENT": _FORCE,
+    **dict.fromkeys(("FORCE1", "MOMENT1"), "sid:n g:n f:r g1:n g2:n"),
+    **dict.fromkeys(("FORCE2", "MOMENT2"), "sid:n g:n f:r g1:n g2:n g3:n g4:n"),
     "PLOAD1": "sid:n eid:n type:t scale:t x1:r p1:r x2:r= p2:r=",
     "LOAD": "sid:n s:r +rest:a",
     "DMIG": "name:t +rest:a",
@@ -170,5 +172,5 @@ def _format(text: str) -> Format:
 
 
 PARSED = {name: _format(text) for name, text in FORMATS.items()}
-# By card, the place of each field among its values.
+# The place of each field among its card's values.
 PLACES = {name: {field: i for i, field in enumerate(f.names)} for name, f in PARSED.items()}

@@ -1,4 +1,4 @@
-"""Units of a deck, which states none: by names such as ``mm-kg-s-mN``, and what they may be."""
+"""Units of a deck, which states none: by names such as ``mm-kg-s-mN``, and the likeliest ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "uN": 1e-6, "lbf": 4.4482216152605, "
 # What decks are written in.
 _COMMON = "mm-kg-s-mN m-kg-s-N mm-t-s-N in-slinch-s-lbf mm-kg-ms-kN mm-g-ms-N ft-slug-s-lbf cm-kg-s"
 COMMON = tuple(_COMMON.split())
-# Of solids that are built with, from wood to carbon fibres and tungsten.
+# Range of Young's modulus, density and size of structures, from wood to carbon fibres and tungsten.
 YOUNG, DENSITY, SIZE = (1e8, 1.5e12), (100.0, 2.3e4), (1e-3, 2e3)
 BUILT = (1e10, 5e11)  # of the most common: light alloys, fibres, steel
 ROUNDING = 1e-6  # of a force that people round
@@ -34,7 +34,7 @@ class Units(NamedTuple):
 
     @property
     def force(self) -> float:
-        """Of force [N]."""
+        """Newtons in one unit of force."""
         return self.mass * self.length / self.time**2
 
 

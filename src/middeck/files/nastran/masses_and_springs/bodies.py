@@ -13,7 +13,7 @@ from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.toml.faults import Fault
 
-# Of entries of a mass matrix that must vanish or agree, over their size: fields of eight columns.
+# Relative error of entries of a mass matrix that must vanish or agree: fields have eight columns.
 ROUNDING = 1e-5
 
 

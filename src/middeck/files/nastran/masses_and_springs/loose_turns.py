@@ -11,7 +11,7 @@ from collections.abc import Collection, Container, Iterable, Mapping
 import numpy as np
 
 from middeck.files.nastran.deck.coordinates import Places
-from middeck.files.nastran.masses_and_springs.ties import Tie
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.nastran.members.members import Bar, own_axes
 from middeck.structure.model.connectivity import separate_parts
 

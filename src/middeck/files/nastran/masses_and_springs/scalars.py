@@ -44,12 +44,12 @@ class Element(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the bushing or the equation that it becomes."""
+        """Name of the bushing or equation that the element becomes."""
         return f"{'mass' if self.is_mass else 'spring'}{self.entry.id}"
 
     @property
     def node(self) -> str:
-        """Of the node of its own."""
+        """Name of the element's own node."""
         return f"{self.name}_node"
 
     @property
@@ -141,12 +141,12 @@ def read_elements(
     """All springs and masses with scalar points that do anything; appends to ``faults`` what is wrong.
 
     Args:
-        entries: Of the deck.
+        entries: Entries of the deck.
         points: Its scalar points.
         places: Its grids.
-        values: Of the properties by number: ``PELAS`` stiffness, ``PMASS`` mass.
+        values: Values of the properties by number: ``PELAS`` stiffness, ``PMASS`` mass.
         held: What the ground holds: components of grids, and scalar points.
-        faults: Of the deck so far.
+        faults: Faults of the deck so far.
     """
     found: list[Element] = []
     for entry in entries.of(*SPRINGS, *MASSES):

@@ -26,7 +26,7 @@ AXES: tuple[str, ...] = ("M1(A)", "M2(A)", "M1(B)", "M2(B)", "N1(A)", "N2(A)", "
 
 
 class FieldError(ValueError):
-    """What is wrong with the field of a card at ``place``."""
+    """A fault of the field of a card at ``place``."""
 
     def __init__(self, message: str, place: int) -> None:
         super().__init__(message)

@@ -23,8 +23,8 @@ DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 LEAST_SINE = 1e-6
 
 
-# By end and component what it sees of a rigid motion of a bar of unit length: along, about itself, and in
-# both planes the shift of its first end and its turn.
+# Rigid motions of a bar of unit length at each end and component: along it, about it, and in both planes the
+# shift of its first end and its turn.
 WAYS = (
     ({"1": [1]}, {"1": [1]}),
     ({"4": [1]}, {"4": [1]}),
@@ -44,7 +44,7 @@ class Bar(NamedTuple):
 
     def released(self, end: int) -> str:
         """Components in `element_axes` that an end does not pass on (PA, PB), but those that hold the bar."""
-        if self.entry.name in RODS:
+        if self.entry.name in RODS or not (self.entry["pa"] or self.entry["pb"]):
             return ""
         return _loose(f"{self.entry['pa'] or ''}", f"{self.entry['pb'] or ''}")[end]
 

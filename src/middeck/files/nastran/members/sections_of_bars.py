@@ -11,7 +11,7 @@ from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.members.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
 from middeck.files.toml.faults import Fault
 
-# Of a product of inertia over the second moments: fields of eight columns.
+# Product of inertia over the second moments that is zero to rounding: fields have eight columns.
 ROUNDING = 1e-6
 
 

@@ -24,8 +24,8 @@ from middeck.files.nastran.output4.text import TextSource
 
 Source = BinarySource | TextSource
 SQUARE = 1
-# Of the geometric mean of the two diagonals, and of the largest entry: what a determinate boundary has of
-# stiffness is rounding of what it was condensed from.
+# Largest asymmetry over the geometric mean of the two diagonals, and over the largest entry: a determinate
+# boundary has only rounding as stiffness.
 UNEQUAL = {False: (1e-5, 1e-5), True: (1e-8, 1e-7)}
 
 
@@ -150,7 +150,11 @@ def write_op4(path: Path, matrices: Sequence[Op4Matrix]) -> None:
     records: list[bytes] = []
     for name, form, value in matrices:
         if not np.all(np.isfinite(value.data)):
-            raise ConfigError(f"matrix {name!r} has a number that is not finite", where=str(path))
+            raise ConfigError(
+                f"matrix {name!r} has a number that is not finite",
+                where=str(path),
+                hint="look at how the matrix was computed",
+            )
         rows, columns = cast("tuple[int, int]", value.shape)
         records.append(_record([columns, rows, form, 2], name.ljust(8).encode("ascii")))
         for j, column in enumerate(value.toarray().T, 1):

@@ -44,7 +44,7 @@ class Rotor:
 
 @record(kw_only=True)
 class Motor:
-    """What stands between a torque command and the torque [N m] (a force [N] where the input is one).
+    """Limits and dynamics between a torque command and the torque [N m] (a force [N] where the input is one).
 
     Attributes:
         torque_limit: Most that the motor gives, to either side.
@@ -52,7 +52,7 @@ class Motor:
         slew_limit: Most that the torque changes in a second [N m/s]; only a rotor that runs full takes it
             back faster, at once.
         resolution: One step of its converter [N m]; zero for none.
-        rotor: Of a wheel; None for a motor between two bodies.
+        rotor: Rotor of a wheel; None for a motor between two bodies.
 
     Raises `ConfigError` for limits that are not positive, or a holding torque beyond the limit.
     """

@@ -70,7 +70,7 @@ def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wir
 
 
 def follow_ageing(ageing: Ageing) -> Callable[[int], tuple[HybridPlant, int]]:
-    """What tells the plant that is held at a tick, and for how many ticks from there."""
+    """A function of the tick that gives the plant held there, and for how many ticks."""
     knot = functools.lru_cache(maxsize=2)(functools.partial(_build_knot, ageing))
 
     def held_at(tick: int) -> tuple[HybridPlant, int]:

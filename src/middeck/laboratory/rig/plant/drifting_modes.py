@@ -31,7 +31,7 @@ class Drift:
             )
 
     def factor(self, age_s: float) -> float:
-        """What the frequencies are multiplied with at ``age_s``.
+        """Factor on the frequencies at ``age_s``.
 
         >>> Drift(("a",), -2.0, 100.0).factor(50.0)
         0.99

@@ -1,4 +1,4 @@
-"""Simulation of a rig: an exactly sampled plant, and once a tick what is not linear.
+"""Simulation of a rig: an exactly sampled plant, and its nonlinear parts once a tick.
 
 A converter rounds, a motor saturates, a rotor fills up, a joint sticks: all of it happens at ticks or at
 joints, on a few channels, between which everything is one matrix. So a tick is two products with matrices and

@@ -51,7 +51,7 @@ class Tick:
         self.elements = [j.elements for j in rig.joints]
         values = iter(start.joints.tolist())
         self.inner = [[next(values) for _ in parts] for parts in self.elements]
-        # Of torques held over a step, and of those at its ends that samples feel, where they do.
+        # Response to torques held over a step, and to torques at its ends, which some samples feel.
         self.feels = any(np.any(a) for a in plant.answer)
         push = [np.hstack([p, a]) if self.feels else p for p, a in zip(plant.push, plant.answer, strict=True)]
         self.push = [sums(p) for p in push]

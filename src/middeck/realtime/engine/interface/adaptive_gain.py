@@ -13,7 +13,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class AdaptiveGain:
-    """A gain g of the compensator's command, u = p + g f c, that backs off where a band of a sensor is loud.
+    """A gain g of the command, u = p + g f c, which falls while the band rms of a sensor is high.
 
     The idea is that of the Space Launch System's adaptive augmenting control (Orr and VanZwieten 2012, AIAA
     2012-4549): a forward gain between fixed bounds, lowered by the power of an undesired band. Here it moves

@@ -1,4 +1,4 @@
-"""What a supervisor may ask of an engine, and what it answers."""
+"""Commands of a supervisor to an engine, and the engine's answers."""
 
 from __future__ import annotations
 

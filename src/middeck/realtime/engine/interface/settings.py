@@ -27,7 +27,7 @@ LARGEST = 1e100
 
 @record(kw_only=True)
 class SensorTest:
-    """A sensor and what its samples must not do.
+    """A sensor and the limits of its samples.
 
     Attributes:
         port: Name and unit.
@@ -110,7 +110,7 @@ class Spread:
 
 @record(kw_only=True)
 class EngineSettings:
-    """What an engine needs to know beside its packages.
+    """Settings of an engine beside its packages.
 
     Attributes:
         period_s: From sample to sample.
@@ -223,12 +223,12 @@ class EngineSettings:
 
     @property
     def inputs(self) -> tuple[Port, ...]:
-        """What it reads."""
+        """The ports that it reads."""
         return tuple(sensor.port for sensor in self.sensors)
 
     @property
     def outputs(self) -> tuple[Port, ...]:
-        """What it drives."""
+        """The ports that it drives."""
         return tuple(drive.port for drive in self.drives)
 
     @property

@@ -23,7 +23,7 @@ from middeck.realtime.engine.interface.commands import (
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.engine.interface.shared_file import SharedFile
-from middeck.realtime.engine.process.adopted import AdoptedEngine
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 
@@ -34,7 +34,7 @@ KEPT, KEPT_FREE = 16, {"disengage": 1, "silence": 1, "end": 0}
 
 
 class CommandedEngine:
-    """What a supervisor asks of a started engine, and what the engine answers."""
+    """A started engine under command of its supervisor."""
 
     settings: EngineSettings
     real_time: bool
@@ -59,7 +59,7 @@ class CommandedEngine:
 
     @property
     def momentum(self) -> Float[np.ndarray, " output"]:
-        """What each output has stored by now: `Drive.stored` of an engine that follows this one."""
+        """The momentum stored by each output: `Drive.stored` of an engine that follows this one."""
         return self.file.status["momentum"][: len(self.settings.drives)].copy()
 
     def send(self, kind: str, *, slot: int = 0, values: Sequence[float] = (), at: int = 0) -> int:

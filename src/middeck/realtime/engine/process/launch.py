@@ -14,7 +14,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.interface.settings import EngineSettings, encode_settings
 from middeck.realtime.engine.interface.shared_file import SharedFile, open_shared_file
-from middeck.realtime.engine.process.adopted import AdoptedEngine
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.values import record
 

@@ -32,7 +32,7 @@ from middeck.realtime.engine.interface.shared_file import (
     pretrip_records,
     take_records,
 )
-from middeck.realtime.engine.process.adopted import AdoptedEngine, when_born
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
 from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.folder_lock import locked
@@ -62,7 +62,7 @@ class Supervisor(CommandedEngine):
         settings: Ports, hold, trips.
         rig: What it drives.
         waveform: Excitation of the outputs, one row a sample, which "excite" plays.
-        real_time: By the clock, else in lockstep: as fast as it can, and only as far as `run` lets it.
+        real_time: In real time, else in lockstep: as fast as it can, and only as far as `run` lets it.
         folder: Where the shared file lies; a temporary one if it is left out.
         ring: Records kept for reading.
         pretrip_s: Time before a trip that is kept until its reset.
@@ -348,7 +348,7 @@ class Supervisor(CommandedEngine):
         return np.concatenate(taken) if taken else self.file.ring[:0].copy()
 
     def _let_write(self, most: int) -> None:
-        """In lockstep there is time: no more records than ``most`` wait for a disk that works."""
+        """Wait in lockstep until no more than ``most`` records wait for a disk that works."""
         recorder, began = self.recorder, time.monotonic()
         while recorder is not None and recorder.behind > most and not recorder.faults:
             if time.monotonic() - began > PATIENCE_S:

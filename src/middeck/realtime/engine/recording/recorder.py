@@ -106,7 +106,7 @@ class Recorder:
             self._hand(Kind.EVENTS, int(events["sequence"][0]), events)
 
     def add_pretrip(self, records: np.ndarray) -> None:
-        """Of the records before a trip, take those that the file lacks."""
+        """Add those of the records before a trip that the file lacks."""
         for first, last in self._gaps:
             inside = (records["sequence"] >= first) & (records["sequence"] <= last)
             missing = records[inside]

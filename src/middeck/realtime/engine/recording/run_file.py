@@ -1,4 +1,4 @@
-"""The reader of a run file: every whole block, and in words what is missing."""
+"""The reader of a run file: every whole block, and a description of what is missing."""
 
 from __future__ import annotations
 

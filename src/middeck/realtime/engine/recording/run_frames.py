@@ -82,7 +82,7 @@ def encode_frame(mark: bytes, kind: Kind, number: int, first: int, count: int, c
 
 
 def head_mark(document: dict[str, Any]) -> bytes:
-    """What every frame of a file with this head begins with."""
+    """The first bytes of every frame of a file with this head."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
     return hashlib.sha256(text).digest()[:8]
 

@@ -22,7 +22,7 @@ class EngineRig(ABC):
         """Sensors now, in the engine's order and units; NaN for one that gives nothing."""
 
     def readings(self) -> Float[np.ndarray, " sensor"]:
-        """What `read` gives; raises `DataError` where that is no array of real numbers."""
+        """The result of `read`; raises `DataError` where that is no array of real numbers."""
         y = np.asarray(self.read())
         if y.dtype.kind not in "fiub":
             what = f"the rig reads numbers of type {y.dtype}"

@@ -65,7 +65,7 @@ class LinearArticle:
         A, B, C, G: Matrices; ``pairs`` blocks of two states where A is modal, None where it is dense.
         x: Where it starts.
         sensor_noise: Rms of each sensor's white noise.
-        seed: Of w and n.
+        seed: Seed of w and n.
         faults: What goes wrong, and when.
     """
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
-from middeck.realtime.engine.rigs.rig_session import HOLD, RigSession
+from middeck.realtime.engine.rigs.udp_replies import HOLD, RigSession
 
 LOOPBACK = socket.inet_ntoa(socket.INADDR_LOOPBACK.to_bytes(4, "big"))
 LARGEST = 1 << 16
@@ -20,7 +20,7 @@ LOOK_S = 0.5
 
 
 def run_child(handle: int) -> None:
-    """What the process of a `ServedRig` does with the socket that it inherits."""
+    """Serve the inherited socket in the process of a `ServedRig`."""
     parent = os.getppid()
     signal.signal(signal.SIGTERM, _leave)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the process that started it decides

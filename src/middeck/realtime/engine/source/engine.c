@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "hold.h"
+#include "hold_loops.h"
 #include "kernel.h"
 
 enum { RAMPS = 5, COASTS = 4 }; /* the safe state has taken over after so many of its ramps, and of the longest coast */
@@ -33,8 +33,8 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
     e->since_trip = set->safe_ramp;
     e->gain = 1;
     monitors_start(&e->monitors, set);
-    e->outward.begun = 1;
-    outward_forget(&e->outward);
+    e->drift.begun = 1;
+    forget_drift(&e->drift);
     e->take_over = RAMPS * set->safe_ramp;
     for (i = 0; i < set->inputs; ++i)
         if (COASTS * set->coast[i] / set->period_s > (real)e->take_over)

@@ -3,7 +3,7 @@
 #define MIDDECK_ENGINE_H
 
 #include "monitors.h"
-#include "outward.h"
+#include "slow_drift.h"
 #include "package.h"
 #include "sensors.h"
 
@@ -65,7 +65,7 @@ typedef struct {
     whole hold_level;            /* of the ramp on which the hold rises after a reset */
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
-    outward_states outward;
+    drift_states drift;
     whole since_trip;            /* or since the hold was lost */
     whole take_over;             /* samples until the safe state has taken over */
     real taken_over;             /* largest amplitude over its reach, squared, when the safe state took over */

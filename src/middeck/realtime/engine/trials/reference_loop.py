@@ -88,7 +88,7 @@ class ReferenceLoop:
         return fade_at(part) * held
 
     def _command(self, y: np.ndarray) -> np.ndarray:
-        """What the law adds: nothing while it stands by."""
+        """The law's command: zero while it stands by."""
         command = self.law.compute(y[self.inputs])
         self.wanted = np.zeros(len(self.last))
         self.wanted[self.outputs] = self.law.wanted
@@ -124,7 +124,7 @@ class ReferenceLoop:
 
 
 class _Limits(NamedTuple):
-    """Of outputs: size to either side, and change in a sample."""
+    """Limits of outputs: magnitude to either side, and change in a sample."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -153,7 +153,7 @@ class _Sensors:
         self.rate = [names.index(s.rate) if s.rate else k for k, s in enumerate(settings.sensors)]
 
     def look(self, y: np.ndarray) -> tuple[str, int, float, float] | None:
-        """What is wrong, where, the value and its limit; None for nothing."""
+        """The fault, its place, the value and its limit; None for no fault."""
         for i in np.flatnonzero(~(np.abs(y) <= self.range))[:1].tolist():
             if np.isfinite(y[i]):
                 return "range", i, float(y[i]), float(self.range[i])

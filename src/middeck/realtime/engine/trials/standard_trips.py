@@ -43,7 +43,7 @@ class Reach:
     """How far the article goes on in the safe state.
 
     Attributes:
-        coast_s: Of each sensor, per unit of its rate; 0 without a rate sensor.
+        coast_s: Travel of each sensor per unit of its rate; 0 without a rate sensor.
         limit: Largest magnitude of each output whose push, from the sample that trips until the safe state
             has taken over, moves no sensor by more than its envelope; inf where none has one.
     """

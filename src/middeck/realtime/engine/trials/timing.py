@@ -1,4 +1,4 @@
-"""How late this machine is, and what a step costs on it: a report, and never a test."""
+"""Lateness of this machine and cost of a step on it: a report, never a test."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class TimingReport:
         machine: Processor, cores, kernel, and whether its kernel preempts for real time.
         granted: Whether the system gave FIFO priority, locked memory and a processor of its own; None for one
             that was not asked for.
-        period_s, samples: Of the run.
+        period_s, samples: Sampling period and number of samples of the run.
         late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples.
         overruns: Samples later than a whole period.
         operations, bytes: Multiplications and additions of a step of the law, and the size of its numbers.
@@ -90,7 +90,7 @@ def measure_timing(
 def summarise(
     late_ns: Int[np.ndarray, " sample"], step_ns: Int[np.ndarray, " sample"], period_s: float
 ) -> dict[str, Any]:
-    """What a `TimingReport` says of its samples.
+    """The statistics of a `TimingReport`.
 
     >>> found = summarise(np.array([5, 2_000_000, 2_000_001]), np.array([7, 7, 7]), 0.002)
     >>> found["overruns"], found["samples"]
@@ -147,7 +147,7 @@ def _random_package(
 
 
 def _settings(package: ControllerPackage, priority: int | None, processor: int | None) -> EngineSettings:
-    """Without tests that a stalled machine would trip: its lateness is what is asked."""
+    """Settings without the tests that a stalled machine would trip: the run measures its lateness."""
     return EngineSettings(
         period_s=package.period_s,
         sensors=tuple(SensorTest(port=port, range=1e6) for port in package.inputs),

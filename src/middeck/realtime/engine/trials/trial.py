@@ -49,7 +49,7 @@ class Stage:
 
 @record(kw_only=True)
 class Trial:
-    """What came of it.
+    """The outcome of a trial.
 
     Attributes:
         computer: `ENGINE` or `REFERENCE`.
@@ -82,11 +82,11 @@ def run_trial(
     """Run ``package`` on ``rig`` from a reset, stage after stage, up to a trip.
 
     Args:
-        settings: Of the engine; every port of the package is among its ports.
+        settings: Settings of the engine; every port of the package is among its ports.
         rig: A linear article, one behind UDP, converters, or a rig in Python, which is served to the engine.
         computer: ``"auto"`` is the engine where a compiler is at hand and the package is for it: in double
             precision and without an inner loop of its own; else the reference law.
-        real_time: By the clock; the reference law runs in lockstep only.
+        real_time: In real time; the reference law runs in lockstep only.
         program: An engine built with a driver.
 
     Raises `ConfigError` where the reference law cannot drive the rig: converters, or by the clock.

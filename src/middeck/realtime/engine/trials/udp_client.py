@@ -12,7 +12,7 @@ from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LARGEST, LOOPBACK
-from middeck.realtime.engine.rigs.rig_session import END, REPLY, REQUEST
+from middeck.realtime.engine.rigs.udp_replies import END, REPLY, REQUEST
 
 TRIES, OTHERS = 20, 64
 """How often it asks, and datagrams that are no answer after which a try is over."""

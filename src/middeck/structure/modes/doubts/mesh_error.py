@@ -39,7 +39,7 @@ CLAMPED_BEAM = 500.5639  # 4.7300^4: omega^2 of its first vibration in EI / (rho
 CLAMPED_BAR = np.pi**2
 CLAMPED_COLUMN = 4.0 * np.pi**2  # its critical load in EI / L^2
 STRING = 1e-9  # EI / (N L^2) taken of a string, which has none: its tension holds it alone
-# Of omega^2 over an element's own: beyond, the mesh has no shape like the mode.
+# omega^2 over an element's own: beyond, the mesh has no shape like the mode.
 BEYOND = 0.5
 UNCOUPLED = 1e-9  # of both bending stiffnesses: the coupling below which rounding alone turns the axes
 ORDER = 0.25  # errors fall with the fourth power of the number of elements at most: those of bending
@@ -133,10 +133,10 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
 
 
 def _principal(beams: BeamProperties) -> tuple[BeamProperties, Float[np.ndarray, " element"]]:
-    """In axes across each element in which its bendings are apart, and their angle [rad] from its own.
+    """The properties in axes across each element that decouple its bendings, and their angle [rad].
 
-    Zero but where a section couples them. Ends that turn alike and oppositely leave the constant bending,
-    whose stiffness 2 D / L has no shear.
+    The angle is zero unless a section couples them. Ends that turn alike and oppositely leave the constant
+    bending, whose stiffness 2 D / L has no shear.
     """
     K = beams.stiffness
     near, far = (K[:, [[Y1], [Z1]], [last]] for last in ([Y1, Z1], [Y2, Z2]))

@@ -27,10 +27,11 @@ ONE_LINE = 1e-3
 SLENDER, LETTERED = 2.0, 0.9
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
 FEWEST, MOST, FRAMES_EACH = 4, 12, 4
-RCOND = 1e-9
-# Of the length: what reaches less far along it is appended to the beam. And how many of these count.
+# Few points beside the axis may not tell torsion and bending apart: opposite parts would have all shares.
+RCOND = 1e-3
+# Extent along the beam, over its length, below which a part is appended to it; and how many parts count.
 SHORT, FEW = 0.1, 4
-# Of the length: a line of members that reaches farther, with others along less of it, is a mast.
+# Extent of a line of members, over the length, from which it is a mast, if others along it extend less.
 LONG, BESIDE = 0.5, 0.2
 
 
@@ -83,7 +84,7 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     turning = turned_bodies(equilibrium)
     terms = int(np.clip(len(np.unique(model.points.frame[seen])) // FRAMES_EACH, FEWEST, MOST))
     families = _families(r[seen], axis, across, terms)
-    # Of a body the turn too: one that nods on a still beam is no motion of it.
+    # A body's turn counts too: one that nods on a still beam is no motion of the beam.
     along, turns = r[model.body_point] @ axis, (np.zeros(3), axis, *(np.cross(e, axis) for e in across))
     columns = np.hstack([
         np.vstack([(weight[:, :, None] * f).reshape(3 * len(seen), -1), turned])

@@ -13,6 +13,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 
 AXES = "xyz"
 TURNS = slice(3, 6)  # of the motions: the rotations
+BODY, HALF = 6, 0.5
 # A motion that is less than this part new is one that earlier ones contain, e.g. a second coaxial joint.
 NEW_PART = 1e-3
 
@@ -35,6 +36,32 @@ def rigid_motions(
     names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]
     names += [_joint_name(model.structure.joints[j]) for j in moving]
     return np.hstack([motions, joints]), tuple(names)
+
+
+def motions_within(
+    equilibrium: Equilibrium, M: sp.csr_array, space: Float[np.ndarray, "coordinate free"]
+) -> tuple[Float[np.ndarray, "coordinate motion"], tuple[str, ...]]:
+    """Those `rigid_motions` of which ``space``, mass-orthonormal, has half or more; all where it has none so.
+
+    A joint takes along what links tie to it: its motion is then that of ``space`` with a unit move of this
+    joint, none of the others, and the least energy.
+    """
+    motions, names = rigid_motions(equilibrium, M)
+    motions = np.hstack([motions[:, :BODY], _with_links(motions[:, BODY:], space, M)])
+    part = np.sum((space.T @ (M @ motions)) ** 2, axis=0)
+    able = part >= HALF * np.einsum("im,im->m", motions, M @ motions)
+    if not np.any(able):
+        return motions, names
+    return motions[:, able], tuple(n for n, a in zip(names, able, strict=True) if a)
+
+
+def _with_links(joints: np.ndarray, space: np.ndarray, M: sp.csr_array) -> np.ndarray:
+    """Unit moves of joints; those that links do not leave as they are, with what is linked to them."""
+    own = np.argmax(np.abs(joints), axis=0)
+    moves = np.linalg.pinv(space[own], rcond=NEW_PART**2)
+    within = np.abs(space[own] @ moves - np.eye(len(own))).max(axis=0, initial=0.0) < NEW_PART
+    outside = _norm(joints - space @ (space.T @ (M @ joints)), M) >= NEW_PART * _norm(joints, M)
+    return np.where(within & outside, space @ moves, joints)
 
 
 def _joint_name(joint: Joint) -> str:
@@ -62,6 +89,7 @@ def rigid_basis(
     of the one that it shares most momentum with: the roll of a slender article has little about any axis.
     """
     motions, motion_names = rigid_motions(equilibrium, M)
+    motions = np.hstack([motions[:, :BODY], _with_links(motions[:, BODY:], space, M)])
     whole = _norm(motions, M)
     inside = space @ (space.T @ (M @ motions))
     free = _norm(motions - inside, M) < NEW_PART * whole

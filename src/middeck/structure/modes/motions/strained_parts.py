@@ -20,6 +20,7 @@ ALIKE = 0.8
 # Two members run on in one line where the sine of their angle is less.
 STRAIGHT = 1e-3
 MOST = 0.75  # of all members in one part: that says nothing
+STATION = re.compile(r"_\d+$")
 NUMBERED = re.compile(r"(.*?[^\W\d])[ _./-]*\d+")
 
 
@@ -63,9 +64,10 @@ def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> 
 def member_parts(structure: Structure) -> tuple[str, ...]:
     """The part of each member: its name without its number, or the name of its section, else its line.
 
-    A name that is made of its nodes' has no number of its own. Of names and sections those are taken that
-    make more parts, if they tell members apart: more than one part, fewer than members, and none with `MOST`
-    of them. A line is of members of one section that run on straight.
+    Where the section changes along a member it is that of its start, without the number of the station. A
+    name that is made of its nodes' has no number of its own. Of names and sections those are taken that make
+    more parts, if they tell members apart: more than one part, fewer than members, and none with `MOST` of
+    them. A line is of members of one section that run on straight.
     """
     names = [member.name for member in structure.members]
     of_nodes = [f"{member.start}-{member.end}" for member in structure.members]
@@ -73,7 +75,8 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
         match[1] if name != nodes and (match := NUMBERED.fullmatch(name)) else name
         for name, nodes in zip(names, of_nodes, strict=True)
     ]
-    groups = [stems, [member.section_name for member in structure.members]]
+    sections = [STATION.sub("", m.section_name) if m.stations else m.section_name for m in structure.members]
+    groups = [stems, sections]
     told = [
         g for g in groups if 1 < len(set(g)) < len(g) and max(Counter(g).values()) < MOST * len(g) and all(g)
     ]
@@ -90,7 +93,7 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
 
 
 def straight_lines(structure: Structure) -> list[int]:
-    """For each member the number of the first one of its line."""
+    """Number of the first member of each member's line."""
     members, along = structure.members, member_geometry(structure).triad[:, :, 0]
     before = list(range(len(members)))
 

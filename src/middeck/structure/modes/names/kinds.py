@@ -27,11 +27,11 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
+from middeck.structure.eigenproblem.eigen import all_cost_less, count_zero, solve_all, solve_lowest
+from middeck.structure.eigenproblem.repeated import repeated, turn_apart
 from middeck.structure.elements.frames import FrameTree, rigid_columns
-from middeck.structure.elements.since_drawn import uncarried
+from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.model.article import JointState
-from middeck.structure.modes.eigenproblem.eigen import all_cost_less, count_zero, solve_all, solve_lowest
-from middeck.structure.modes.eigenproblem.repeated import repeated, turn_apart
 from middeck.structure.modes.motions.rigid_motions import rigid_motions
 from middeck.structure.modes.motions.strain_shares import device_energy, strain_share
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -160,7 +160,7 @@ def _settled(
 def strainless_motions(equilibrium: Equilibrium, M: sp.csr_array) -> Float[np.ndarray, "coordinate motion"]:
     """Motions that strain nothing, about the rest state; mass-orthonormal."""
     model = equilibrium.model
-    if _in_one_piece(model):
+    if in_one_piece(model):
         motions, _ = rigid_motions(equilibrium, M)
         moving = [j for j in model.structure.joints if j.state in (JointState.FREE, JointState.SPRUNG)]
         free = [j.state is JointState.FREE or j.stiffness == 0.0 for j in moving]
@@ -195,7 +195,7 @@ def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     return transport(config, model.tree) @ free.spread(pairs.shapes[:, still])
 
 
-def _in_one_piece(model: Model) -> bool:
+def in_one_piece(model: Model) -> bool:
     """Whether members join all: then the strainless motions are those of one body and its free joints."""
     structure = model.structure
     return (
@@ -217,8 +217,8 @@ def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
     """
     model = equilibrium.model
     free = dynamic_freedom(model, model.rest)
-    if _in_one_piece(model):
-        whole = rigid_columns(model.tree, model.rest, np.zeros(3))
+    if in_one_piece(model):
+        whole = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
         return allowed_motions(model.held, whole).shape[1] + sum(
             joint.state is JointState.FREE for joint in model.structure.joints
         )

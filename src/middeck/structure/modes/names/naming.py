@@ -10,12 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from middeck.structure.modes.eigenproblem.repeated import repeated_apart
+from middeck.structure.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
-from middeck.structure.modes.motions.rigid_motions import AXES, rigid_motions
+from middeck.structure.modes.motions.rigid_motions import AXES, motions_within, rigid_motions
 from middeck.structure.modes.motions.strain_shares import PARTS, strain_energy
 from middeck.structure.modes.motions.strained_parts import leading_parts, strained_parts
-from middeck.structure.modes.names.kinds import HALF, HELD
+from middeck.structure.modes.names.kinds import HALF, HELD, in_one_piece, strainless_motions
 from middeck.structure.rest.equilibrium import Equilibrium
 
 
@@ -29,8 +29,8 @@ class Wording(NamedTuple):
 UNCLEAR = 0.25  # of two bendings: in one plane, or across, to less than this; else half, as at 45 degrees
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LOCAL, BENDING = "local: ", "bending"
-# Of the kinetic energy: makes a mode one of the article as a beam. Of the strain energy, in what is appended
-# to the beam: makes it none.
+# Share of the kinetic energy that makes a mode one of the article as a beam; share of the strain energy in
+# appended parts that makes it none.
 WHOLE = 0.6
 TIES = 4  # the last of `PARTS` are no members
 TINY = float(np.finfo(float).tiny)
@@ -85,7 +85,7 @@ def deformation_names(
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
 ) -> list[Wording]:
-    """What deforms in each mode, not numbered.
+    """The deformation of each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
     strain energy is in a mast (see `BeamMotion`). Of any other it is the motion of the whole as one beam, if
@@ -155,8 +155,14 @@ def _ordinal(count: int) -> str:
 
 
 def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -> list[str]:
-    """Label of each mode's largest effective mass, each motion's relative to its own."""
-    motions, names = rigid_motions(equilibrium, M)
+    """Label of each mode's largest effective mass, each motion's relative to its own.
+
+    Of motions that clamps and links leave: all of an article that floats in one piece.
+    """
+    if equilibrium.model.held is None and in_one_piece(equilibrium.model):
+        motions, names = rigid_motions(equilibrium, M)
+    else:
+        motions, names = motions_within(equilibrium, M, strainless_motions(equilibrium, M))
     own = np.einsum("im,im->m", motions, M @ motions)
     own = np.where(own > 0.0, own, np.inf)  # a straight line of masses has no inertia about itself
     effective = (motions.T @ (M @ shapes)) ** 2 / own[:, None]

@@ -20,7 +20,7 @@ from middeck.structure.elements.frames import points_in_world
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
 from middeck.structure.modes.solve import Modes
 
-# Of a unit translation, and of the size times a unit turn: how far outputs are off that are shifts.
+# Largest error of outputs that are shifts, over a unit translation, and over the size times a unit turn.
 APART = 1e-6
 
 
@@ -103,7 +103,7 @@ def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "
 def motions_inside(
     modes: Modes, asked: Sequence[tuple[int, InnerPoint, int]]
 ) -> list[Float[np.ndarray, " coordinate"]]:
-    """Of points inside components, by component, point and one of six ways along W, per unit coordinate."""
+    """Motion per unit coordinate of points inside components, by component, point and way in W (of six)."""
     at = modes.equilibrium
     states = component_states(at.model, at.config, at.loads) if asked else []
     found: list[np.ndarray] = []

@@ -14,13 +14,13 @@ from jaxtyping import Float
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.beam_curve import beam_curve
+from middeck.structure.eigenproblem.repeated import repeated
+from middeck.structure.elements.beam_centre_line import beam_curve
 from middeck.structure.elements.frames import PosePoints, points_in_world, pose_jacobian
 from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
-from middeck.structure.modes.eigenproblem.repeated import repeated
 from middeck.structure.modes.motions.strain_shares import part_energy
 from middeck.structure.modes.results.component_outputs import inner_points
 from middeck.structure.modes.solve import Modes
@@ -30,15 +30,15 @@ from middeck.values import record
 # Segments of a member: for the S that a cubic can make, and smooth where there are few.
 SEGMENTS, FINE = 6, 16
 SPOKE = 5  # points of a line of a component, so that its colour changes along it
-# Of the article's size: a section drawn around a member, a cable that is cut off, a box without inertia.
+# Sizes over the article's: a section drawn around a member, a cut-off cable, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
-# Sections show torsion; in an article of more members than this they would hide it.
-MOST_SECTIONED = 60
+# Sections show torsion; more members than this, or cells of one, would hide it.
+MOST_SECTIONED, CELLS = 60, 8
 # The twelve edges of a box in one stroke, by the binary digits of its corners.
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
 STEP = 1e-30  # of the complex step
-# Of the largest coordinate: what reaches less far is a point up to rounding, and is drawn this large [m].
+# Extent, over the largest coordinate, of what is a point to rounding; it is drawn this large [m].
 POINT, POINT_M = 1e-9, 1.0
 
 
@@ -75,15 +75,15 @@ class Drawing:
     """An article as drawn and at rest, with the motion of its points in each of some shapes.
 
     Attributes:
-        title, environment: Of the article, and of what it stands in.
+        title, environment: Titles of the article and of its environment.
         gravity: In W [m/s^2].
         up: Unit vector in W that is upwards; None where the environment has none.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
         lines, marks: What is drawn of them.
-        motion: Of every point in each shape, about rest, in the scale of `Modes.shapes`.
+        motion: Motion of every point in each shape, about rest, in the scale of `Modes.shapes`.
         strain: Share of every line's member or component in the elastic energy of each shape; zero for the
             other lines.
-        number: Of each shape in the modes it is of.
+        number: Number of each shape in its modes.
         frequency_hz, kind, name: Of each shape.
         alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
     """
@@ -216,12 +216,12 @@ def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
     if not members:
         return _Piece((), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((shapes.shape[1], 0, 3)))
     segments = FINE if len(members) <= MOST_SECTIONED else SEGMENTS
-    most = max(1, -(-segments // max(m.elements for m in members)))
-    at = np.linspace(0.0, 1.0, most + 1)
+    each = np.array([-(-segments // m.elements) for m in members])[model.element_member, None]
+    station = np.arange(each.max() + 1)
+    at = np.minimum(station / each, 1.0)
     # The last station of an element is the first of the next, but for the last element of a member.
-    ends = np.append(np.diff(model.element_member) != 0, True)
-    keep = np.ones((len(ends), most + 1), dtype=bool)
-    keep[~ends, -1] = False
+    ends = np.append(np.diff(model.element_member) != 0, True)[:, None]
+    keep = station < each + ends
     x, T = element_poses(model, equilibrium.config)
     changes = equilibrium.moves(shapes)
     motion = np.empty((shapes.shape[1], int(keep.sum()), 3))
@@ -237,14 +237,16 @@ def _members(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
 
 
 def _sections(model: Model, size: float) -> Iterator[_Stroke]:
-    """A diamond in the own axes of a member at the ends of its elements, so that torsion is seen."""
-    if len(model.structure.members) > MOST_SECTIONED:
+    """A diamond in the own axes of a member at ends of its elements, so that torsion is seen."""
+    members = model.structure.members
+    if not 0 < len(members) <= MOST_SECTIONED:
         return
+    shown = np.concatenate([np.arange(m.elements) % -(-m.elements // CELLS) == 0 for m in members])
     for e, ends in enumerate(model.element_ends):
         y, z = SECTION * size * model.element_triad[e, :, 1], SECTION * size * model.element_triad[e, :, 2]
         last = e + 1 == len(model.element_ends) or model.element_member[e + 1] != model.element_member[e]
-        name = model.structure.members[model.element_member[e]].name
-        for pose in ends[: 2 if last else 1]:
+        name = members[model.element_member[e]].name
+        for pose in (*ends[: int(shown[e])], *ends[1 : 1 + last]):
             at = model.points.offset[pose]
             ring = np.array([at + y, at + z, at - y, at - z, at + y])
             yield _Stroke("section", name, [int(model.points.frame[pose])] * 5, ring)

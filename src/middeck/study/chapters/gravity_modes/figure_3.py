@@ -22,8 +22,8 @@ from middeck.structure.model.article import Body
 from middeck.structure.model.environment import Environment
 from middeck.structure.rest.equilibrium import Equilibrium
 
-# Of the size of the article: about what the largest displacement is exaggerated to, room for the names of
-# nodes, what is drawn of each cable, and how far apart cables are that have words each.
+# Lengths over the size of the article: the largest exaggerated displacement, the room for names of nodes, the
+# drawn part of each cable, and the distance of cables with words of their own.
 SHOWN, LABELS, CABLE, APART = 0.04, 0.08, 0.23, 0.2
 TALL = 0.5  # height over both widths, from which on all four views stand in one row
 WIDE_IN, TALLEST_IN, AROUND_IN = 4.3, 7.0, 1.6

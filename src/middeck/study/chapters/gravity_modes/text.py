@@ -82,7 +82,7 @@ def result(figures: Numbers) -> Line:
 
 
 def rest_tables(figures: Numbers) -> list[Table]:
-    """What the cables carry and the motors hold in 1-g."""
+    """Loads of the cables and torques of the motors in 1-g."""
     lab = figures["figure_4"]["lab"]
     tables = [
         Table("Pinned reactions (1-g)", ("attach point", "reaction [N]"),

@@ -95,7 +95,7 @@ def phase_gap(model: Plant, measured: FrequencyResponse) -> np.ndarray | None:
 def _magnitude_error(
     orbit: Plant, lab: Plant, measured: FrequencyResponse, bands_hz: tuple[tuple[float, float], ...]
 ) -> MagnitudeError | None:
-    """In the part of `ERROR_BAND_HZ` that all of ``bands_hz``, what is shown and what is excited, hold."""
+    """The error in the part of `ERROR_BAND_HZ` that all ``bands_hz`` cover, as shown and as excited."""
     low, high = max(b[0] for b in (ERROR_BAND_HZ, *bands_hz)), min(b[1] for b in (ERROR_BAND_HZ, *bands_hz))
     lines = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
     if not lines.any():

@@ -14,7 +14,6 @@ from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.files.studies.documents import Study
-from middeck.files.studies.form import SisoForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
@@ -74,15 +73,15 @@ def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> Meas
     """Excite, fit, design at two authorities and for two records, predict, then measure each loop."""
     siso, shift = study.siso, study.siso.pair_shift_percent
     views = view_shifted_rigs(study, article, (siso.sensor,), shift, rng)
-    measured, fit = _identify(views[0.0].bench, siso, rng)
+    measured, fit = _identify(views[0.0].bench, study, rng)
     later = shift if siso.drifted == "up" else -shift
-    _, drifted_fit = _identify(views[later].bench, siso, rng)
-    case = _design_case(fit, measured, siso)
-    weights = design_weights(siso, [siso.angle_weight], [siso.angle_noise_rad_per_rthz**2])
+    _, drifted_fit = _identify(views[later].bench, study, rng)
+    case = _design_case(fit, measured, study)
+    weights = design_weights(study, [siso.angle_weight], [siso.angle_noise_rad_per_rthz**2])
     kalman = design_filter(case.plant, weights)
     design = partial(design_lqg, case.plant, weights, kalman=kalman)
     low, high, robust = (level.log10_authority for level in (siso.low, siso.high, siso.robust))
-    also = _design_case(drifted_fit, measured, siso).plant
+    also = _design_case(drifted_fit, measured, study).plant
     laws = (
         ("low", low, design(10.0**low)),
         ("high", high, design(10.0**high)),
@@ -98,28 +97,30 @@ def compute(study: Study, rng: np.random.Generator, article: RigArticle) -> Meas
         plant=case.plant,
         pair_shift_hz=siso.pair_shift_hz,
         drifted_percent=later,
-        below_fit=_below_fit(article, siso, fit),
+        below_fit=_below_fit(article, study, fit),
         loops=loops,
         one_model=judge_loops(views, design(10.0**robust)),
     )
 
 
-def _identify(bench: Bench, siso: SisoForm, rng: np.random.Generator) -> tuple[FrequencyResponse, FitResult]:
-    measured = take_open_loop(bench, rng)
+def _identify(bench: Bench, study: Study, rng: np.random.Generator) -> tuple[FrequencyResponse, FitResult]:
+    measured, siso = take_open_loop(bench, rng), study.siso
     return measured, fit_response(in_band(measured, siso.fit_band_hz), states=siso.states, cost="logarithmic")
 
 
-def _design_case(fit: FitResult, measured: FrequencyResponse, siso: SisoForm) -> DesignCase:
+def _design_case(fit: FitResult, measured: FrequencyResponse, study: Study) -> DesignCase:
+    siso = study.siso
     ports = {"w": (siso.actuator,), "u": (siso.actuator,), "z": (siso.sensor,), "y": (siso.sensor,)}
     plant = approximate_delays(measured_plant(fit.model, **ports), siso.pade_order)
-    return design_case(siso, fit.model, plant, measured)
+    return design_case(study.loop_test, fit.model, plant, measured)
 
 
-def _below_fit(article: RigArticle, siso: SisoForm, fit: FitResult) -> OutsideMode | None:
+def _below_fit(article: RigArticle, study: Study, fit: FitResult) -> OutsideMode | None:
     """The highest resonance below the fit, by |phi psi| / (2 zeta omega^2), that no fitted pole meets.
 
     A pole meets a mode within 2 %, the shift of frequency that the study takes to break a loop.
     """
+    siso = study.siso
     plant = rig_article_plant(article, inputs=(siso.actuator,), outputs=(siso.sensor,))
     modal = require_modal(plant)
     f = modal.omega / (2.0 * np.pi)

@@ -104,11 +104,13 @@ def _robust_claims(control: MeasuredControl, robust: MeasuredLoop) -> list[Claim
     where = f"with the pair where it was and at {control.drifted_percent:+g} %"
     broken = [loop.percent for loop in alone if not loop.stable]
     gain = f"CL3 is stable {where}, with a gain margin of at least {GAIN_DB:g} dB; least [dB]"
-    phase = f"and a phase margin of at least {PHASE_DEG:g} degrees; least [deg]"
-    first = "LQG for the first record alone, at CL3's authority, is not; unstable at [%]"
+    phase = f"CL3 has {where} a phase margin of at least {PHASE_DEG:g} degrees; least [deg]"
+    first = f"LQG for the first record alone, at CL3's authority, is not stable {where}; unstable at [%]"
     return [
         at_most(
-            "CL3, designed for two records, reduces it by over 20 dB too [dB]", robust.measured_db, -20.0
+            "CL3, designed for two records, reduces the payload's rms angle by over 20 dB [dB]",
+            robust.measured_db,
+            -20.0,
         ),
         _margin(gain, both, lambda loop: loop.gain_margin_db, GAIN_DB, "dB"),
         _margin(phase, both, lambda loop: loop.phase_margin_deg, PHASE_DEG, "deg"),

@@ -1,1 +1,1 @@
-"""A promise made from ground tests alone, and what came in orbit."""
+"""A promise made from ground tests alone, and its outcome in orbit."""

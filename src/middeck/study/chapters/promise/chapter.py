@@ -1,4 +1,4 @@
-"""From ground test to orbit: what was promised, and what came."""
+"""From ground test to orbit: the promise, and its outcome."""
 
 from __future__ import annotations
 

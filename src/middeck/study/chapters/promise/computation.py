@@ -31,10 +31,10 @@ from middeck.study.chapters.promise.flight import Flown, fly, launch
 from middeck.study.chapters.promise.ground import KnownBefore, run_ground_tests
 from middeck.study.shared import find_modes
 from middeck.systems.delay.delay_approximation import approximate_delays
-from middeck.updating.promise.outlook import LEVELS
 from middeck.updating.promise.plan import Plan, weights_of
 from middeck.updating.promise.promise import Promise, design_ladder, design_on, promise
 from middeck.updating.promise.score import Score, Scored, Verdict, judge, score
+from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
@@ -65,7 +65,7 @@ class FlexibleHz:
 
 @record(kw_only=True)
 class PromiseKept:
-    """What was promised before flight, and what came.
+    """The promise before flight, and its outcome.
 
     Attributes:
         there: What the promise's document says of orbit.
@@ -104,7 +104,7 @@ def compute(study: Study, rng: np.random.Generator) -> PromiseKept:
 
     refined = set_up(ground.refined.structure, orbit, (), ground.refined.unknowns).solve(ground.refined.x)
     truth = build_rig_article(article, orbit, settings)
-    above = launch(truth, form, settings, plan, rng)
+    above = launch(truth, study, settings, plan, rng)
     response = estimate_response(above.without, band_hz=form.loop_band_hz)
     fit = fit_response(response, states=form.flight_states, cost="logarithmic")
     ladder = design_ladder(refined, plan)
@@ -150,7 +150,7 @@ def _by_record(
 
 
 def _falling(model: MeasurementModel) -> MeasurementModel:
-    """Without its constant, which stands for modes above the band: no noise may pass it."""
+    """The model without its constant, which stands for modes above the band: it would pass all noise."""
     return dataclasses.replace(model, direct=np.zeros_like(model.direct))
 
 
@@ -176,7 +176,7 @@ def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> FlexibleHz:
 
 
 def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Scored]:
-    """Of what was promised: modes that can be paired, and compensators."""
+    """Outcomes of what was promised: modes that can be paired, and compensators."""
     said, index = {o.name for o in promised.outlooks}, promised.modes.index
     true = _true_pairs(promised.modes.modes, truth, index)
     modes = [

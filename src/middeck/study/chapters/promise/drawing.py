@@ -11,7 +11,7 @@ from middeck.plot.promises import promise_figure
 from middeck.plot.style import COLOUR, new_figure, styled
 from middeck.study.chapters.promise import numbers, text
 from middeck.study.chapters.promise.computation import PromiseKept
-from middeck.updating.promise.outlook import LEVELS
+from middeck.updating.promise.stability_probability import LEVELS
 
 WAYS = {"sheet": ("rig", "s"), "refined": ("orbit", "o")}
 

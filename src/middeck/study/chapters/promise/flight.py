@@ -12,7 +12,7 @@ from middeck.control.qualification import decibels
 from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import NumericalError
-from middeck.files.studies.promise import PromiseForm
+from middeck.files.studies.documents import Study
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
@@ -35,8 +35,8 @@ class Flown:
     """One compensator in orbit.
 
     Attributes:
-        db: Of the article itself, linear: rms with the compensator over that without, in the band. None where
-            it is unstable.
+        db: Decibels of the linear article: rms with the compensator over that without, in the band. None
+            where it is unstable.
         rig_db: The same measured on the rig, with friction, limits and noise; None where there is no record,
             for ``cause``.
     """
@@ -59,7 +59,7 @@ class Flown:
 class Orbit:
     """The article in orbit behind its rig, held by its analogue loops, and its record without control."""
 
-    form: PromiseForm
+    periods: int
     settings: RigSettings
     plan: Plan
     article: RigArticle
@@ -70,13 +70,14 @@ class Orbit:
 
 
 def launch(
-    article: RigArticle, form: PromiseForm, settings: RigSettings, plan: Plan, rng: np.random.Generator
+    article: RigArticle, study: Study, settings: RigSettings, plan: Plan, rng: np.random.Generator
 ) -> Orbit:
     """Switch the rig of ``article`` on in orbit and measure it without a compensator.
 
-    The form's disturbance acts at each of the plan's.
+    The study's disturbance acts at each of the plan's.
     """
     assert plan.ladder is not None
+    form = study.promise
     inputs = once(*plan.disturbances, *plan.ladder.drives)
     outputs = once(*plan.performance, *plan.ladder.reads)
     plant = linear_plant(article, settings, inputs, outputs, plan.inner)
@@ -86,10 +87,10 @@ def launch(
         u[:, k] = random_multisine(
             form.loop_band_hz, form.flight_period_s, settings.sample_hz, form.disturbance_nm, rng
         )
-    run = _measure(rig, None, u, form, settings, rng)
+    run = _measure(rig, None, u, form.flight_periods, settings, rng)
     assert run.record is not None, run.cause
     return Orbit(
-        form=form,
+        periods=form.flight_periods,
         settings=settings,
         plan=plan,
         article=article,
@@ -104,14 +105,14 @@ def fly(orbit: Orbit, laws: Mapping[str, Compensator], rng: np.random.Generator)
     """Every compensator in turn; one that cannot be sampled has a cause and no decibels."""
     found, rest = list[Flown](), _rms(orbit.without, orbit.plan)
     for name, law in laws.items():
-        run = _measure(orbit.rig, law, orbit.excitation, orbit.form, orbit.settings, rng)
+        run = _measure(orbit.rig, law, orbit.excitation, orbit.periods, orbit.settings, rng)
         rig_db = None if run.record is None else decibels(_rms(run.record, orbit.plan), rest)
         found.append(Flown(name=name, db=_linear_db(orbit, law), rig_db=rig_db, cause=run.cause))
     return tuple(found)
 
 
 def _rms(taken: Record, plan: Plan) -> float:
-    """Of the plan's weighted performance, in its band."""
+    """Rms of the plan's weighted performance, in its band."""
     y = taken.y[0].mean(axis=0)[:, port_indices(taken.outputs, plan.performance, "output")]
     hz = np.fft.rfftfreq(len(y), 1.0 / taken.sample_hz)
     low, high = plan.band_hz or (0.0, np.inf)
@@ -141,7 +142,7 @@ def _measure(
     rig: Rig,
     law: Compensator | None,
     u: np.ndarray,
-    form: PromiseForm,
+    periods: int,
     settings: RigSettings,
     rng: np.random.Generator,
 ) -> Run:
@@ -149,6 +150,4 @@ def _measure(
         sampled = None if law is None else emulate(law, rig.period_s)
     except NumericalError as error:
         return Run(cause=str(error))
-    return run_closed_loop(
-        rig, sampled, u, periods=form.flight_periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s
-    )
+    return run_closed_loop(rig, sampled, u, periods=periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s)

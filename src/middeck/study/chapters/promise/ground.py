@@ -9,7 +9,6 @@ import numpy as np
 
 from middeck.files.promises.study_table import build_modal_test, build_unknowns
 from middeck.files.studies.documents import Study
-from middeck.files.studies.promise import PromiseForm, SetUpForm
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction.find import JointFriction, find_friction
 from middeck.identification.friction.remove import without_friction
@@ -47,30 +46,30 @@ class KnownBefore:
 def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> KnownBefore:
     """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
     form = study.promise
-    article, lab = study.case(form.article, form.environment)
-    tests = tuple(_tested(article, lab, one, form, settings, rng) for one in form.test)
+    article, _ = study.case(form.article, form.environment)
+    tests = tuple(_tested(study, one.name, tuple(one.set.items()), settings, rng) for one in form.test)
     return KnownBefore(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
 
 
 def _tested(
-    article: Structure,
-    lab: Environment,
-    set_up: SetUpForm,
-    form: PromiseForm,
+    study: Study,
+    name: str,
+    as_set: tuple[tuple[str, float], ...],
     settings: RigSettings,
     rng: np.random.Generator,
 ) -> GroundTest:
-    as_set = tuple(set_up.set.items())
+    form = study.promise
+    article, lab = study.case(form.article, form.environment)
     there = build_rig_article(*_placed(article, lab, as_set), settings)
     taken = take_modal_test(there, settings, build_modal_test(form), rng)
-    joints = [(name, name) for name in form.joints]
+    joints = [(joint, joint) for joint in form.joints]
     friction = find_friction(taken, joints, band_hz=form.band_hz, delay_s=settings.delay_s)
     with warnings.catch_warnings():  # of free motions that are not over, which the variance holds
         warnings.simplefilter("ignore", UserWarning)
         response = estimate_response(without_friction(taken, friction), band_hz=form.band_hz)
     fit = _fit(response, form.states)
     seen = survey_from_fit(article, fit, gain_std=form.gain_std)
-    survey = Survey(name=set_up.name, measured=seen, environment=lab, settings=as_set)
+    survey = Survey(name=name, measured=seen, environment=lab, settings=as_set)
     return GroundTest(friction=friction, fit=fit, survey=survey)
 
 

@@ -10,7 +10,7 @@ from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept
 from middeck.study.chapters.promise.ground import GroundTest
 from middeck.study.words import Claim, Numbers, above, at_most, row
-from middeck.updating.promise.outlook import LEVELS
+from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.refinement.findings import findings
 
 PERCENT, LEAST_TIMES = 0.1, 8.0  # of the first flexible frequencies: error, and how far below the sheet's
@@ -76,14 +76,19 @@ def _test(one: GroundTest) -> Numbers:
 
 
 def promise_claims(numbers: Numbers) -> list[Claim]:
-    """What the chain is asked to do."""
+    """Claims on refinement, promise and outcome."""
     law = numbers["ground_law"]
     refined, sheet = (frequency_error(numbers, which) for which in ("refined_hz", "sheet_hz"))
     turned = law["stable_on_the_ground"] and not law["stable_in_orbit"]
     near_rest = turned and law["growth_hz"] <= NEAR_REST_HZ
     return [
         at_most("rms error of the first flexible 0-g frequencies, refined in 1-g [%]", refined, PERCENT, "%"),
-        above("so many times less than the sheet's", sheet / refined, LEAST_TIMES, "times"),
+        above(
+            "rms error of those frequencies as drawn over that as refined; ratio",
+            sheet / refined,
+            LEAST_TIMES,
+            "times",
+        ),
         row(
             "outcomes within their 95 % intervals [%]",
             100.0 * numbers["score"]["coverage"] >= COVERED,
@@ -92,12 +97,12 @@ def promise_claims(numbers: Numbers) -> list[Claim]:
             "%",
         ),
         at_most(
-            "promised median against the rig in 0-g, median of the compensators [dB]",
+            "promised median and rig in 0-g differ, in the median of the compensators, by [dB]",
             median_error_db(numbers),
             WITH_FRICTION_DB,
         ),
         at_most(
-            f"refined in 1-g behind a 0-g record, where both reach {-ENOUGH_DB:g} dB; most [dB]",
+            f"design refined in 1-g behind one on a 0-g record, if both reach {-ENOUGH_DB:g} dB; most [dB]",
             route_gap_db(numbers),
             ROUTES_DB,
         ),
@@ -133,7 +138,7 @@ def median_error_db(numbers: Numbers) -> float | None:
 
 
 def route_gap_db(numbers: Numbers) -> float | None:
-    """By how much the worst refined design is behind the one on the record, where both are good."""
+    """Largest loss of a refined design against the one on the record, where both are good."""
     came = _came_db(numbers)
     pairs = [(came[name], came[MEASURED.format(name)]) for name in came if MEASURED.format(name) in came]
     gaps = [a - b for a, b in pairs if a is not None and b is not None and max(a, b) <= ENOUGH_DB]

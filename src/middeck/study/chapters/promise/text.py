@@ -39,7 +39,7 @@ def routes(figures: Numbers) -> str:
         else "A compensator for all motors designed on the 1-g record is"
         f" {'stable' if law['stable_in_orbit'] else 'unstable'} in orbit."
     )
-    return f"At the highest authority the rig in orbit shows, {reached}. {turned}"
+    return f"Measured on the rig in orbit at the highest authority, {reached}. {turned}"
 
 
 def _decibel(db: float | None) -> str:
@@ -78,10 +78,12 @@ def promise_tables(figures: Numbers) -> list[Table]:
         )]
         for t in numbers["tests"]
     ]  # fmt: skip
-    joints = [f"{name}: slips at [N m] / after [deg]" for name in numbers["tests"][0]["slip_torque_nm"]]
+    joints = [
+        f"{name}: slip torque [N m] / slip angle [deg]" for name in numbers["tests"][0]["slip_torque_nm"]
+    ]
     limits = [[str(k), text] for k, text in enumerate(numbers["not_valid_for"], start=1)]
     return [
-        Table("Ground tests", ("set-up", "modes that are certain", *joints), tests),
+        Table("Ground tests", ("set-up", "certain modes", *joints), tests),
         _loops_table(numbers),
         Table("What the promise is not valid for", ("", "limit"), limits),
     ]
@@ -103,7 +105,7 @@ def _loops_table(numbers: Numbers) -> Table:
     ]
     head = ("compensator", "promised stable", "stable in the sweep", "2.5 % [dB]", "median [dB]",
             "97.5 % [dB]", "rig in orbit [dB]", "without friction and limits [dB]")  # fmt: skip
-    return Table(f"Compensators, promised by {numbers['draws']} draws, and what came", head, rows)
+    return Table(f"Compensators: promise of {numbers['draws']} draws, and outcome", head, rows)
 
 
 def _on_rig(came: Numbers) -> str:
@@ -125,4 +127,4 @@ def route_tables(figures: Numbers) -> list[Table]:
         for k, level in enumerate(numbers["authority_log10"])
     ]
     head = ("log10 authority", *(f"{words} [dB]" for words in ROUTES.values()))
-    return [Table("On the rig in orbit, by what the compensator was designed on", head, rows)]
+    return [Table("On the rig in orbit, by the model that the compensator was designed on", head, rows)]

@@ -54,7 +54,7 @@ class TwoSensorControl:
         without_lead, with_lead: Reach of the payload's design on the fit.
         payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and
             bus).
-        bus_db: Of both loops, the measured bus in 7-9 Hz over that of the open loop.
+        bus_db: Measured bus angle of both loops in 7-9 Hz over that of the open loop.
         above_db: The payload above 10 Hz, likewise.
         above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the
             bus.
@@ -122,7 +122,7 @@ def _designs(study: Study, case: DesignCase, *, lead: bool) -> Design:
     siso, sito = study.siso, study.sito
     both = [siso.angle_weight, sito.bus_weight]
     noise = np.array(sito.angle_noise_rad_per_rthz) ** 2
-    weights = design_weights(siso, both[: len(case.plant.z)], noise)
+    weights = design_weights(study, both[: len(case.plant.z)], noise)
     kalman = design_filter(case.plant, weights)
     section = second_order_section(
         sito.lead_zeros_hz, sito.lead_damping, sito.lead_poles_hz, sito.lead_damping

@@ -49,7 +49,7 @@ def refit_left(
         return H, over, quadratic
 
     def derivative(theta: np.ndarray) -> np.ndarray:
-        """By the logarithms of the gain, real zeros, a and b."""
+        """Derivatives by the logarithms of the gain, real zeros, a and b."""
         H, over, quadratic = factors(theta)
         _, a, b = np.split(np.exp(theta[1:, None]), np.cumsum([len(real), len(pairs)]))
         by = [np.ones((1, len(s))), -over / (1.0 + over), a * s / b / quadratic, 1.0 / quadratic - 1.0]

@@ -84,7 +84,7 @@ def sensor_case(
     torque = (siso.actuator,)
     z = (siso.sensor, sito.sensors[1]) if bus else (siso.sensor,)
     plant = measured_plant(fit.model, w=torque, u=torque, z=z, y=sito.sensors)
-    return design_case(siso, fit.model, approximate_delays(plant, sito.pade_order), measured)
+    return design_case(study.loop_test, fit.model, approximate_delays(plant, sito.pade_order), measured)
 
 
 def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[float, float]) -> FitResult:
@@ -92,7 +92,7 @@ def fit_sensors(measured: FrequencyResponse, states: int | None, band_hz: tuple[
 
     Without a constant term, which a disturbance that is white would make infinite in the performance. A
     design trusts every mode of its plant: of a chosen order two states go as long as the damping of a mode
-    in the band is not known to half of it, or hangs on one or two lines, whose distortion the mode then
+    in the band is not known to half of it, or depends on one or two lines, whose distortion the mode then
     follows, or as one lies so far above that it is a constant there, which no law can be sampled with.
     """
     banded = in_band(measured, band_hz)

@@ -15,7 +15,7 @@ from middeck.study.measured_loop.text import (
 )
 from middeck.study.words import Line, Numbers, Table, cells, deviation, fixed, percent, signed
 
-TOLD = 3.0  # deviations from the axis, from which on the side of a zero is told
+TOLD = 3.0  # standard deviations from the axis beyond which the half-plane of a zero is certain
 
 
 def title_10(figures: Numbers, entry: str) -> str:
@@ -31,9 +31,9 @@ def figure_10(figures: Numbers, entry: str) -> str:
     name = port_words(numbers["output"])
     inside = [z for z in numbers["zeros"] if low <= z["frequency_hz"] <= high]
     beyond = [z for z in numbers["zeros"] if z not in inside]
-    zeros = f"in that band it takes {_on_the_right(inside) or 'no zero in the right half-plane'}"
+    zeros = f"in that band it has {_on_the_right(inside) or 'no zero in the right half-plane'}"
     more = _on_the_right(beyond)
-    zeros += f", and outside it, where nothing is fitted, {more}" if more else ""
+    zeros += f"; outside the band, where nothing is fitted, it has {more}" if more else ""
     return (
         f"Fitted together with the other sensors by {numbers['states']} states and a delay of"
         f" {fixed(1e3 * numbers['delay_s'], 2)} ms, the {name} angle follows its measured response from"
@@ -55,7 +55,7 @@ def _on_the_right(zeros: list[Numbers]) -> str:
     said: list[str] = []
     for side, words in (
         ("right", "non-minimum-phase zeros"),
-        ("left or right", "zeros of either half-plane"),
+        ("left or right", "zeros that may lie in either half-plane"),
     ):
         there = [z for z in zeros if half_plane(z) == side]
         listed = " and ".join(
@@ -70,9 +70,9 @@ def figure_11(figures: Numbers) -> str:
     numbers = figures["figure_11"]
     *_, bare, lead = numbers["reach"]
     return (
-        f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead about"
-        f" the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the payload's rms"
-        f" angle by {changed(numbers['payload'])}, and is {held(numbers['payload'])}."
+        f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead"
+        f" around the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the"
+        f" payload's rms angle by {changed(numbers['payload'])}, and is {held(numbers['payload'])}."
     )
 
 
@@ -81,10 +81,9 @@ def figure_12a(figures: Numbers) -> str:
     numbers = figures["figure_12"]
     above, deeper = numbers["payload_db_above_10_hz"]["both"], numbers["payload_deeper_db_7_to_9_hz"]
     return (
-        f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}, and the"
-        f" loop is {held(numbers['both'])}; above"
-        f" 10 Hz the angle is {_apart(above)} in open loop, and at 7-9 Hz (shaded) {_apart(deeper)} under the"
-        " payload penalty alone."
+        f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}."
+        f" The loop is {held(numbers['both'])}. Above 10 Hz the angle is {_apart(above)} in open loop; at"
+        f" 7-9 Hz (shaded) it is {_apart(deeper)} under the payload penalty alone."
     )
 
 
@@ -92,8 +91,8 @@ def figure_12b(figures: Numbers) -> str:
     """The bus."""
     bus = figures["figure_12"]["bus_db_7_to_9_hz"]
     return (
-        f"At 7-9 Hz (shaded) the bus is {_apart(bus['both'])} in open loop under both penalties, and"
-        f" {_apart(bus['payload'])} there under the payload penalty alone."
+        f"At 7-9 Hz (shaded) the bus angle is {_apart(bus['both'])} in open loop under both penalties, and"
+        f" {_apart(bus['payload'])} in open loop under the payload penalty alone."
     )
 
 
@@ -105,14 +104,14 @@ def _goes(reach: Numbers) -> str:
     if reach["stopped_hz"] is None:
         return f"{reached} at the highest authority asked for"
     return (
-        f"{reached} before {fixed(reach['stopped_hz'], 2)} Hz goes unstable (with that pair at"
+        f"{reached} before a pole at {fixed(reach['stopped_hz'], 2)} Hz becomes unstable (pair shifted by"
         f" {signed(reach['stopped_percent'])} %)"
     )
 
 
 def _apart(db: float | None) -> str:
     if db is None:
-        return "not measured, so not to be compared with that"
+        return "not measured, so it cannot be compared with that"
     return f"{fixed(abs(db), 1)} dB {'below' if db < 0.0 else 'above'} that"
 
 
@@ -157,7 +156,7 @@ def _path_tables(numbers: Numbers) -> list[Table]:
         ["delay [ms]",
          f"{fixed(1e3 * numbers['delay_s'], 4)} {deviation(numbers['delay_deviation_s'], 1e-3, '± ')}"],
         ["relative complex error", percent(numbers["relative_error"], 3)],
-        ["fitted anew with all zeros held in the left half-plane",
+        ["error of a fit with all zeros held in the left half-plane",
          "–" if numbers["mirrored_error"] is None else percent(numbers["mirrored_error"], 1)],
     ]  # fmt: skip
     head = ("frequency [Hz]", "± [Hz]", "damping", "half-plane")
@@ -174,7 +173,11 @@ def reach_tables(figures: Numbers) -> list[Table]:
             "then unstable at [Hz]", "with the pair at [%]")  # fmt: skip
     loops = {"payload": numbers["payload"]}
     return [
-        Table("How far each design goes, with the pair moved to either side and not", head, rows),
+        Table(
+            "Last stable authority of each design, with the pair unshifted and shifted to either side",
+            head,
+            rows,
+        ),
         loops_table("Payload rms angle in the band, over the open loop's, payload penalty", loops),
         modes_table(loops, "payload penalty"),
         rig_table(loops, figures["figure_9b"]["pair_shift_hz"] if "figure_9b" in figures else None),

@@ -19,9 +19,9 @@ from middeck.control.loop.closed_loop import ClosedLoop, close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError, NumericalError
 from middeck.files.studies.documents import Study
-from middeck.files.studies.form import ControlForm
 from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
@@ -49,7 +49,7 @@ class SubModelSweep:
     Attributes:
         reference_db_lab_pd: The lab metric under PD alone, over the orbit one.
         first_instability: In the lab, searched beyond the plotted range; None if there is none.
-        mode_frequency_hz, mode_kind: Of the lab mode that leads it, in the lab without any control.
+        mode_frequency_hz, mode_kind: Those of the leading mode in the lab without any control.
         unstable_pairs, unstable_real: Numbers of complex pairs and of real poles, which diverge, past the
             stability limit there.
         quadrature_error: Largest relative difference of the closed-form metric from adaptive quadrature, over
@@ -80,11 +80,12 @@ class ZeroGControl:
     sweeps: tuple[tuple[str, SubModelSweep], ...]
 
 
-def control_plant(modes: Modes, control: ControlForm) -> Plant:
+def control_plant(modes: Modes, study: Study) -> Plant:
     """The paper's plant: control and disturbance torques in, angles and rates out, metric angles as z.
 
     The two secondary gimbal angles and rates are outputs for their PD loops alone; LQG never sees them.
     """
+    control = study.control
     measured = [*control.angles, *(f"{a}{RATE}" for a in control.angles)]
     inner = [n for loop in control.pd_loops for n in (loop, f"{loop}{RATE}") if n not in measured]
     inputs = list(dict.fromkeys([*control.disturbances, *control.inputs]))
@@ -108,15 +109,16 @@ def sub_model(plant: Plant, kinds: tuple[str, ...], which: str) -> Plant:
 
 
 def compute(study: Study, rng: np.random.Generator, comparison: ModeComparison) -> ZeroGControl:
-    """On the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
-    return study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, study.control)
+    """The sweep on the modes that Figures 4 and 5 compare; nothing is drawn from ``rng``."""
+    return study_zero_g_control({"orbit": comparison.orbit, "lab": comparison.lab}, study)
 
 
-def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> ZeroGControl:
+def study_zero_g_control(modes: Mapping[str, Modes], study: Study) -> ZeroGControl:
     """Design on the PD-controlled 0-g plant at every authority, judge on ``modes`` "orbit" and "lab"."""
-    _require_flexible(modes, control)
+    control = study.control
+    _require_flexible(modes, control.modes_kept)
     pd = PDLoops(control.pd_loops, np.array(control.pd_kp_nm_per_rad), np.array(control.pd_kd_nms_per_rad))
-    whole = {env: control_plant(m, control) for env, m in modes.items()}
+    whole = {env: control_plant(m, study) for env, m in modes.items()}
     kinds = {env: damped_kinds(m)[: control.modes_kept] for env, m in modes.items()}
     held = any(set(k) == {"flexible"} for k in kinds.values())  # clamped, it has no rigid sub-model
     plants = {
@@ -124,8 +126,8 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
         for which in SUB_MODELS
         if not (held and which == "rigid")
     }
-    psd = disturbance_psd(plants["all"]["orbit"], control)
-    performance = performance_under(control, psd)
+    psd = disturbance_psd(plants["all"]["orbit"], study)
+    performance = performance_under(study, psd)
     metric_pd = tuple((env, loop_metric(leave_open(p), performance)) for env, p in plants["all"].items())
     if dict(metric_pd)["lab"] == 0.0:
         raise NumericalError(
@@ -135,19 +137,19 @@ def study_zero_g_control(modes: Mapping[str, Modes], control: ControlForm) -> Ze
         )
     levels = np.linspace(control.log10_authority_first, control.log10_authority_last, control.levels)
     sweeps = tuple(
-        (which, _sweep(pair, control, psd, performance, levels, modes["lab"]))
+        (which, _sweep(pair, design_weights(study, psd), performance, levels, modes["lab"]))
         for which, pair in plants.items()
     )
     return ZeroGControl(levels, psd, metric_pd, sweeps)
 
 
-def _require_flexible(modes: Mapping[str, Modes], control: ControlForm) -> None:
+def _require_flexible(modes: Mapping[str, Modes], kept: int) -> None:
     """The flexible sub-model needs a mode on both sides, and below it no rigid mode may be cut off."""
     kinds = [damped_kinds(m) for m in modes.values()]
     needed = max(k.index("flexible") + 1 if "flexible" in k else len(k) for k in kinds)
-    if control.modes_kept < needed:
+    if kept < needed:
         raise ConfigError(
-            f"{control.modes_kept} modes hold no flexible one in orbit and in the laboratory",
+            f"{kept} modes hold no flexible one in orbit and in the laboratory",
             where="control.modes_kept",
             hint=f"at least {needed} for this article",
         )
@@ -155,13 +157,11 @@ def _require_flexible(modes: Mapping[str, Modes], control: ControlForm) -> None:
 
 def _sweep(
     pair: Mapping[str, Plant],
-    control: ControlForm,
-    psd: float,
+    weights: LQGWeights,
     performance: Performance,
     levels: np.ndarray,
     lab: Modes,
 ) -> SubModelSweep:
-    weights = design_weights(control, psd)
     design = partial(design_lqg, pair["orbit"], weights, kalman=design_filter(pair["orbit"], weights))
     reference = loop_metric(leave_open(pair["orbit"]), performance)
     sweep = sweep_authority(design, 10.0**levels, on=pair, performance=performance, reference=reference)
@@ -169,7 +169,7 @@ def _sweep(
     over_orbit = float(20.0 * np.log10(lab_pd / reference))
     ends = [close_loop(plant, design(10.0**level)) for level in levels[[0, -1]] for plant in pair.values()]
     error = max((_quadrature_error(loop, performance) for loop in ends if loop.stable), default=0.0)
-    first = find_first_instability(design, pair["lab"], first=control.log10_authority_first, last=SEARCH_LAST)
+    first = find_first_instability(design, pair["lab"], first=float(levels[0]), last=SEARCH_LAST)
     mode, growing = None, np.zeros(0)
     if first is not None:
         mode = lab.name.index(first.mode_name)

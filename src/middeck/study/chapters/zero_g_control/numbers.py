@@ -96,8 +96,8 @@ def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list
     if first is not None:
         level, pairs, share = first.log10_authority, whole.unstable_pairs, first.participation
     single = f"one complex pair goes unstable first in 1-g{real}; pairs"
-    led = f"a suspension mode leads it with over half of all structural states' shares{leader}; share"
-    rigid = "the rigid sub-model repeats it with the same mode within 0.25 decade; decades apart"
+    led = f"over half of the structural participation in that pair is of a suspension mode{leader}; share"
+    rigid = "the rigid sub-model goes unstable in the same mode within 0.25 decade; decades apart"
     flexible = "the flexible pair goes unstable only at over ten times the authority, or never; decades above"
     leads = share is not None and whole.mode_kind == "suspension" and share > LEADS
     later = first is not None and (parts is None or (apart is not None and apart > 1.0))

@@ -1,0 +1,124 @@
+"""Whether rounding of the matrices of plant or law moves the numbers computed from their loop.
+
+States mixed by a matrix of condition k multiply the rounding of each entry by up to k^2 at the poles. What
+the matrices lost when they were stored no algorithm finds again. So each number is computed again from
+entries moved by rounding.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.control.law.compensator import Compensator
+from middeck.errors import NumericalError
+from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague
+from middeck.systems.poles.verdict import CURE
+from middeck.systems.state_space.modal_system import ModalSystem
+from middeck.systems.state_space.statespace import System
+
+DRAWS = 3
+"""How often every entry is moved by `ROUNDINGS` roundings of random sign."""
+UNCERTAIN = 1e-4
+"""Change of a number by such a move that gives a warning, relative or of an angle [rad]: a tenth of what is
+not silent, since three draws may miss the largest (of sampled loops by a factor of three)."""
+
+
+def moved_entries(system: System, rng: np.random.Generator) -> System:
+    """The system with every entry of A, B and C moved by `ROUNDINGS` roundings of random sign."""
+    moved = {
+        name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape))
+        for name, M in (("A", system.A), ("B", system.B), ("C", system.C))
+    }
+    return dataclasses.replace(system, **moved)
+
+
+def is_vague_plant(plant: Plant) -> bool:
+    """Whether rounding moves poles of the plant (`is_vague`): of modal form never."""
+    dynamics = remove_delays(plant).dynamics
+    return not isinstance(dynamics, ModalSystem) and is_vague(dynamics)
+
+
+def move_plant(plant: Plant, rng: np.random.Generator) -> Plant:
+    """A plant that is not in modal form with its entries moved (`moved_entries`)."""
+    dynamics = plant.dynamics
+    if isinstance(dynamics, ModalSystem):
+        return plant
+    return dataclasses.replace(plant, dynamics=moved_entries(dynamics, rng))
+
+
+Found = TypeVar("Found")
+
+
+def measure_known(
+    what: str,
+    measure: Callable[..., Found],
+    numbers: Callable[[Found], Float[np.ndarray, " number"]],
+    *halves: Plant | Compensator,
+) -> Found:
+    """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
+
+    Halves of which no pole `is_vague` cost nothing more.
+
+    Args:
+        what: Names the numbers in the warning.
+        numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
+    """
+    found = measure(*halves)
+    vague = [_is_vague(half) for half in halves]
+    if not any(vague):
+        return found
+
+    def of(found: Found) -> np.ndarray:
+        with np.errstate(divide="ignore"):
+            return numbers(found)
+
+    here = of(found)
+    if np.isfinite(here).any():
+        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, vague, strict=True)))
+        if most > UNCERTAIN:
+            warnings.warn(
+                f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
+                f"or rad) or more; {CURE}, would tell",
+                stacklevel=3,
+            )
+    return found
+
+
+def _is_vague(half: Plant | Compensator) -> bool:
+    return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
+
+
+def _move(half: Plant | Compensator, rng: np.random.Generator) -> Plant | Compensator:
+    if isinstance(half, Plant):
+        return move_plant(half, rng)
+    return dataclasses.replace(half, dynamics=moved_entries(half.dynamics, rng))
+
+
+def _farthest(
+    here: np.ndarray, numbers: Callable[..., np.ndarray], halves: list[tuple[Plant | Compensator, bool]]
+) -> float:
+    """The largest change of a number as vague halves move; infinite where one has no value, or stability is
+    open.
+    """
+    rng, most = np.random.default_rng(0), 0.0
+    for _ in range(DRAWS):
+        moved = [_move(half, rng) if vague else half for half, vague in halves]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                there = numbers(*moved)
+            except NumericalError:
+                return np.inf
+        if there.shape != here.shape or np.any(np.isnan(there) != np.isnan(here)):
+            return np.inf
+        same = (there == here) | np.isnan(here)
+        apart = np.subtract(there, here, out=np.zeros_like(here), where=~same)
+        most = max(most, float(np.abs(apart).max()))
+    return most

@@ -1,0 +1,96 @@
+"""Pairs of a fit that represent a delay which its model lacks, rather than modes.
+
+A sampled model, or one of complex constants, has no delay of its own. Where the article has one, poles follow
+its phase: pairs that are heavily damped, in the midst of the band, with small deviations. They are known by
+what the other poles can do: with a delay and a constant term, all paths are then followed without such pairs
+as far as the data tell.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from middeck.identification.model.measurement_model import (
+    MeasurementModel,
+    damping_ratio,
+    is_mode,
+    model_response,
+    natural_hz,
+)
+
+# Least damping ratio of a pair that may stand for a delay.
+DAMPED = 0.1
+# Delays are tried up to so many periods of the last line, so many in each, then as many about the best.
+PERIODS, IN_PERIOD = 8, 16
+# Deviations of each of the two numbers that a path has of a pair: no more than so many are not told apart.
+TOLD = 4.0
+
+
+def stands_for_delay(
+    model: MeasurementModel,
+    s: Complex[np.ndarray, " line"],
+    U: Complex[np.ndarray, "line input column"],
+    residual: Complex[np.ndarray, "output line column"],
+    weight: Float[np.ndarray, "output line column"],
+) -> tuple[Int[np.ndarray, " mode"], float]:
+    """Damped pairs which a delay [s] of each output replaces, and the longest; none, and zero, without.
+
+    ``U`` are spectra of the inputs in each experiment, ``residual`` what the model leaves of the outputs, and
+    ``weight`` one over its deviation.
+    """
+    last_hz, zeta = float(np.imag(s[-1])) / (2.0 * np.pi), damping_ratio(model)
+    rate = np.inf if model.sample_hz is None else model.sample_hz
+    modes = ~model.is_pair | is_mode(model, rate)
+    damped = np.flatnonzero(model.is_pair & (zeta > DAMPED))
+    if not len(damped):
+        return damped, 0.0
+    response = model_response(model, np.imag(s) / (2.0 * np.pi))
+    data = np.einsum("koi,kic->okc", response, U) + residual
+    left = np.sum(np.abs(residual * weight) ** 2, axis=(1, 2))
+    for least in np.unique(zeta[damped]):
+        out = damped[zeta[damped] >= least]
+        basis = _basis(model, s, np.setdiff1d(np.flatnonzero(modes), out))
+        allowed = left + TOLD**2 * 2.0 * len(out) * U.shape[1]
+        delay_s = [_delay_instead(s, basis, U, *own) for own in zip(data, weight, allowed, strict=True)]
+        if min(delay_s) >= 0.0 and max(delay_s) > 0.0:
+            return out[natural_hz(model)[out] <= last_hz], max(delay_s)
+    return damped[:0], 0.0
+
+
+def _delay_instead(
+    s: np.ndarray, basis: np.ndarray, U: np.ndarray, data: np.ndarray, weight: np.ndarray, allowed: float
+) -> float:
+    """The delay of one output with which it is followed up to ``allowed``; negative without one."""
+    columns = np.einsum("kb,kic,kc->kcbi", basis, U, weight).reshape(data.size, -1)
+    q, seen = np.linalg.qr(_apart(columns))[0], data * weight
+
+    def left(tau: float) -> float:
+        y = _apart((seen * np.exp(s * tau)[:, None]).reshape(-1, 1))[:, 0]
+        return float(np.sum((y - q @ (q.T @ y)) ** 2))
+
+    step = 2.0 * np.pi / float(np.imag(s[-1])) / IN_PERIOD
+    near = min((step * k for k in range(PERIODS * IN_PERIOD + 1)), key=left)
+    best = min(np.maximum(near + step * np.linspace(-1.0, 1.0, 2 * IN_PERIOD + 1), 0.0), key=left)
+    return float(best) if left(float(best)) <= allowed else -1.0
+
+
+def _basis(model: MeasurementModel, s: np.ndarray, kept: np.ndarray) -> Complex[np.ndarray, "line column"]:
+    """Responses of one path by these poles, with real coefficients, and a constant."""
+    one = np.ones((1, 1))
+    columns = [np.ones(len(s), dtype=complex)]
+    for m in kept:
+        for shape in (1.0, 1j) if model.is_pair[m] else (1.0,):
+            alone = dataclasses.replace(
+                model, poles=model.poles[[m]], shapes=shape * one, participation=one, direct=0.0 * one,
+                lower=0.0 * one, delay_s=np.zeros(1), path_delay_s=None, rigid=None, integral=None,
+                inputs=model.inputs[:1], outputs=model.outputs[:1],
+            )  # fmt: skip
+            columns.append(model_response(alone, np.imag(s) / (2.0 * np.pi))[:, 0, 0])
+    return np.column_stack(columns)
+
+
+def _apart(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
+    return np.concatenate([np.real(x), np.imag(x)])

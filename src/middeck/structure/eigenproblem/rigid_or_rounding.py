@@ -1,0 +1,86 @@
+"""How much of a mode's omega^2 may be rounding, or due to the residual of Newton's method."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from middeck.structure.assembly.component_states import component_states
+from middeck.structure.assembly.energy import geometric_tangent
+from middeck.structure.assembly.environment_loads import Loads
+from middeck.structure.assembly.freedom import Freedom
+from middeck.structure.assembly.linked import static_freedom
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.assembly.places import transport
+from middeck.structure.assembly.strain import strain_energies
+from middeck.structure.eigenproblem.eigen import ROUNDING, Eigenpairs
+from middeck.structure.elements.frames import Configuration
+
+# An omega^2 of so many times its rounding is good to eight digits, and better as it is.
+NEAR = 1e3
+
+
+def separate_rigid(
+    model: Model, config: Configuration, loads: Loads, pairs: Eigenpairs, free: Freedom
+) -> Eigenpairs:
+    """``pairs`` in carried coordinates, the ``free`` ones, the lowest recomputed where they may be rounding.
+
+    An eigensolver rounds to 1e-16 of the stiffest member. The space of the lowest modes is accurate to the
+    square of that, and within it the energy is formed as squared strains: then only the geometric stiffness,
+    of forces over lengths, and what cancels in the matrix of a component round (Rayleigh-Ritz; Parlett 1980,
+    section 11). So a bus on threads that swings once a day is distinguished from one that floats.
+    """
+    few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
+    if few == 0:
+        return pairs
+    lowest = pairs.shapes[:, :few]
+    shapes = free.spread(lowest)
+    G, strained = geometric_tangent(model, config, loads), strain_energies(model, config, loads, shapes)
+    lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
+    shapes = shapes @ turn
+    cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
+    cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
+    at = transport(config, model.tree) @ shapes
+    for part, rows in component_states(
+        model, config, loads
+    ):  # its matrix is no sum of squares, and mixes them
+        strain = np.abs(part.slope @ (rows @ at))
+        cancels += np.einsum("im,im->m", strain, np.abs(part.stiffness) @ strain).max()
+    # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
+    noise = float(pairs.noise[:few].max())
+    mixed = noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0
+    return Eigenpairs(
+        np.concatenate([lam, pairs.lam[few:]]),
+        np.hstack([lowest @ turn, pairs.shapes[:, few:]]),
+        np.concatenate([ROUNDING * (cancels + noise) + mixed, pairs.noise[few:]]),
+    )
+
+
+def rounding(
+    model: Model,
+    config: Configuration,
+    pairs: Eigenpairs,
+    gradient: Float[np.ndarray, " coordinate"],
+    free: Freedom,
+    transport: sp.csr_array | None = None,
+) -> Float[np.ndarray, " mode"]:
+    """Largest |omega^2| [1/s^2] of each mode that counts as zero, at a state that leaves ``gradient``.
+
+    A force or moment g_k left at a frame adds g_k d2x_k to the tangent, and d2x_k is made of the motions of
+    that frame and of those that carry it alone: a light rotor does not feel what its bearing lacks. The
+    coordinates are carried ones where ``transport`` takes them to W.
+    """
+    tree = model.tree
+    shapes = free.spread(pairs.shapes)
+    own = (shapes if transport is None else transport @ shapes) ** 2
+    left = np.abs(static_freedom(model, config).within(gradient))
+    at_roots = 6 * tree.roots
+    moved = own[:at_roots].reshape(tree.roots, 6, -1).max(axis=1)
+    force = left[:at_roots].reshape(tree.roots, 6).sum(axis=1)
+    noise = pairs.noise + force @ moved
+    carried = list(moved)
+    for joint, parent in enumerate(tree.parent):
+        carried.append(np.maximum(carried[parent], own[at_roots + joint]))
+        noise += left[at_roots + joint] * carried[-1]
+    return noise

@@ -1,1 +1,0 @@
-"""The symmetric pair: all modes or the lowest, repeated ones, and what rounding and components leave."""

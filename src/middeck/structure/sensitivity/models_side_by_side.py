@@ -1,0 +1,115 @@
+"""Several models side by side as one, so that one assembly serves them all."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.assembly.environment_loads import Ground, Loads
+from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.beam import BeamProperties
+from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
+from middeck.structure.elements.springs_and_cables import SpringLaw
+
+
+class Raft(NamedTuple):
+    """The merged model, and of each of its models the coordinates and the first pose in it."""
+
+    model: Model
+    coordinates: tuple[np.ndarray, ...]
+    first_pose: tuple[int, ...]
+
+
+def merge_models(models: Sequence[Model]) -> Raft:
+    """All roots come first, then all joints, each in the order of ``models``."""
+    roots = np.cumsum([0, *(m.tree.roots for m in models)])
+    joints = np.cumsum([0, *(len(m.tree.parent) for m in models)])
+    poses = np.cumsum([0, *(len(m.points.frame) for m in models)])
+    members = np.cumsum([0, *(len(m.structure.members) for m in models)])
+
+    def places(size: int) -> tuple[np.ndarray, ...]:
+        """Places of each model's roots, so many numbers each, and of its joints."""
+        spans = zip(pairwise(size * roots), pairwise(size * roots[-1] + joints), strict=True)
+        return tuple(np.concatenate([np.arange(*own), np.arange(*turned)]) for own, turned in spans)
+
+    frame = places(1)
+    structure = dataclasses.replace(
+        models[0].structure,
+        joints=tuple(j for m in models for j in m.structure.joints),
+        springs=tuple(s for m in models for s in m.structure.springs),
+        bushings=tuple(b for m in models for b in m.structure.bushings),
+        loads=tuple(p for m in models for p in m.structure.loads),
+    )
+    merged = Model(
+        structure=structure,
+        frames=tuple(f for m in models for f in m.frames[: m.tree.roots])
+        + tuple(f for m in models for f in m.frames[m.tree.roots :]),
+        tree=FrameTree(
+            roots=int(roots[-1]),
+            parent=_joined([f[m.tree.parent] for f, m in zip(frame, models, strict=True)]),
+            offset=_joined([m.tree.offset for m in models]),
+            axis=_joined([m.tree.axis for m in models]),
+            slides=_joined([m.tree.slides for m in models]),
+        ),
+        rest=merge_configurations([m.rest for m in models]),
+        points=PosePoints(
+            _joined([f[m.points.frame] for f, m in zip(frame, models, strict=True)]),
+            _joined([m.points.offset for m in models]),
+        ),
+        element_ends=_shifted([m.element_ends for m in models], poses),
+        element_triad=_joined([m.element_triad for m in models]),
+        element_member=_shifted([m.element_member for m in models], members),
+        beams=BeamProperties(
+            **{k: _joined([getattr(m.beams, k) for m in models]) for k in BeamProperties.__dataclass_fields__}
+        ),
+        body_point=_shifted([m.body_point for m in models], poses),
+        body_mass=_joined([m.body_mass for m in models]),
+        body_inertia=_joined([m.body_inertia for m in models]),
+        attach_names=tuple(a for m in models for a in m.attach_names),
+        attach_point=_shifted([m.attach_point for m in models], poses),
+        spring_ends=_shifted([m.spring_ends for m in models], poses),
+        bushing_ends=_shifted([m.bushing_ends for m in models], poses),
+        load_point=_shifted([m.load_point for m in models], poses),
+    )
+    return Raft(merged, places(6), tuple(int(p) for p in poses[:-1]))
+
+
+def merge_configurations(configs: Sequence[Configuration]) -> Configuration:
+    """One configuration of all, in the order of `merge_models`."""
+    return Configuration(
+        _joined([c.x for c in configs]), _joined([c.R for c in configs]), _joined([c.angle for c in configs])
+    )
+
+
+def merge_loads(raft: Raft, loads: Sequence[Loads]) -> Loads:
+    """The loads of each model on the raft; gravity must be the same in all."""
+    law = (_joined([getattr(x.law, f) for x in loads]) for f in ("preload", "stiffness", "length"))
+    return Loads(
+        gravity=loads[0].gravity,
+        anchor=_joined([x.anchor for x in loads]),
+        attach_point=_joined([x.attach_point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
+        law=SpringLaw(*law),
+        mass=_joined([x.mass for x in loads]),
+        push=_joined([x.push for x in loads]),
+        ground=_merge_ground(raft, [x.ground for x in loads]),
+    )
+
+
+def _merge_ground(raft: Raft, ground: Sequence[Ground]) -> Ground:
+    return Ground(
+        point=_joined([g.point + p for g, p in zip(ground, raft.first_pose, strict=True)]),
+        stiffness=_joined([g.stiffness for g in ground]),
+        axes=_joined([g.axes for g in ground]),
+    )
+
+
+def _joined(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate(arrays)
+
+
+def _shifted(arrays: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
+    return np.concatenate([a + s for a, s in zip(arrays, starts, strict=False)])

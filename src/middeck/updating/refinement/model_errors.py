@@ -1,0 +1,87 @@
+"""The model's own errors in modes: which it has, and what each mode has of them.
+
+An error belongs to the shape of a mode that a survey saw: every paired mode of the first survey, and one of a
+later survey that has less than half of its shape in those before. Shapes are orthonormal in mass, so that
+what a mode has of them adds up to no more than the whole of it. All are turned with the article to how it was
+drawn, however it hung.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+
+from middeck.structure.gravity.turned_modes import modes_as_drawn
+from middeck.structure.modes.solve import Modes
+from middeck.updating.residuals.surveys import Compared
+
+HALF = 0.5
+
+
+class OwnErrors(NamedTuple):
+    """Shapes with errors of their own, the mass in which they are orthonormal, and whose they are.
+
+    That is the mass of the first survey's set-up; ``survey`` and ``pair`` in it say where each was seen.
+    """
+
+    shapes: Float[np.ndarray, "coordinate error"]
+    mass: sp.csr_array
+    survey: Int[np.ndarray, " error"]
+    pair: Int[np.ndarray, " error"]
+
+    @staticmethod
+    def of(compared: Sequence[Compared]) -> OwnErrors:
+        """Those of all surveys, in their order; of a later one the rest of a shape without those before."""
+        first = compared[0]
+        drawn = modes_as_drawn(first.modes)
+        mass, shapes = drawn.mass, drawn.shapes[:, first.pairs[:, 0]]
+        place = [(0, k) for k in range(len(first.pairs))]
+        for number, later in enumerate(compared[1:], start=1):
+            seen = modes_as_drawn(later.modes).shapes[:, later.pairs[:, 0]]
+            for k, shape in enumerate(seen.T):
+                part = shapes.T @ (mass @ shape)
+                if part @ part < HALF * (shape @ (mass @ shape)):
+                    left = shape - shapes @ part
+                    shapes = np.column_stack([shapes, left / np.sqrt(left @ (mass @ left))])
+                    place.append((number, k))
+        survey, pair = np.array(place, dtype=int).reshape(-1, 2).T
+        return OwnErrors(shapes, mass, survey, pair)
+
+    def shared_with(self, others: Modes) -> Float[np.ndarray, "mode error"]:
+        """Part of each of the modes that each of the shapes is, in strain of the whole.
+
+        For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of,
+        each by its share, and of cross terms that nobody knows.
+        """
+        shapes = modes_as_drawn(others).shapes
+        weighted = self.mass @ shapes
+        size = np.einsum("im,im->m", shapes, weighted)
+        return ((self.shapes.T @ weighted) ** 2 / size).T
+
+    def sorts(self, compared: Sequence[Compared]) -> Int[np.ndarray, " error"]:
+        """The place in `MODES` of each error."""
+        return np.array(
+            [
+                sorts_of(compared[s].modes, compared[s].pairs[p : p + 1, 0])[0]
+                for s, p in zip(self.survey, self.pair, strict=True)
+            ],
+            dtype=int,
+        )
+
+    def ground_hz(self, compared: Sequence[Compared]) -> Float[np.ndarray, " error"]:
+        """The model's frequencies of the modes whose shapes they are."""
+        return np.array(
+            [
+                compared[s].modes.frequency_hz[compared[s].pairs[p, 0]]
+                for s, p in zip(self.survey, self.pair, strict=True)
+            ]
+        )
+
+
+def sorts_of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Int[np.ndarray, " mode"]:
+    """The place in `MODES` of each mode."""
+    return np.array([modes.kind[i] == "flexible" for i in index], dtype=int)

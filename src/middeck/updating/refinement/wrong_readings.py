@@ -1,0 +1,64 @@
+"""Gauges, and load cases, that read otherwise than the model where all others of the static tests agree."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from middeck.updating.refinement.refine import Refined
+from middeck.updating.refinement.wrong_channels import NOISE, RIGHT, TINY, WRONG, how_it_reads
+from middeck.updating.residuals.static_tests import gauge_key
+
+# What priors may leave of the other readings where what is wrong keeps the refinement from its end.
+FAR_OFF = 0.3
+
+
+def wrong_readings(refined: Refined) -> tuple[str, ...]:
+    """A sentence for the gauge or the test that is off alone: beside the refined model or that before it."""
+    statics = refined.statics
+    if not statics:
+        return ()
+    gauges = [gauge_key(g)[::2] for c in statics for g in c.test.gauges]
+    tests = [c.test.name for c in statics for _ in c.test.gauges]
+    scale, std = (np.concatenate([getattr(c, name) for c in statics]) for name in ("scale", "std"))
+    read = np.concatenate([c.test.value for c in statics]) / scale
+    # What is far off draws the model along, so that the others no longer agree with it.
+    values = [np.concatenate([c.value for c in statics]), np.concatenate(refined.before)]
+    right = RIGHT if refined.converged else FAR_OFF
+    said = (
+        _off_alone(what, names, read, value / scale, std, right)
+        for value in values
+        for what, names in (("gauge", gauges), ("test", tests))
+    )
+    return tuple(itertools.islice(filter(None, said), 1))
+
+
+def _off_alone(
+    what: str,
+    names: Sequence[str | tuple[str, ...]],
+    read: np.ndarray,
+    moved: np.ndarray,
+    std: np.ndarray,
+    right: float,
+) -> str:
+    groups = list(dict.fromkeys(names))
+    of = np.array([groups.index(name) for name in names])
+    size = np.array([max(float(np.linalg.norm(read[of == k])), TINY) for k in range(len(groups))])
+    left, noise = (
+        np.array([float(np.linalg.norm(part[of == k])) for k in range(len(groups))]) / size
+        for part in (read - moved, NOISE * std)
+    )
+    left = np.where(left > noise, left, 0.0)
+    worst = int(np.argmax(left))
+    others = np.delete(left, worst)
+    if left[worst] < WRONG or len(others) < 2 or float(np.sqrt(np.mean(others**2))) > right:
+        return ""
+    own = groups[worst]
+    name = own if isinstance(own, str) else own[-1]
+    matter = how_it_reads(read[of == worst], moved[of == worst])
+    return (
+        f"static tests: {what} {name!r} {matter} other {what}s agree with the model; correct it or leave it "
+        "out, for it shifts and widens all that is stated"
+    )

@@ -1,0 +1,152 @@
+"""Channels that read otherwise than the model moves are named, and none is without cause."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import forked_case as case
+import numpy as np
+import pytest
+
+from middeck.structure.model.article import LoadCase, PointLoad
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import Environment
+from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.refine import refine
+from middeck.updating.refinement.wrong_channels import wrong_channels
+from middeck.updating.refinement.wrong_readings import wrong_readings
+from middeck.updating.residuals.gauges import Gauge
+from middeck.updating.residuals.static_tests import StaticTest, set_up_static
+from middeck.updating.residuals.surveys import Survey
+from repeats import repeats
+
+SHIFTS = [(n, d) for n in "abcd" for d in "xyz"]
+
+
+def surveyed(seed: int, kept: list[tuple[str, str]] | None = None) -> Survey:
+    _, modes, rng = case.drawn(seed)
+    survey = case.survey(modes, range(16), rng, shape=0.005)
+    return survey if kept is None else case.at_channels_of(survey, kept)
+
+
+def with_rows(survey: Survey, change) -> Survey:
+    """Rows of its shapes changed in place, by channel."""
+    measured = survey.measured
+    place = {channel: i for i, channel in enumerate(zip(measured.node, measured.direction, strict=True))}
+    shape = np.array(measured.shape)
+    change(shape, place)
+    return dataclasses.replace(survey, measured=dataclasses.replace(measured, shape=shape))
+
+
+def said_of(survey: Survey) -> tuple[str, ...]:
+    found = refine(case.fork(), [survey], case.UNKNOWNS, model_error=3e-5)
+    said = wrong_channels(found.compared[0])
+    assert set(said) <= set(findings(found))
+    return said
+
+
+def turned(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
+    shape[place["d", "y"]] *= -1.0
+
+
+def thrice(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
+    shape[place["d", "z"]] *= 3.0
+
+
+def swapped(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
+    shape[[place["c", "x"], place["c", "y"]]] = shape[[place["c", "y"], place["c", "x"]]]
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    repeats(
+        [
+            (turned, ["channel d y reads with the other sign"]),
+            (swapped, ["channel c x does not read", "channel c y does not read"]),
+            (thrice, ["channel d z reads 3 times"]),
+        ],
+        2,
+    ),
+)
+@pytest.mark.parametrize("kept", [SHIFTS, None])
+def test_a_channel_that_is_wrong_is_named(change, what: list[str], kept: list[tuple[str, str]] | None):
+    for seed in repeats(range(8)):
+        said = sorted(said_of(with_rows(surveyed(seed, kept), change)))
+        assert len(said) == len(what)
+        assert all(expected in line for expected, line in zip(what, said, strict=True))
+
+
+def test_no_channel_is_named_without_cause():
+    """Of right surveys, of few channels, and of another article than the model's, whose shapes all differ."""
+    for seed in repeats(range(8), 2):
+        for kept in (None, SHIFTS, SHIFTS[:3], SHIFTS[4:5]):
+            assert said_of(surveyed(seed, kept)) == ()
+    rng = np.random.default_rng(5)
+
+    def all_of_them(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
+        shape *= np.exp(0.5 * rng.standard_normal((len(shape), 1)))
+
+    assert said_of(with_rows(surveyed(0), all_of_them)) == ()
+
+
+HELD = Environment(
+    title="held", gravity=np.array([0.0, 0.0, -9.81]), suspension=None, clamps=(Clamp(node="a"),)
+)
+BENT = [u for u in case.UNKNOWNS if u.name in ("a-b", "b-c", "b-d", "twist")]
+GAUGES = tuple(
+    Gauge(name=f"{n}{d}", at=n, direction=way, std=2e-5)
+    for n in "bcd"
+    for d, way in zip("yz", np.eye(3)[1:], strict=True)
+)
+
+
+def loaded(seed: int, spoilt) -> list[StaticTest]:
+    """Readings of a fork with drawn values under eight loads; ``spoilt`` changes them in place."""
+    rng = np.random.default_rng(seed)
+    x = np.array([u.spread for u in BENT]) * rng.standard_normal(len(BENT))
+    tests = []
+    for n, d, size in itertools.product("cd", (1, 2), (0.5, 1.0)):
+        push = PointLoad(name="push", frame=n, force=size * np.eye(3)[d])
+        load = LoadCase(name=f"{n}{'xyz'[d]} {size:g}", loads=(push,))
+        value = set_up_static(case.fork(), HELD, (), load, True, BENT).solve(x).value(GAUGES)
+        value = value + 2e-5 * rng.standard_normal(len(GAUGES))
+        spoilt(load.name, value)
+        tests.append(StaticTest(name=load.name, environment=HELD, gauges=GAUGES, value=value, load_case=load))
+    return tests
+
+
+def in_millimetres(_: str, value: np.ndarray) -> None:
+    value[3] *= 1000.0
+
+
+def other_way(_: str, value: np.ndarray) -> None:
+    value[2] *= -1.0
+
+
+def thrice_the_load(name: str, value: np.ndarray) -> None:
+    value *= 3.0 if name == "cz 1" else 1.0
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "what", "by"),
+    [
+        (in_millimetres, "gauge 'cz' reads", 1000.0),
+        (other_way, "gauge 'cy' reads with the other sign", None),
+        (thrice_the_load, "test 'cz 1' reads", 3.0),
+    ],
+)
+def test_a_reading_that_is_wrong_is_named(spoilt, what: str, by: float | None):
+    """By how much is said to the accuracy of the priors, which others allow."""
+    for seed in repeats(range(1, 4)):
+        found = refine(case.fork(), [], BENT, statics=loaded(seed, spoilt))
+        (said,) = wrong_readings(found)
+        assert what in said
+        assert said in findings(found)
+        if by is not None:
+            assert float(said.split(" reads ")[1].split()[0]) == pytest.approx(by, rel=0.3)
+
+
+def test_no_reading_is_named_without_cause():
+    for seed in repeats(range(1, 4)):
+        assert wrong_readings(refine(case.fork(), [], BENT, statics=loaded(seed, lambda *_: None))) == ()
