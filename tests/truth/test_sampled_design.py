@@ -252,8 +252,12 @@ def test_a_delay_costs_the_same_wherever_it_is():
     np.testing.assert_allclose(costs, costs[0], rtol=1e-12)
 
 
-def test_delays_of_single_paths():
-    # No sum of input and output delays: one path is later, by so little that its share is linear in it.
+@pytest.mark.parametrize("more_s", [1e-3, 0.01])
+def test_delays_of_single_paths(more_s):
+    """No sums of input and output delays: from u to y they cost nothing, elsewhere in proportion.
+
+    What the commands do to the measurements is known, whatever their delay, and does not change the estimate.
+    """
     weights, T = cases.tangled_weights(), 0.1
     whole = cases.tangled()
     s = remove_delays(whole).system
@@ -261,13 +265,19 @@ def test_delays_of_single_paths():
     plant = dataclasses.replace(
         remove_delays(whole), dynamics=dataclasses.replace(s, A=s.A - 0.2 * np.eye(4))
     )
-    costs = []
-    for more in (0.0, 1e-4, 2e-4):
+
+    def cost(row, column, more):
         delay_s = whole.delay_s.copy()
-        delay_s[2, 0] += more
-        costs.append(design_sampled_lqg(delay_plant(plant, delay_s), weights, 10.0, T).cost)
-    assert 0.0 < abs(costs[1] / costs[0] - 1.0) < 1e-2
-    assert costs[2] - costs[0] == pytest.approx(2.0 * (costs[1] - costs[0]), rel=0.05)
+        delay_s[row, column] += more
+        return design_sampled_lqg(delay_plant(plant, delay_s), weights, 10.0, T).cost
+
+    least = cost(0, 0, 0.0)
+    for row, column in [(2, 0), (2, 1), (3, 0), (3, 1)]:  # from u to y
+        assert cost(row, column, more_s) == pytest.approx(least, rel=1e-9)
+    for row, column in [(0, 0), (2, 2)]:  # from u to z, and from w to y
+        once, twice = (cost(row, column, k * more_s) - least for k in (1, 2))
+        assert 1e-5 * least < once < 0.01 * least
+        assert twice == pytest.approx(2.0 * once, rel=0.02)
 
 
 @pytest.mark.parametrize(("form", "order"), [("predictor", 1), ("current", 2)])

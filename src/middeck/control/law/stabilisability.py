@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import NotStabilisableError
+from middeck.systems.state_space.balancing import balance
 
 RANK_FLOOR = 1e-10
 """Singular values of [A - lambda I, B] below this, relative to A, count as zero: a million times rounding,
@@ -41,7 +41,7 @@ def unreachable_states(
     if not n:
         return share
     # In balanced coordinates, so that the units of the states do not matter.
-    balanced, (unit_of, _) = sla.matrix_balance(A, separate=True, permute=False)
+    balanced, unit_of = balance(A)
     drive = B / unit_of[:, None]
     size = float(np.linalg.norm(balanced, 2)) or 1.0
     length = np.linalg.norm(drive, axis=0)

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
+from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
@@ -39,7 +40,7 @@ def factor_gramians(system: StateSpace) -> GramianFactors:
     n = len(system.A)
     if not n:
         return GramianFactors(np.zeros((0, 0)), np.zeros((0, 0)))
-    A, (unit, _) = sla.matrix_balance(system.A, separate=True, permute=False)
+    A, unit = balance(system.A)
     S, Q = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, output="complex"))
     see = _solve_triangular(S, system.C * unit @ Q) @ Q.conj().T
     # The dual equation, upper triangular again once rows and columns are counted backwards.

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS, RiccatiSolution
@@ -23,6 +23,9 @@ from middeck.errors import NumericalError
 
 DOUBLINGS = 60
 """Number of doublings for a pole at 1 - 1e-16, the closest to the circle in double precision."""
+NOTHING = 1e-60
+"""Entries over the largest, below which they have no part in the units: what decays within a fraction of a
+period, as exp(-1000), would ask for units of 1e100."""
 
 
 def solve_discrete_riccati(
@@ -72,7 +75,27 @@ def solve_discrete_riccati(
 
 
 def _solve_scaled(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    t = unit_scales(A, B @ B.T, Q)
+    """X is zero of states that decay and that the cost does not see: no units would even them out."""
+    seen = _seen(A, Q)
+    if not seen.all() and np.all(np.abs(np.linalg.eigvals(A[~seen][:, ~seen])) < 1.0):
+        X = np.zeros_like(A)
+        X[np.ix_(seen, seen)] = _solve_seen(A[seen][:, seen], B[seen], Q[seen][:, seen])
+        return X
+    return _solve_seen(A, B, Q)
+
+
+def _seen(A: np.ndarray, Q: np.ndarray) -> Bool[np.ndarray, " state"]:
+    """States that are in the cost or move one that is, entries that are `NOTHING` left out."""
+    moves, costs = (np.abs(M) > NOTHING * np.abs(M).max(initial=0.0) for M in (A, Q))
+    seen = np.any(costs, axis=0)
+    for _ in range(len(A)):
+        seen |= np.any(moves[seen], axis=0)
+    return seen
+
+
+def _solve_seen(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
+    some = (np.where(np.abs(M) > NOTHING * np.abs(M).max(initial=0.0), M, 0.0) for M in (A, B @ B.T, Q))
+    t = unit_scales(*some)
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
     found = _solve_doubling(*scaled)
     found = _solve_pencil(*scaled) if found is None else found

@@ -7,6 +7,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
+from middeck.systems.state_space.balancing import balance
 
 
 def unit_scales(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, " state"]:
@@ -17,8 +18,7 @@ def unit_scales(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> Float[np.ndarray
     n = len(A)
     H = np.abs(np.block([[A, G], [Q, A.T]]))
     np.fill_diagonal(H, 0.0)
-    _, (scale, _) = sla.matrix_balance(H, separate=True, permute=False)
-    log = np.log2(scale)
+    log = np.log2(balance(H)[1])
     return np.exp2(np.round((log[:n] - log[n:]) / 2.0))
 
 

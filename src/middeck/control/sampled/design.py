@@ -82,7 +82,8 @@ def design_sampled_lqg(
 ) -> SampledLQG:
     """The sampled law that minimises the continuous E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
-    Inputs are held over ``period_s`` and each path is delayed by its own true delay; nothing is approximated.
+    Inputs are held over ``period_s`` and each path is delayed by its own true delay.
+    Delays that are no sums of an input's and an output's are approximated (`place_delays`), no others.
     Sensor noise is what an average over the period leaves of white noise: variance = intensity / period_s.
     As the period goes to zero the law becomes that of `design_lqg`.
 

@@ -9,6 +9,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import NumericalError
+from middeck.systems.state_space.balancing import balance
 
 BLOCK = 64
 TAIL = 0.02
@@ -72,7 +73,7 @@ def _bound_rest(F: Array, H: Array) -> Callable[[Array], Array]:
 
 def _bound_in_norm(F: Array, H: Array, radius: float) -> Callable[[Array], Array]:
     """The same without eigenvectors: by how much F contracts in the norm x' P x, which is measured."""
-    balanced, (scale, _) = sla.matrix_balance(F, permute=False, separate=True)
+    balanced, scale = balance(F)
     wanted = 0.5 * (1.0 + radius)
     try:
         root = np.linalg.cholesky(sla.solve_discrete_lyapunov((balanced / wanted).T, np.eye(len(F)))).T

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as sla
 
 from middeck.realtime.package.core import Core
+from middeck.systems.state_space.balancing import balance
 
 CONDITION = 1e6
 """Of the eigenvectors: beyond it, modal form would lose more than ten of sixteen digits."""
@@ -25,7 +25,7 @@ def to_modal(core: Core) -> Core | None:
     n = len(core.A)
     if n == 0:
         return Core(A=core.A, B=core.B, C=core.C, D=core.D, E=core.E, pairs=0)
-    balanced, (scale, _) = sla.matrix_balance(core.A, separate=True, permute=False)
+    balanced, scale = balance(core.A)
     poles, vectors = np.linalg.eig(balanced)  # vectors of norm one
     if not np.linalg.cond(vectors) < CONDITION:
         return None
