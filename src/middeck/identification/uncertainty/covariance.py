@@ -35,7 +35,6 @@ from middeck.identification.uncertainty.model_unknowns import (
 )
 from middeck.identification.uncertainty.response_derivatives import (
     EntrySlopes,
-    combined,
     entry_factors,
     entry_slopes,
     shared_functions,
@@ -270,17 +269,19 @@ def _scores_if_alike(
         return 0.5 * np.eye(W.shape[1])
     size = 2 ** int(np.ceil(np.log2(CHUNK + 2 * len(rho) + 1)))
     kernel = np.fft.fft(np.concatenate([[0.0], rho]), size)
-    spread = 0.5 * np.eye(W.shape[1])
     before = dict[tuple[int, int], np.ndarray]()
+    both = {entry: np.zeros((by.by.shape[1],) * 2) for entry, by in each.factors.items()}
     for lines, shared in each.some_lines():
-        for (o, i), entry in each.factors.items():
-            f = each.weighted((o, i), lines, shared) * np.exp(-each.s[lines] * entry.delay_s)
-            by = W[entry.place].T @ combined(entry.by, f)
-            joined = np.hstack([before.get((o, i), np.zeros((len(by), len(rho)))), by])
-            before[o, i] = joined[:, joined.shape[1] - len(rho) :]
+        for entry, its in each.factors.items():
+            f = each.weighted(entry, lines, shared) * np.exp(-each.s[lines] * its.delay_s)
+            joined = np.hstack([before.get(entry, np.zeros((len(f), len(rho)))), f])
+            before[entry] = joined[:, joined.shape[1] - len(rho) :]
             earlier = np.fft.ifft(np.fft.fft(joined, size, axis=1) * kernel, axis=1)
-            both = np.real(earlier[:, len(rho) : joined.shape[1]] @ by.conj().T)
-            spread += 0.5 * (both + both.T)
+            both[entry] += np.real(earlier[:, len(rho) : joined.shape[1]] @ f.conj().T)
+    spread = 0.5 * np.eye(W.shape[1])
+    for entry, its in each.factors.items():
+        rows = W[its.place].T @ its.by
+        spread += 0.5 * rows @ (both[entry] + both[entry].T) @ rows.T
     return spread
 
 
