@@ -94,6 +94,9 @@ def test_random_motion_of_any_size_about_the_slip_angle():
     # k_eq and k_loss are torque over angle times a function of angle over rms.
     rise = np.sqrt(edge / np.pi) * (2.0 * erfc(np.sqrt(edge)) - 4.0 * np.sqrt(edge / np.pi) * np.exp(-edge))
     np.testing.assert_allclose((slopes[1] + value).imag, rise, atol=1e-14)
+    far = np.array([1e-100, 1e9, 1e17])
+    loss = equivalent(dataclasses.replace(one, amplitude=far), 1.0, 1.0)[0].imag
+    np.testing.assert_allclose(loss, [0.0, *np.sqrt(2.0 / np.pi) / far[1:]], rtol=1e-8)
 
 
 def rubbed(

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.delay_order import pade_order
+from middeck.control.law.delay_order import MOST_PADE, pade_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
 from middeck.joints.sliding import SlidingLoops, slide
@@ -67,7 +67,7 @@ class SlipRun:
     Attributes:
         order: Of the Pade approximation of the loop's delay, for the band of the noise. One for modes far
             above it is no better there, and its poles nearly coincide with those of a compensator designed
-            on one: their residues cancel (7 % of a joint's answer to its slider, at order 40 of 30 ms).
+            on one: their residues cancel (7 % of a joint's answer within a step, at order 40 of 30 ms).
     """
 
     plan: Plan
@@ -91,8 +91,10 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
     every: dict[str | None, Compensator | None] = {None: None, **laws}
     own = _own_ports(first, every.values(), wiring)
     time = choose_time(own, every.values(), slips, plan, wiring)
-    order = pade_order(2.0 * np.pi * time.band_hz * float(own.delay_s.max(initial=0.0)))
-    return SlipRun(plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=order)
+    phase = 2.0 * np.pi * time.band_hz * float(own.delay_s.max(initial=0.0))
+    return SlipRun(
+        plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=min(pade_order(phase), MOST_PADE)
+    )
 
 
 def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:

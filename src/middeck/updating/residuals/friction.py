@@ -24,9 +24,9 @@ from middeck.values import record
 
 TORQUE, ANGLE = "slip_torque", "slip_angle"
 # Step in y of amplitudes beyond the slip angle, (A/angle - 1) = exp(2 y): in y the mean is smooth, so the
-# trapezoidal rule is exact to rounding for any rms.
+# trapezoidal rule is exact to rounding for an rms of up to 1e20 slip angles.
 STEP = 1.0 / 16.0
-BEYOND = np.exp(2.0 * np.arange(-15.0, 15.0, STEP))
+BEYOND = np.exp(2.0 * np.arange(-15.0, 25.0, STEP))
 
 
 @record(kw_only=True)
@@ -139,7 +139,10 @@ def equivalent(
         slips = angle / (np.sqrt(2.0) * friction.amplitude)
         t = slips * (1.0 + BEYOND[:, None])
         # Of exp(-u) u du with u = (A/rms)^2/2 = t^2.
-        A, weights = np.sqrt(2.0) * friction.amplitude * t, 4.0 * STEP * t**3 * np.exp(-(t**2)) * (t - slips)
+        A, weights = (
+            np.sqrt(2.0) * friction.amplitude * t,
+            4.0 * STEP * np.exp(3.0 * np.log(t) - t**2) * (t - slips),
+        )
         sticks = gammainc(2.0, slips**2)
     found = Friction(slip_torque=torque, stiffness=torque / angle).describing_function(A.ravel())
     N = (found.stiffness + 1j * found.loss).reshape(A.shape)
