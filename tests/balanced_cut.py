@@ -28,7 +28,7 @@ def cut_balanced(system, order, *, input_size=None, output_size=None):
     y = np.ones(outputs) if output_size is None else output_size
     # A compensator reads y and gives u: its inputs have the sizes of the loop's measurements.
     found = find_candidate(system, order, "balanced", [SimpleNamespace(input_size=y, output_size=u)])
-    error = peak_gain(in_sizes(found.remainder, u, y)).gain
+    error = peak_gain(in_sizes(found.remainder, u, y), beside=found.hankel.max(initial=0.0)).gain
     return Cut(found.law, len(found.law.A), found.hankel, found.bound, error)
 
 

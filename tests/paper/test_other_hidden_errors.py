@@ -1,4 +1,7 @@
-"""The study's chain on articles with other hidden errors: it reaches its report, and its intervals cover."""
+"""The study's chain on articles with other hidden errors: it reaches its report, and its intervals cover.
+
+Gravity stays in a measurement on every one: a law of the 1-g record is unstable in orbit.
+"""
 
 import json
 from importlib.resources import files
@@ -43,6 +46,10 @@ def test_the_chain_reaches_its_report_whatever_is_hidden() -> None:
         gap = route_gap_db(numbers)
         assert gap is not None
         assert gap < 3.0
+        law = kept.ground_law
+        assert law.lab.stable
+        assert not law.orbit.stable
+        assert law.orbit.frequency_hz < 0.1
         inside += [verdict.inside for verdict in kept.verdicts]
     assert np.mean(inside) >= 0.9
     assert not LONG or np.mean(inside) <= 0.99

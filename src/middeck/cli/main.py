@@ -43,6 +43,8 @@ def run() -> NoReturn:
     warnings.showwarning = _show_warning  # ty: ignore[invalid-assignment]
     code = execute(sys.argv[1:], interrupted)
     _count_alike()
+    # Python takes handlers away as it ends: a signal that is on its way would kill it.
+    signal.signal(signal.SIGALRM, signal.SIG_IGN)
     sys.exit(code)
 
 
@@ -157,6 +159,7 @@ def catch_interrupts() -> Callable[[], bool]:
     seen: list[int] = []
 
     def interrupt(number: int, frame: Any) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         seen.append(number)
         raise KeyboardInterrupt
 

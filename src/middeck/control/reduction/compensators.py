@@ -107,7 +107,9 @@ def _report(
     joined = add(parts.kept, law)
     system = StateSpace(joined.A, joined.B, joined.C, compensator.system.D)
     smaller = Compensator(system, compensator.inputs, compensator.outputs)
-    peak = peak_gain(in_sizes(remainder, loops[0].output_size, loops[0].input_size))
+    sizes = loops[0].output_size, loops[0].input_size
+    whole = float(candidate.hankel.max(initial=0.0))
+    peak = peak_gain(in_sizes(remainder, *sizes), beside=whole)
     return ReducedCompensator(
         dynamics=system,
         inputs=compensator.inputs,
@@ -130,7 +132,8 @@ def _loop_errors(
     found: list[float] = []
     for loop in loops:
         weighted = series(response_in_loop(loop.model, whole), remainder)
-        found.append(peak_gain(in_sizes(weighted, loops[0].input_size, loops[0].input_size)).gain)
+        sizes = loops[0].input_size, loops[0].input_size
+        found.append(peak_gain(in_sizes(weighted, *sizes), beside=1.0).gain)  # below one it is stable
     return np.array(found)
 
 

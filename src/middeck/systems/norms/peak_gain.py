@@ -41,12 +41,14 @@ class PeakGain:
     omega: float
 
 
-def peak_gain(system: StateSpace, band: tuple[float, float] = (0.0, np.inf)) -> PeakGain:
+def peak_gain(
+    system: StateSpace, band: tuple[float, float] = (0.0, np.inf), *, beside: float = 0.0
+) -> PeakGain:
     """The largest singular value of C (jw I - A)^-1 B + D within ``band`` [rad/s].
 
     The H-infinity norm where the system is stable; of an unstable one the peak over frequency all the same.
-    Warns (`UserWarning`) where rounding of A moves the peak. Raises `NumericalError` where the search does
-    not end.
+    Warns (`UserWarning`) where rounding of A moves the peak, of a remainder ``beside`` the gain of the whole.
+    Raises `NumericalError` where the search does not end.
 
     >>> mode = StateSpace([[0.0, 1.0], [-1.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> zeta = 0.01
@@ -66,7 +68,7 @@ def peak_gain(system: StateSpace, band: tuple[float, float] = (0.0, np.inf)) -> 
         return PeakGain(float(np.inf), stuck)
     best = _search(balanced, values, band, direct)
     moved = entry_sensitivity(balanced, np.array([best.omega])) if np.isfinite(best.omega) else np.zeros(1)
-    if best.gain > 0.0 and (moved := EPS * float(np.linalg.norm(moved))) > UNCERTAIN * best.gain:
+    if best.gain > 0.0 and (moved := EPS * float(np.linalg.norm(moved))) > UNCERTAIN * max(best.gain, beside):
         _warn(f"rounding of the matrix A alone moves it by a relative {moved / best.gain:.0e} or more")
     return best
 
