@@ -62,6 +62,11 @@ def test_a_survey_cannot_set_such_an_angle() -> None:
     set_up(arm(0.0), ON_A_WALL, [("joint.motor.angle", 0.0), ("joint.motor.mass", 0.4)], [])
 
 
+def test_a_pattern_is_the_parameter_that_it_finds() -> None:
+    with pytest.raises(ConfigError, match="would not turn with it"):
+        set_up(arm(0.0, state=JointState.LOCKED), ON_A_WALL, [("joint.?otor.angle", TURN)], [])
+
+
 def test_a_link_within_what_the_joint_carries_turns_with_it() -> None:
     whole = arm(0.0)
     wrist = joint("wrist", "motor", (0, 0, 1), HUB, offset=(0.0, -0.2, 0.0))

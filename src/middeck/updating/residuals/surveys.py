@@ -202,7 +202,7 @@ def set_up(
         for joint in both[0].joints if value != parameter.value else ():
             drawn = f"joint.{joint.name}." + ("target" if joint.state is JointState.DRIVEN else "angle")
             redrawn = turned_by_redrawing(both[0], joint.name, both[1].bushings)
-            if name == drawn and redrawn:
+            if parameter.name == drawn and redrawn:
                 raise ConfigError(redrawn, where=f"set {name}", hint=REDRAW)
         both = set_parameter(*both, parameter, value)
     return SetUp(*both, bind(unknowns, *both))
