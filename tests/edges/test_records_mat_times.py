@@ -11,6 +11,8 @@ import scipy.io
 import middeck as md
 from middeck.errors import DataError
 from middeck.files.records import read_record
+from middeck.files.records.columns import name_columns
+from middeck.files.records.mat import write_mat
 
 K = np.arange(1500)
 
@@ -76,3 +78,36 @@ def test_the_one_structure_with_u_and_y_is_the_run(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "two.mat", {"run": run, "again": run})
     with pytest.raises(DataError, match="6 variables"):
         md.load_record(tmp_path / "two.mat")
+    scipy.io.savemat(tmp_path / "third.mat", {"run": run, "y": plain["y"]})
+    with pytest.raises(DataError, match="4 variables"):
+        md.load_record(tmp_path / "third.mat")
+
+
+BESIDE: list[dict[str, object]] = [{"fs": 256.0}, {"Ts": 1.0 / 256.0}, {"t": K / 256.0}, {"sample_hz": 256.0}]
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+def test_what_lies_beside_the_structure_is_read(beside: dict[str, object], tmp_path: Path) -> None:
+    plain = scipy.io.loadmat(written(tmp_path))
+    run: dict[str, object] = {name: plain[name] for name in ("u", "y")}
+    file = tmp_path / "one.mat"
+    for inner, outer in ((run, beside), (run | {"Fs": 256.0}, beside)):
+        scipy.io.savemat(file, {"run": inner} | outer)
+        assert md.load_record(file).sample_hz == pytest.approx(256.0, rel=1e-9)
+        with pytest.raises(DataError, match="256"):
+            md.load_record(file, name_columns(sample_hz=128.0))
+    scipy.io.savemat(file, {"test": {"run": run} | beside})
+    assert md.load_record(file).sample_hz == pytest.approx(256.0, rel=1e-9)
+    scipy.io.savemat(file, {"run": run | {"fs": 100.0}} | beside)
+    with pytest.raises(DataError, match=r"no one sampling rate: run\.fs = 100, "):
+        md.load_record(file)
+
+
+def test_a_rate_beside_a_record_of_the_own_layout_is_held_against_it(tmp_path: Path) -> None:
+    write_mat(tmp_path / "own.mat", md.load_record(written(tmp_path, fs=256.0)))
+    own = {k: x for k, x in scipy.io.loadmat(tmp_path / "own.mat").items() if not k.startswith("__")}
+    scipy.io.savemat(tmp_path / "both.mat", {"run": own, "fs": 256.0})
+    assert md.load_record(tmp_path / "both.mat").sample_hz == 256.0
+    scipy.io.savemat(tmp_path / "both.mat", {"run": own, "fs": 100.0})
+    with pytest.raises(DataError, match=r"no one sampling rate: run\.sample_hz = 256, fs = 100"):
+        md.load_record(tmp_path / "both.mat")

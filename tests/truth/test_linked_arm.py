@@ -1,4 +1,4 @@
-"""An arm on a link: a spring turns it to the arm drawn at that angle; a joint drawn anew is refused."""
+"""An arm on a link or a bushing: a spring turns it to the arm drawn there; a joint drawn anew is refused."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.gimbals.family import sweep_gimbals
-from middeck.structure.model.article import Body, JointState, Structure
+from middeck.structure.model.article import AttachPoint, Body, JointState, Structure
 from middeck.structure.model.clamps import Clamp
-from middeck.structure.model.environment import Environment
+from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.model.links import Link
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -62,6 +62,11 @@ def test_a_survey_cannot_set_such_an_angle() -> None:
     set_up(arm(0.0), ON_A_WALL, [("joint.motor.angle", 0.0), ("joint.motor.mass", 0.4)], [])
 
 
+def test_a_pattern_is_the_parameter_that_it_finds() -> None:
+    with pytest.raises(ConfigError, match="would not turn with it"):
+        set_up(arm(0.0, state=JointState.LOCKED), ON_A_WALL, [("joint.?otor.angle", TURN)], [])
+
+
 def test_a_link_within_what_the_joint_carries_turns_with_it() -> None:
     whole = arm(0.0)
     wrist = joint("wrist", "motor", (0, 0, 1), HUB, offset=(0.0, -0.2, 0.0))
@@ -75,6 +80,38 @@ def test_a_link_within_what_the_joint_carries_turns_with_it() -> None:
     )
     family = sweep_gimbals(within, ON_A_WALL, {"motor": [0.0, TURN]}, count=2)
     assert abs(np.ptp(family.holding_torque)) > 0.1
+
+
+ON_A_STAND = Environment(
+    title="stand",
+    gravity=np.zeros(3),
+    bushings=(GroundBushing(name="stand", attach="foot", stiffness=np.diag([1e5] * 3 + [1e4] * 3)),),
+)
+
+
+def bus_on_its_payload(**more) -> Structure:
+    """A floating bar with a payload beside it that is to stand on the ground."""
+    nodes = [node("bus", (0, 0, 0), body(2.0)), node("end", (1, 0, 0), body(1.0))]
+    payload = joint("motor", "bus", (0, 0, 1), body(1.0, (0, 0.1, 0)), offset=(0, 0.2, 0), **more)
+    bar = member("bus", "end", TURNING_TUBE, 2, up=(0, 0, 1))
+    foot = AttachPoint("foot", "motor", np.array([0, 0.1, 0]))
+    return structure(nodes, [bar], joints=[payload], attach=[foot])
+
+
+def test_a_bushing_to_the_ground_is_drawn_anew_as_a_link_is() -> None:
+    """A spring turns the bus about the payload that stands; a command turned nothing, without any moment."""
+    rest = solve_equilibrium(bus_on_its_payload(stiffness=STIFF, target=TURN), ON_A_STAND)
+    c, s = np.cos(TURN), np.sin(TURN)  # the bus turns by -TURN about (0, 0.2)
+    turned = [c * 1.0 - s * 0.2, 0.2 - s * 1.0 - c * 0.2, 0.0]
+    assert np.allclose(rest.config.x[rest.model.frames.index("end")], turned, atol=1e-7)
+    with pytest.raises(ConfigError, match=r"'motor' cannot go to another angle .*'stand'"):
+        solve_equilibrium(bus_on_its_payload(state=JointState.DRIVEN, target=TURN), ON_A_STAND)
+    with pytest.raises(ConfigError, match=r"'motor' cannot go to another angle .*'stand'"):
+        sweep_gimbals(bus_on_its_payload(), ON_A_STAND, {"motor": [0.0, TURN]}, count=4)
+    for state, key in ((JointState.DRIVEN, "target"), (JointState.LOCKED, "angle")):
+        with pytest.raises(ConfigError, match=r"'motor' cannot go to another angle .*'stand'"):
+            set_up(bus_on_its_payload(state=state), ON_A_STAND, [(f"joint.motor.{key}", TURN)], [])
+    solve_equilibrium(bus_on_its_payload(state=JointState.DRIVEN), ON_A_STAND)
 
 
 def two_links(**more) -> Structure:

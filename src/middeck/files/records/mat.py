@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from middeck.signals.record import Record
 # Variables of a system in state space, as `write_mat` and other programs write it.
 SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
+RATES = ("fs", "Fs", "Ts", "sample_hz")
 TIMES = ("t", "time", "Time")
 LINES = 8192  # of which the stamps show their last digit
 # Version 5 counts bytes in 32 bits.
@@ -35,38 +37,50 @@ MOST_FILLED = 2**26  # entries of a sparse matrix that is filled: half a gigabyt
 def read_mat(file: Path, variable: str) -> Raw:
     """A record of the package's layout, u and y with fs or Ts, or the matrix ``variable``, of either version.
 
-    A field of a structure is named with it: ``run.force``. If one structure alone has u and y, it is the run.
+    A field of a structure is named with it: ``run.force``. If one structure alone has u and y, it is the run,
+    at the rate that it or what lies beside it states.
     """
     arrays = mat_arrays(file)
-    if not variable and "u" not in arrays:
-        arrays = _of_structure(arrays)
-    if is_own(list(arrays)) and not variable:
-        return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in arrays.items()}, str(file))
-    if set(arrays) >= SYSTEM and not variable:
+    stem = "" if variable else _run_of(arrays)
+    fields = {name.removeprefix(stem): x for name, x in arrays.items() if name.startswith(stem)}
+    if is_own(list(fields)) and not variable:
+        told = _told(arrays, stem)
+        _refuse_rates(_rates(told), told, SAME_RATE, file)
+        return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in fields.items()}, str(file))
+    if set(fields) >= SYSTEM and not variable:
         raise DataError(
             "is a linear system in state space (a plant, a fitted model or a compensator), not a record",
             where=str(file),
             hint="`qualify` takes one as plant or law; for the other verbs keep models and laws as JSON",
         )
-    if {"u", "y"} <= set(arrays) and not variable:
-        return _sides(arrays, file)
+    if {"u", "y"} <= set(fields) and not variable:
+        return _sides(arrays, stem, file)
     return raw_matrix(arrays[pick(arrays, variable, file)], file)
 
 
-def _of_structure(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The fields of the one structure that has u and y; all as it is where there is none, or several."""
+def _run_of(arrays: dict[str, np.ndarray]) -> str:
+    """Beginning of the names in the one structure that has u and y: ``run.``.
+
+    Empty where there is none or several are, or where another u or y lies beside it.
+    """
     stems = [name[:-1] for name in arrays if name.endswith(".u") and f"{name[:-1]}y" in arrays]
-    if len(stems) != 1:
-        return arrays
-    return {name.removeprefix(stems[0]): x for name, x in arrays.items() if name.startswith(stems[0])}
+    outer = [level for stem in stems for level in _levels(stem)[1:]]
+    alone = len(stems) == 1 and not any(f"{level}{name}" in arrays for level in outer for name in SIDES)
+    return stems[0] if alone else ""
 
 
-def _sides(arrays: dict[str, np.ndarray], file: Path) -> Raw:
+def _levels(stem: str) -> list[str]:
+    """Beginnings of the names in a structure, and in those that it lies in: ``e.run.``, ``e.`` and none."""
+    parts = stem.split(".")[:-1]
+    return ["".join(f"{part}." for part in parts[:k]) for k in range(len(parts), -1, -1)]
+
+
+def _sides(arrays: dict[str, np.ndarray], stem: str, file: Path) -> Raw:
     """One run in u and y [sample, channel], with the rate fs [Hz], the period Ts [s] or the times t [s]."""
     heads: list[Head] = []
     columns: list[np.ndarray] = []
     for name, side in SIDES.items():
-        value = arrays[name]
+        value = arrays[f"{stem}{name}"]
         matrix = raw_matrix(value.reshape(-1, 1) if value.ndim == 2 and len(value) == 1 else value, file)
         width = len(matrix.x)
         heads += [Head(name if width == 1 else f"{name}{k}", "", side) for k in range(1, width + 1)]
@@ -75,18 +89,18 @@ def _sides(arrays: dict[str, np.ndarray], file: Path) -> Raw:
     if len(lengths) > 1:
         what = f"u and y have {lengths[0]} and {lengths[-1]} samples"
         raise DataError(what, where=str(file), hint="samples in rows, as many of each")
-    sample_hz, share, faults = _rate(arrays, lengths[0], heads[0], file)
+    sample_hz, share, faults = _rate(arrays, stem, lengths[0], heads[0], file)
     return Raw(sample_hz=sample_hz, heads=tuple(heads), x=tuple(columns), rate_share=share, faults=faults)
 
 
 def _rate(
-    arrays: dict[str, np.ndarray], samples: int, head: Head, file: Path
+    arrays: dict[str, np.ndarray], stem: str, samples: int, head: Head, file: Path
 ) -> tuple[float | None, float, tuple[Fault, ...]]:
     """The rate [Hz] of all that states one, None where nothing does; the share that it leaves open."""
-    told = {n: float(arrays[n].item()) for n in ("fs", "Fs", "Ts") if n in arrays and arrays[n].size == 1}
-    rates = {n: 1.0 / v if n == "Ts" and v else v for n, v in told.items()}
+    told = _told(arrays, stem)
+    rates = _rates(told)
     share, faults = SAME_RATE, ()
-    times = {n: arrays[n].ravel() for n in TIMES if n in arrays and arrays[n].size == samples > 1}
+    times = {n: x.ravel() for n, x in _around(arrays, stem, TIMES).items() if x.size == samples > 1}
     for name, time in times.items():
         rate, digit = _rate_of_times(time, f"{file}, {name}")
         rates[name], share = rate, max(share, open_share(rate, samples, digit))
@@ -95,9 +109,30 @@ def _rate(
             what = doubt or f"the times {name}, taken as seconds, give {rate:.9g} Hz: no fs or Ts is there"
             hint = "state the rate (fs or Ts) if it is another one"
             faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)
+    _refuse_rates(rates, told, share, file)
+    return next(iter(rates.values()), None), share, faults
+
+
+def _around(arrays: dict[str, np.ndarray], stem: str, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Arrays of these ``names`` in the structure and beside it, the innermost first, by full names."""
+    every = [f"{level}{name}" for level in _levels(stem) for name in names]
+    return {name: arrays[name] for name in every if name in arrays}
+
+
+def _told(arrays: dict[str, np.ndarray], stem: str) -> dict[str, float]:
+    return {n: float(x.item()) for n, x in _around(arrays, stem, RATES).items() if x.size == 1}
+
+
+def _rates(told: dict[str, float]) -> dict[str, float]:
+    """Rates [Hz] of what is ``told``, some of it periods [s]."""
+    return {n: 1.0 / v if n.rpartition(".")[2] == "Ts" and v else v for n, v in told.items()}
+
+
+def _refuse_rates(rates: dict[str, float], told: dict[str, float], share: float, file: Path) -> None:
+    """Raise `DataError` unless all ``rates`` are one, up to a ``share`` of it."""
     first = next(iter(rates.values()), 1.0)
     if all(np.isfinite(r) and r > 0.0 and abs(r / first - 1.0) <= share for r in rates.values()):
-        return (first if rates else None), share, faults
+        return
     said = ", ".join(f"{n} = {told[n]:g}" if n in told else f"{n} for {r:g} Hz" for n, r in rates.items())
     raise DataError(f"no one sampling rate: {said}", where=str(file), hint="fs [Hz], or Ts = 1 / fs [s]")
 

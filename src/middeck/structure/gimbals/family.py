@@ -157,11 +157,11 @@ def sweep_gimbals(
     angles are followed over the grid, with points between where shapes change fast. With ``inputs`` and
     ``outputs`` each stable point has the plant of `build_plant`.
 
-    Raises `ConfigError` for an unknown or sprung joint, for one whose links would be drawn anew, and for
+    Raises `ConfigError` for an unknown or sprung joint, for one whose ties would be drawn anew, and for
     angles that do not ascend or lie outside its travel, and `UnstableEquilibriumError` where no point is
     stable.
     """
-    joints = _checked(structure, angles)
+    joints = _checked(structure, environment, angles)
     grid = tuple(tuple(map(float, angles[j.name])) for j in joints)
     at = np.array(list(itertools.product(*grid)))
     names = tuple(j.name for j in joints)
@@ -209,7 +209,9 @@ def _plant(
     return build_plant(member.modes, inputs=inputs, outputs=outputs, count=count, damping=damping)
 
 
-def _checked(structure: Structure, angles: Mapping[str, Sequence[float]]) -> list[Joint]:
+def _checked(
+    structure: Structure, environment: Environment, angles: Mapping[str, Sequence[float]]
+) -> list[Joint]:
     """The swept joints, in the order given."""
     known = {j.name: j for j in structure.joints}
     if not angles:
@@ -220,7 +222,7 @@ def _checked(structure: Structure, angles: Mapping[str, Sequence[float]]) -> lis
             turning = [n for n, j in known.items() if not j.slides and j.state is not JointState.SPRUNG]
             reason = "there is not" if joint is None else "rests where its spring and its load put it"
             raise ConfigError(f"joint {name!r} {reason}", where="angles", hint=f"one of {', '.join(turning)}")
-        if redrawn := turned_by_redrawing(structure, name):
+        if redrawn := turned_by_redrawing(structure, name, environment.bushings):
             raise ConfigError(redrawn, where="angles", hint=REDRAW)
         at = np.asarray(values, dtype=float)
         if at.ndim != 1 or not len(at) or not np.all(np.isfinite(at)) or np.any(np.diff(at) <= 0.0):

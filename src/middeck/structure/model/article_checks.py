@@ -13,11 +13,10 @@ from middeck.structure.model.article import Body, JointState, Member, Structure,
 from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import (
-    REDRAW,
     joined_nodes,
+    redrawing_commands,
     separate_parts,
     some_names,
-    turned_by_redrawing,
 )
 from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
@@ -49,7 +48,7 @@ def check_structure(structure: Structure) -> None:
     faults = faults or [
         *_members(structure),
         *_parts(structure),
-        *_commands(structure),
+        *redrawing_commands(structure),
     ]  # these need the names to be right
     if faults:
         raise ConfigError(
@@ -252,15 +251,6 @@ def _parts(structure: Structure) -> Iterator[str]:
     names = [node.name for node in structure.nodes]
     for part in separate_parts(names, joined_nodes(structure))[1:]:
         yield f"a disconnected part: no member or spring joins node {some_names(part)} to the rest"
-
-
-def _commands(structure: Structure) -> Iterator[str]:
-    """A driven joint is commanded from where it is drawn."""
-    for joint in structure.joints:
-        if joint.state is JointState.DRIVEN and joint.target != joint.angle:
-            redrawn = turned_by_redrawing(structure, joint.name)
-            if redrawn:
-                yield f"{redrawn}: {REDRAW}"
 
 
 ROUNDING = 1e-9

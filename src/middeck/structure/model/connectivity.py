@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from middeck.structure.model.article import Structure
+from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.environment import GroundBushing
 
 SHOWN = 6
 
@@ -50,21 +51,22 @@ def carried_by(structure: Structure, joint: str) -> set[str]:
     return carried
 
 
-def ties_across(structure: Structure, joint: str) -> tuple[str, ...]:
+def ties_across(structure: Structure, joint: str, grounded: Sequence[GroundBushing] = ()) -> tuple[str, ...]:
     """Links, bushings and components that fit as drawn and tie what ``joint`` carries to anything else.
 
-    Another angle of the joint draws them anew: what they tie stays where it is drawn.
+    So do bushings to the ground, ``grounded``. Another angle of the joint draws them anew: what they tie stays where it is drawn.
     """
     carried = carried_by(structure, joint)
     frame = {point.name: point.frame for point in structure.attach_points}
     ties = [(tie.name, tie.frames) for tie in (*structure.links, *structure.components)]
     ties += [(b.name, (frame[b.start], frame[b.end])) for b in structure.bushings]
+    ties += [(b.name, (frame[b.attach], "")) for b in grounded]  # no frame is named so
     return tuple(name for name, ends in ties if carried.intersection(ends) and not carried.issuperset(ends))
 
 
-def turned_by_redrawing(structure: Structure, joint: str) -> str:
+def turned_by_redrawing(structure: Structure, joint: str, grounded: Sequence[GroundBushing] = ()) -> str:
     """What is wrong with giving ``joint`` another angle than it is drawn at; empty where nothing is."""
-    ties = ties_across(structure, joint)
+    ties = ties_across(structure, joint, grounded)
     if not ties:
         return ""
     return (
@@ -78,6 +80,15 @@ REDRAW = (
     "at that angle"
 )
 """What helps where a joint cannot go to another angle."""
+
+
+def redrawing_commands(structure: Structure, grounded: Sequence[GroundBushing] = ()) -> Iterator[str]:
+    """What is wrong with commands of driven joints, each from where it is drawn."""
+    for joint in structure.joints:
+        if joint.state is JointState.DRIVEN and joint.target != joint.angle:
+            redrawn = turned_by_redrawing(structure, joint.name, grounded)
+            if redrawn:
+                yield f"{redrawn}: {REDRAW}"
 
 
 def some_names(names: Sequence[str]) -> str:

@@ -7,14 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.structure.model.article import Structure
 from middeck.structure.model.bushing_checks import bushing_faults
+from middeck.structure.model.connectivity import redrawing_commands
 from middeck.structure.model.environment import Environment
 
 
-def check_environment(environment: Environment) -> None:
-    """Raise one `ConfigError` with all that is wrong."""
+def check_environment(environment: Environment, structure: Structure) -> None:
+    """Raise one `ConfigError` with all that is wrong with it, alone and around ``structure``."""
     faults = [*_gravity(environment), *_springs(environment), *_devices(environment)]
     faults += [fault for b in environment.bushings for fault in bushing_faults(b.name, b.stiffness, b.axes)]
+    faults += redrawing_commands(structure, environment.bushings)
     if faults:
         raise ConfigError(
             "; ".join(faults),

@@ -121,7 +121,7 @@ def solve_equilibrium(
     """
     structure, environment = apply_load_case(structure, environment, load_case)
     model = mesh_structure(structure, environment.clamps)
-    check_environment(environment)
+    check_environment(environment, model.structure)
     check_links(model)
     check_speeds(model, environment)
     _check_idle(environment)

@@ -194,14 +194,15 @@ def set_up(
 ) -> SetUp:
     """The article with ``settings``.
 
-    Raises `ConfigError` for a setting of no parameter, for an angle that draws links anew, and as `bind`.
+    Raises `ConfigError` for a setting of no parameter, for an angle that draws ties anew, and as `bind`.
     """
     both = structure, environment
     for name, value in settings:
         (parameter,) = find_parameters(*both, [name])
         for joint in both[0].joints if value != parameter.value else ():
             drawn = f"joint.{joint.name}." + ("target" if joint.state is JointState.DRIVEN else "angle")
-            if name == drawn and (redrawn := turned_by_redrawing(both[0], joint.name)):
+            redrawn = turned_by_redrawing(both[0], joint.name, both[1].bushings)
+            if parameter.name == drawn and redrawn:
                 raise ConfigError(redrawn, where=f"set {name}", hint=REDRAW)
         both = set_parameter(*both, parameter, value)
     return SetUp(*both, bind(unknowns, *both))
