@@ -9,9 +9,14 @@ import forked_case as case
 import numpy as np
 import pytest
 
-from middeck.structure.model.article import LoadCase, PointLoad
+import structure_builders as build
+from middeck.structure.correlation.measured_modes import measure_modes
+from middeck.structure.model.article import LoadCase, Member, PointLoad, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import Section
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import refine
 from middeck.updating.refinement.wrong_channels import wrong_channels
@@ -19,6 +24,7 @@ from middeck.updating.refinement.wrong_readings import wrong_readings
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.static_tests import StaticTest, set_up_static
 from middeck.updating.residuals.surveys import Survey
+from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats
 
 SHIFTS = [(n, d) for n in "abcd" for d in "xyz"]
@@ -90,6 +96,77 @@ def test_no_channel_is_named_without_cause():
     assert said_of(with_rows(surveyed(0), all_of_them)) == ()
 
 
+@pytest.mark.parametrize("dead", [[("d", "z")], [("d", "z"), ("c", "x")]])
+@pytest.mark.parametrize("kept", [SHIFTS, None])
+@pytest.mark.filterwarnings("error")
+def test_a_channel_that_reads_nothing_is_named(dead: list[tuple[str, str]], kept: list | None):
+    def cut(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
+        shape[[place[channel] for channel in dead]] = 0.0
+
+    for seed in repeats(range(4)):
+        said = said_of(with_rows(surveyed(seed, kept), cut))
+        assert len(said) == len(dead)
+        for n, d in dead:
+            assert any(f"channel {n} {d} reads nothing" in line for line in said)
+
+
+FLAT = Section(
+    EA=1e6, GJ=400.0, EI_y=50.0, EI_z=540.0, GA_y=1e13, GA_z=1e13, rho_A=0.3, rho_I_y=1e-4, rho_I_z=1e-4
+)
+ROOT = Environment(title="mast", gravity=np.zeros(3), clamps=(Clamp(node="n0"),))
+UP = [(f"n{i}", "z") for i in range(1, 8)]
+
+
+def mast(EI: float) -> Structure:
+    """Clamped at n0, with seven bodies; it bends along z and along y apart."""
+    section = dataclasses.replace(FLAT, EI_y=EI)
+    light = build.body(0.02, (0, 0, 0), (1e-6, 1e-6, 1e-6))
+    nodes = [build.node(f"n{i}", (0.25 * i, 0, 0), light if i else build.NONE) for i in range(8)]
+    members = [
+        Member(
+            name=f"m{i}",
+            start=f"n{i}",
+            end=f"n{i + 1}",
+            section=section,
+            elements=2,
+            up=np.array([0, 0, 1.0]),
+        )
+        for i in range(7)
+    ]
+    return build.structure(nodes, members)
+
+
+@pytest.mark.parametrize(
+    ("others", "stated"),
+    [
+        ([("n7", "rx")], None),
+        ([("n7", "rx"), ("n3", "rx")], None),
+        ([("n7", "y"), ("n4", "y")], 2e-3),
+        ([("n0", "z")], 1e-3),
+    ],
+)
+def test_a_channel_that_the_modes_do_not_move_is_not_named(others: list, stated: float | None):
+    """It reads rounding or noise; beside it one that is turned is named."""
+    modes = solve_modes(solve_equilibrium(mast(51.5), ROOT))
+    for noise in (0.0, 1e-8, 1e-3, 1e-2):
+        seen = measure_modes(modes, [*UP, *others], chosen=[1, 4, 7])
+        size = np.abs(seen.shape).max(axis=0)
+        shape = seen.shape + noise * size * np.random.default_rng(3).standard_normal(seen.shape.shape)
+        std = None if stated is None else stated * size * np.ones(shape.shape)
+        for sign, count in ((1.0, 0), (-1.0, 1)):
+            turned = np.vstack([shape[:5], sign * shape[5:6], shape[6:]])
+            measured = dataclasses.replace(
+                seen, shape=turned, shape_std=std, frequency_std_hz=1e-3 * seen.frequency_hz
+            )
+            survey = Survey(name="s", measured=measured, environment=ROOT)
+            found = refine(
+                mast(50.0), [survey], [Unknown(name="E", parameters=("member.*.EI_y",), spread=0.1)]
+            )
+            said = wrong_channels(found.compared[0])
+            assert len(said) == count
+            assert all("channel n6 z reads with the other sign" in line for line in said)
+
+
 HELD = Environment(
     title="held", gravity=np.array([0.0, 0.0, -9.81]), suspension=None, clamps=(Clamp(node="a"),)
 )
@@ -150,3 +227,30 @@ def test_a_reading_that_is_wrong_is_named(spoilt, what: str, by: float | None):
 def test_no_reading_is_named_without_cause():
     for seed in repeats(range(1, 4)):
         assert wrong_readings(refine(case.fork(), [], BENT, statics=loaded(seed, lambda *_: None))) == ()
+
+
+@pytest.mark.parametrize("at", ["b", "a"])
+def test_a_gauge_that_nothing_moves_is_not_named(at: str):
+    """Loads along z alone, gauges along y with ten times their noise; or one on the clamp."""
+    rng = np.random.default_rng(2)
+    gauges = (*(g for g in GAUGES if g.name[1] == "z"), dataclasses.replace(GAUGES[0], at=at, name="still"))
+    tests = []
+    for n, size in itertools.product("bcd", (0.5, 1.0)):
+        push = PointLoad(name="push", frame=n, force=np.array([0.0, 0.0, size]))
+        load = LoadCase(name=f"{n} {size:g}", loads=(push,))
+        value = (
+            set_up_static(case.fork(), HELD, (), load, True, BENT).solve(np.zeros(len(BENT))).value(gauges)
+        )
+        value[:3] += 2e-5 * rng.standard_normal(3)
+        value[3] += 2e-4 * rng.standard_normal()
+        tests.append(StaticTest(name=load.name, environment=HELD, gauges=gauges, value=value, load_case=load))
+    found = refine(case.fork(), [], BENT, statics=tests)
+    assert wrong_readings(found) == ()
+
+
+def test_a_gauge_that_reads_nothing_is_named():
+    def cut(_: str, value: np.ndarray) -> None:
+        value[3] = 0.0
+
+    (said,) = wrong_readings(refine(case.fork(), [], BENT, statics=loaded(1, cut)))
+    assert "gauge 'cz' reads nothing" in said

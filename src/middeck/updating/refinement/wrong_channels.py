@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
+from middeck.structure.correlation.measured_modes import seen, sensor_rows, straight_channels
 from middeck.updating.residuals.pairing import at_channels
 from middeck.updating.residuals.surveys import Compared, neighbours, real_shapes, shape_deviations
 
@@ -15,6 +17,12 @@ WRONG, RIGHT = 0.5, 0.15
 FEW = 0.25
 # Readings and motions that are alike but for a factor; deviations by which what is left is no noise.
 ALIKE, NOISE = 0.8, 5.0
+# Of what the modes move in the mean (rms) at all nodes: a channel that reads less is measured by this, and
+# where they move less, the model stands still.
+PART, STILL = 0.2, 0.01
+# Of what the model moves: less that is not alike is nothing.
+NOTHING = 0.05
+EVERY_WAY = ("x", "y", "z", "rx", "ry", "rz")
 TINY = np.finfo(float).tiny
 
 
@@ -23,18 +31,13 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
     measured = compared.survey.measured
     if not measured.node:
         return ()
-    ours = compared.pairs[:, 1]
-    shapes = _Shapes(
-        real_shapes(measured)[:, ours], shape_deviations(compared.modes, measured)[:, ours],
-        at_channels(compared.modes, measured), compared.paired.column,
-        neighbours(compared.modes, compared.paired.column) | np.eye(len(ours), dtype=bool),
-    )  # fmt: skip
+    shapes = _shapes(compared)
     kept = np.ones(len(shapes.read), dtype=bool)
     while True:
         moved = shapes.moved(kept)
         if moved is None:
             return ()
-        wrong = shapes.left(moved) > np.maximum(WRONG, shapes.noise)
+        wrong = shapes.left(moved) > np.maximum(WRONG, shapes.noise(moved))
         if not np.any(kept & wrong):
             break
         # One that dominates the fit makes others look wrong: the one without which they agree best.
@@ -43,31 +46,45 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
             return ()
     if float(np.sqrt(np.mean(shapes.left(moved)[kept] ** 2))) > RIGHT:
         return ()
-    return tuple(_said(compared, r, shapes.read[r], moved[r]) for r in np.flatnonzero(~kept & wrong))
+    still = STILL * shapes.elsewhere(moved)
+    return tuple(
+        _said(compared, r, how_it_reads(shapes.read[r], moved[r], still[r]))
+        for r in np.flatnonzero(~kept & wrong)
+    )
 
 
 class _Shapes(NamedTuple):
-    """Measured shapes, their deviations, motion of the model, its paired modes, and which are close."""
+    """Measured shapes, their deviations, motion of the model, its paired modes, and which are close.
+
+    ``motion`` has the channels, then all nodes; ``straight`` says which of its rows are in metres.
+    """
 
     read: np.ndarray
     std: np.ndarray
     motion: np.ndarray
+    straight: np.ndarray
     column: np.ndarray
     near: np.ndarray
 
-    @property
-    def size(self) -> np.ndarray:
-        """What each channel reads in all modes."""
-        return np.maximum(np.linalg.norm(self.read, axis=1), TINY)
+    def elsewhere(self, moved: np.ndarray) -> np.ndarray:
+        """What all nodes move in the mean (rms), in all modes, of the sort of each channel."""
+        count = len(self.read)
+        sorts = [moved[count:][self.straight[count:] == straight] for straight in (False, True)]
+        rms = np.array([np.linalg.norm(rows) / np.sqrt(len(rows)) for rows in sorts])
+        return rms[self.straight[:count].astype(int)]
 
-    @property
-    def noise(self) -> np.ndarray:
+    def size(self, moved: np.ndarray) -> np.ndarray:
+        """What each channel reads in all modes, or of what is moved elsewhere if it reads next to nothing."""
+        least = np.maximum(PART * self.elsewhere(moved), TINY)
+        return np.maximum(np.linalg.norm(self.read, axis=1), least)
+
+    def noise(self, moved: np.ndarray) -> np.ndarray:
         """Of that, what may be noise."""
-        return NOISE * np.linalg.norm(self.std, axis=1) / self.size
+        return NOISE * np.linalg.norm(self.std, axis=1) / self.size(moved)
 
     def left(self, moved: np.ndarray) -> np.ndarray:
         """Of that, what does not agree."""
-        return np.linalg.norm(self.read - moved, axis=1) / self.size
+        return np.linalg.norm(self.read - moved[: len(self.read)], axis=1) / self.size(moved)
 
     def left_without(self, kept: np.ndarray, row: int) -> float:
         """In squares, of the other kept channels where one is left out."""
@@ -76,33 +93,55 @@ class _Shapes(NamedTuple):
         return np.inf if moved is None else float(np.sum(self.left(moved)[others] ** 2))
 
     def moved(self, kept: np.ndarray) -> np.ndarray | None:
-        """At all channels, of the modes that fit the kept ones best, each with its neighbours."""
-        out = np.empty_like(self.read)
+        """By the modes that fit the kept channels best, each with its neighbours."""
+        out, count = np.empty((len(self.motion), len(self.near))), len(kept)
         for k, own in enumerate(self.near):
             basis = self.motion[:, self.column[k, own]]
-            if np.count_nonzero(kept) < 2 * basis.shape[1] + 1:
+            # Where the model stands still, a deviation in parts of what is read is one of rounding.
+            told = kept & (np.linalg.norm(basis[:count], axis=1) > STILL * self.elsewhere(basis))
+            if np.count_nonzero(told) < 2 * basis.shape[1] + 1:
                 return None
-            weight = 1.0 / self.std[kept, k]
-            parts = np.linalg.lstsq(weight[:, None] * basis[kept], weight * self.read[kept, k], rcond=None)[0]
+            weight = 1.0 / self.std[told, k]
+            at = basis[:count][told]
+            parts = np.linalg.lstsq(weight[:, None] * at, weight * self.read[told, k], rcond=None)[0]
             out[:, k] = basis @ parts
         return out
 
 
-def how_it_reads(read: np.ndarray, moved: np.ndarray) -> str:
-    """The matter with an instrument that reads ``read`` where the model moves by ``moved``."""
-    by = float(read @ moved / max(moved @ moved, TINY))
-    alike = abs(float(read @ moved)) / max(float(np.linalg.norm(read) * np.linalg.norm(moved)), TINY)
-    if alike < ALIKE:
+def _shapes(compared: Compared) -> _Shapes:
+    measured, modes, ours = compared.survey.measured, compared.modes, compared.pairs[:, 1]
+    nodes = [node.name for node in modes.equilibrium.model.structure.nodes]
+    name, way = zip(*itertools.product(nodes, EVERY_WAY), strict=True)
+    return _Shapes(
+        real_shapes(measured)[:, ours], shape_deviations(modes, measured)[:, ours],
+        np.vstack([at_channels(modes, measured), seen(sensor_rows(modes, name, way), modes)]),
+        straight_channels(modes, (*measured.node, *name), (*measured.direction, *way)),
+        compared.paired.column,
+        neighbours(modes, compared.paired.column) | np.eye(len(ours), dtype=bool),
+    )  # fmt: skip
+
+
+def how_it_reads(read: np.ndarray, moved: np.ndarray, still: float) -> str:
+    """The matter with an instrument that reads ``read`` where the model moves by ``moved``.
+
+    No motion below ``still`` counts, whatever it is alike.
+    """
+    sizes = float(np.linalg.norm(read)), float(np.linalg.norm(moved))
+    both = float(read @ moved)
+    if sizes[1] <= still or abs(both) < ALIKE * sizes[0] * sizes[1] or not both:
+        if sizes[0] < NOTHING * sizes[1]:
+            return "reads nothing where the model moves: is it dead? The"
         return "does not read what the model moves there: another axis or place? The"
+    by = both / sizes[1] ** 2
     if abs(by + 1.0) < WRONG:
         return "reads with the other sign. The"
     return f"reads {by:.2g} times what the model moves there: its calibration or unit? The"
 
 
-def _said(compared: Compared, row: int, read: np.ndarray, moved: np.ndarray) -> str:
+def _said(compared: Compared, row: int, matter: str) -> str:
     measured = compared.survey.measured
     channel = f"channel {measured.node[row]} {measured.direction[row]}"
     return (
-        f"{compared.survey.name}: {channel} {how_it_reads(read, moved)} other channels agree with the model; "
+        f"{compared.survey.name}: {channel} {matter} other channels agree with the model; "
         "correct it or leave it out, for it shifts and widens all that is stated"
     )

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.refinement.wrong_channels import NOISE, RIGHT, TINY, WRONG, how_it_reads
-from middeck.updating.residuals.static_tests import gauge_key
+from middeck.updating.refinement.wrong_channels import NOISE, PART, RIGHT, STILL, TINY, WRONG, how_it_reads
+from middeck.updating.residuals.static_tests import ComparedStatic, gauge_key
 
 # What priors may leave of the other readings where what is wrong keeps the refinement from its end.
 FAR_OFF = 0.3
@@ -24,15 +24,23 @@ def wrong_readings(refined: Refined) -> tuple[str, ...]:
     tests = [c.test.name for c in statics for _ in c.test.gauges]
     scale, std = (np.concatenate([getattr(c, name) for c in statics]) for name in ("scale", "std"))
     read = np.concatenate([c.test.value for c in statics]) / scale
+    whole = np.concatenate([_lengths(c) for c in statics]) / scale
     # What is far off draws the model along, so that the others no longer agree with it.
     values = [np.concatenate([c.value for c in statics]), np.concatenate(refined.before)]
     right = RIGHT if refined.converged else FAR_OFF
     said = (
-        _off_alone(what, names, read, value / scale, std, right)
+        _off_alone(what, names, read, value / scale, whole, std, right)
         for value in values
         for what, names in (("gauge", gauges), ("test", tests))
     )
     return tuple(itertools.islice(filter(None, said), 1))
+
+
+def _lengths(c: ComparedStatic) -> np.ndarray:
+    """The change of which each gauge reads a part; where there is next to none, the most of its sort."""
+    own, units = c.at.lengths(c.test.gauges), np.array([g.unit for g in c.test.gauges])
+    most = np.array([own[units == unit].max() for unit in units])
+    return np.where(own > STILL * most, own, most)
 
 
 def _off_alone(
@@ -40,16 +48,18 @@ def _off_alone(
     names: Sequence[str | tuple[str, ...]],
     read: np.ndarray,
     moved: np.ndarray,
+    whole: np.ndarray,
     std: np.ndarray,
     right: float,
 ) -> str:
     groups = list(dict.fromkeys(names))
     of = np.array([groups.index(name) for name in names])
-    size = np.array([max(float(np.linalg.norm(read[of == k])), TINY) for k in range(len(groups))])
-    left, noise = (
-        np.array([float(np.linalg.norm(part[of == k])) for k in range(len(groups))]) / size
-        for part in (read - moved, NOISE * std)
+    sized, least, left, noise = (
+        np.array([float(np.linalg.norm(part[of == k])) for k in range(len(groups))])
+        for part in (read, whole, read - moved, NOISE * std)
     )
+    size = np.maximum(np.maximum(sized, PART * least), TINY)
+    left, noise = left / size, noise / size
     left = np.where(left > noise, left, 0.0)
     worst = int(np.argmax(left))
     others = np.delete(left, worst)
@@ -57,7 +67,7 @@ def _off_alone(
         return ""
     own = groups[worst]
     name = own if isinstance(own, str) else own[-1]
-    matter = how_it_reads(read[of == worst], moved[of == worst])
+    matter = how_it_reads(read[of == worst], moved[of == worst], STILL * least[worst])
     return (
         f"static tests: {what} {name!r} {matter} other {what}s agree with the model; correct it or leave it "
         "out, for it shifts and widens all that is stated"
