@@ -118,7 +118,9 @@ def test_rounding_of_places_gives_no_direction(tmp_path, card, far):
     """One place by two systems is one to rounding, also where the origin of one is far off."""
     x = 100000000.3 if far else 0.0
     round_z = f"CORD2C,7,,{x},0.,0.,{x},0.,1.\n,{x + 1.0},0.,0."
-    places = ("GRID,7,,.3,0.,2.", "GRID,8,7,-1.+8,0.,2.") if far else ("GRID,7,,0.,1.,2.", "GRID,8,7,1.,90.,2.")
+    places = (
+        ("GRID,7,,.3,0.,2.", "GRID,8,7,-1.+8,0.,2.") if far else ("GRID,7,,0.,1.,2.", "GRID,8,7,1.,90.,2.")
+    )
     with pytest.raises(ConfigError, match="its direction is zero"):
         convert(tmp_path, ["LOAD = 40"], round_z, *places, card)
 

@@ -199,7 +199,10 @@ class LoadSets:
         ends = [self.places.grids[entry[key]] for key in keys]
         first, *second = (b - a for a, b in zip(ends[::2], ends[1::2], strict=True))
         given = np.cross(first, second[0]) if second else first
-        size, longer = np.linalg.norm(given), max(np.linalg.norm([first, second[0]], axis=1)) if second else 1.0
+        size, longer = (
+            np.linalg.norm(given),
+            max(np.linalg.norm([first, second[0]], axis=1)) if second else 1.0,
+        )
         origins = [system.origin for system in self.places.systems.values()]
         if not size > LEAST * np.abs([*ends, *origins]).max() * longer:
             what = "two lines that are parallel, or of no length" if second else "grids in one place"
