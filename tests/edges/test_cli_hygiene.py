@@ -178,3 +178,27 @@ def test_of_warnings_that_differ_in_numbers_alone_the_first_is_shown(capfd, monk
         "warning: modes 'b' couple by 0.21",
         "warning: more that differ from one above in numbers alone: 1",
     ]
+
+
+NAMES = tuple(
+    f.format(k) for f in ("run{}.uff", "gimbal_{}", "r.{}.uff", "{}x", "a-{}", "'{}'", "d/{}/r") for k in "12"
+)
+
+
+def test_numbers_within_names_are_not_what_warnings_differ_in_alone(capfd, monkeypatch):
+    monkeypatch.setattr(main, "SAID", Counter())
+    for name in NAMES:
+        main._show_warning(f"{name}: the line at 0 Hz is left out")
+        main._show_warning(f"{name}: the line at 1.5e+01 Hz is left out")
+    for text in (
+        "joint 'g1', -3 of 4.",
+        "joint 'g1', -5 of 6.",
+        "joint 'g2', -3 of 4.",
+        "at 12.25Hz",
+        "at 3Hz",
+    ):
+        main._show_warning(text)
+    main._count_alike()
+    shown = capfd.readouterr().err.splitlines()
+    assert shown[:-5] == [f"warning: {name}: the line at 0 Hz is left out" for name in NAMES]
+    assert shown[-1].endswith(f"alone: {len(NAMES) + 1}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import os
 import re
 import subprocess
 import sys
@@ -703,6 +704,33 @@ def test_what_a_document_names_is_the_same_from_every_folder(
     monkeypatch.chdir(elsewhere)
     assert find_stated("environments/far.toml", document) == Path("environments/far.toml")
     assert find_stated("far", document) == Path("environments/far.toml")
+
+
+def test_what_the_current_folder_holds_hides_nothing_by_the_document(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files and folders there of the same names, without .toml too; one of another project is never taken."""
+    for folder in ("proj/refinements", "proj/environments", "other/environments", "third/lab", "third/hall"):
+        (tmp_path / folder).mkdir(parents=True)
+    for file in ("proj/environments/lab.toml", "proj/environments/hall.toml", "other/environments/lab.toml"):
+        (tmp_path / file).write_text(LAB.read_text())
+    (tmp_path / "other/hall").write_text(LAB.read_text())
+    (tmp_path / "other/environments/orbit.toml").write_text(LAB.read_text())
+    document = tmp_path / "proj/refinements/doc.toml"
+    folders = tmp_path / "proj/environments"
+    for here in ("proj", "proj/refinements", "other", "third"):
+        monkeypatch.chdir(tmp_path / here)
+        for stated in (document, Path(os.path.relpath(document))):
+            for name, file in (
+                ("hall", "hall.toml"),
+                ("lab", "lab.toml"),
+                ("environments/lab.toml", "lab.toml"),
+            ):
+                assert find_stated(name, stated).samefile(folders / file)
+            assert find_stated("orbit", stated) == BUILT_IN["orbit"]
+    assert find_document("lab", "environment", beside=document).samefile(folders / "lab.toml")
+    with pytest.raises(ConfigError, match="hall is a folder"):
+        find_document("hall", "environment")
 
 
 @pytest.mark.parametrize("name", ["dm", "simple"])

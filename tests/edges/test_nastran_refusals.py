@@ -62,7 +62,12 @@ def test_the_deck_is_sound(tmp_path):
         ("RBE2,20,4,123,1,4", "RBE2 20 field 5 (GM) = 1: grid 4 follows itself"),
         ("RBAR,20,4,4,123456,,,12", "grid 4 follows itself"),
         ("GRID,9,,1.,,,-1", "GRID 9 field 7 (CD) = -1: there is no coordinate system -1"),
-        ("CORD2R,5,,0.,0.,1.,0.,0.,2.", "CORD2R 5 field 12 (C1): its second line is missing"),
+        ("CORD2R,5,,0.,0.,1.,0.,0.,2.", "CORD2R 5 field 12 (C1): its third point is missing"),
+        ("CORD2R,5,,1.,0.,0.,1.,0.,1.\n+", "CORD2R 5 field 12 (C1): its third point is missing"),
+        (
+            f"{'CORD2R*':8}{5:<16}{0:<16}{'1.':16}{'0.':16}\n{'*':8}{'0.':16}{'1.':16}{'0.':16}{'1.':16}",
+            "a.dat:16: CORD2R 5 field 12 (C1): its third point is missing",
+        ),
         ("RBAR,20,4,1,123,45", "5 independent components that do not say how a rigid body moves"),
         ("RBAR,20,4,1,123,156", "6 independent components that do not say how a rigid body moves"),
         ("RBE1,20,4,123456", "UM is missing"),

@@ -103,5 +103,28 @@ def test_loads_that_say_nothing_or_two_things_are_refused(tmp_path, card, said):
         convert(tmp_path, [], card)
 
 
-def test_a_load_of_size_zero_needs_no_direction(tmp_path):
-    assert convert(tmp_path, ["LOAD = 40"], "FORCE,40,3,,0.").document["load_case"][0]["name"] == "load40"
+@pytest.mark.parametrize(
+    "card",
+    [
+        "FORCE1,40,3,10.,7,8",
+        "MOMENT1,40,3,10.,8,7",
+        "FORCE2,40,3,10.,1,2,7,8",
+        "FORCE2,40,3,10.,7,1,1,8",
+        "MOMENT2,40,3,10.,7,8,1,2",
+    ],
+)
+@pytest.mark.parametrize("far", [False, True])
+def test_rounding_of_places_gives_no_direction(tmp_path, card, far):
+    """One place by two systems is one to rounding, also where the origin of one is far off."""
+    x = 100000000.3 if far else 0.0
+    round_z = f"CORD2C,7,,{x},0.,0.,{x},0.,1.\n,{x + 1.0},0.,0."
+    places = (
+        ("GRID,7,,.3,0.,2.", "GRID,8,7,-1.+8,0.,2.") if far else ("GRID,7,,0.,1.,2.", "GRID,8,7,1.,90.,2.")
+    )
+    with pytest.raises(ConfigError, match="its direction is zero"):
+        convert(tmp_path, ["LOAD = 40"], round_z, *places, card)
+
+
+@pytest.mark.parametrize("card", ["FORCE,40,3,,0.", "FORCE1,40,3,0.,1,1", "MOMENT2,40,3,0.,1,2,1,3"])
+def test_a_load_of_size_zero_needs_no_direction(tmp_path, card):
+    assert convert(tmp_path, ["LOAD = 40"], card).document["load_case"][0]["name"] == "load40"

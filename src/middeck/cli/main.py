@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 INTERNAL = 70
 INTERRUPTED = 130
-NUMBER = re.compile(r"\d+(\.\d+)?([eE][+-]?\d+)?")
+# None within a name or path: run1.uff, gimbal_1, mode-2, '3', day/4/run.uff.
+NUMBER = re.compile(r"""(?<![\w.'"/])(?<!\w-)\d+(\.\d+)?([eE][+-]?\d+)?(?![\w'"/-]|\.\w)""")
 SAID: Counter[str] = Counter()
 """How often each warning came, numbers aside."""
 

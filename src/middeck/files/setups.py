@@ -154,37 +154,39 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
 
 
 def find_stated(name: str, document: str | Path) -> Path:
-    """The environment that a document calls ``name``: the same from whatever folder it is read.
+    """The environment that a document calls ``name``.
 
-    A path from the document's folder, else as `find_document`, the folders next to the document first.
+    A path from the document's folder or the one above, NAME.toml there or in the folder ``environments`` next
+    to the document's, or one that needs no file: the same from whatever folder the document is read. Only
+    what is none of these is sought in the current folder, as by `find_document`.
     """
-    own = Path(document).parent / name
-    return own if name and own.is_file() else find_document(name, "environment", document, stated=True)
+    own, home = Path(document).parent / name, Path(document).resolve().parent
+    named = (folder / f"{name}.toml" for folder in (home, home.parent / FOLDERS["environment"]))
+    found = next((file for file in (own, home.parent / name, *named) if file.is_file()), BUILT_IN.get(name))
+    return found or find_document(name, "environment", document)
 
 
-def find_document(name: str, kind: Kind, beside: str | Path | None = None, *, stated: bool = False) -> Path:
+def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Path:
     """The file that ``name`` means: an existing path, else ``articles/NAME.toml`` and the like.
 
     The folder is sought in the current folder, then next to the folder of the file ``beside``, so that an
-    article's environments are found from anywhere; so is a file of this name beside that file. Where that
-    file ``stated`` the name, the current folder comes last. The environments ``orbit`` and ``lab`` need no
-    file. Raises `ConfigError` with the nearest name there is.
+    article's environments are found from anywhere; so is a file of this name beside that file. The
+    environments ``orbit`` and ``lab`` need no file. Raises `ConfigError` with the nearest name there is.
     """
     given, wanted = Path(name), WANTED[kind]
     if not name:
         raise ConfigError(f"no name of {wanted}: the text is empty", hint="a path, or a name")
     if given.is_file():
         return given
-    if given.is_dir():
-        raise ConfigError(f"{name} is a folder, not {wanted}", hint=f"the path of {wanted} file")
     own = [] if beside is None else [Path(beside).resolve().parent]
-    near = [*(folder.parent / FOLDERS[kind] for folder in own), *own]
-    folders = [*reversed(near), Path(FOLDERS[kind])] if stated else [Path(FOLDERS[kind]), *near]
+    folders = [Path(FOLDERS[kind]), *(folder.parent / FOLDERS[kind] for folder in own), *own]
     for folder in folders:
         if (folder / f"{name}.toml").is_file():
             return folder / f"{name}.toml"
     if kind == "environment" and name in BUILT_IN:
         return BUILT_IN[name]
+    if given.is_dir():
+        raise ConfigError(f"{name} is a folder, not {wanted}", hint=f"the path of {wanted} file")
     built_in = BUILT_IN if kind == "environment" else ()
     files = [p for folder in folders for p in folder.glob("*.toml")]
     known = sorted({*built_in, *(p.stem for p in files if kind_of_content.looks_like(p) == wanted)})

@@ -23,7 +23,7 @@ BY_GRIDS: dict[str, tuple[str, ...]] = {
 }
 DIRECT = ("FORCE", "MOMENT", *BY_GRIDS)
 TAKEN = (*DIRECT, "PLOAD1", "GRAV")
-LEAST_SINE = 1e-9  # of the angle between two lines that say what is across both
+LEAST = 1e-9  # of the largest coordinate: the length of a line that rounding of places may be
 ALIKE = 1e-6  # of gravity: fields of eight columns
 INSIDE = "how its member bends between its ends, which move and turn as under it"
 
@@ -190,7 +190,7 @@ class LoadSets:
         return system.axes_at(place) @ _direction(entry, "f", faults)
 
     def _by_grids(self, entry: Entry, faults: list[Fault]) -> np.ndarray:
-        """The unit vector from G1 to G2, or across that line and the one from G3 to G4."""
+        """The unit vector from G1 to G2, or across that line and the one from G3 to G4; zero of a zero load."""
         keys = BY_GRIDS[entry.name]
         absent = next((key for key in keys if entry[key] not in self.places.grids), None)
         if absent is not None:
@@ -199,10 +199,15 @@ class LoadSets:
         ends = [self.places.grids[entry[key]] for key in keys]
         first, *second = (b - a for a, b in zip(ends[::2], ends[1::2], strict=True))
         given = np.cross(first, second[0]) if second else first
-        size, room = np.linalg.norm(given), np.prod([np.linalg.norm(line) for line in (first, *second)])
-        if not size > LEAST_SINE * room:
+        size, longer = (
+            np.linalg.norm(given),
+            max(np.linalg.norm([first, second[0]], axis=1)) if second else 1.0,
+        )
+        origins = [system.origin for system in self.places.systems.values()]
+        if not size > LEAST * np.abs([*ends, *origins]).max() * longer:
             what = "two lines that are parallel, or of no length" if second else "grids in one place"
-            faults.append(entry.fault(f"its direction is zero: {what}", keys[-1]))
+            if entry["f"]:
+                faults.append(entry.fault(f"its direction is zero: {what}", keys[-1]))
             return np.zeros(3)
         return given / size
 

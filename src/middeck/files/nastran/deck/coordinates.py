@@ -8,14 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
+from middeck.files.nastran.deck.formats import PLACES
 from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
 # Distance from the polar axis, over the largest coordinate, below which a point is on it.
 ON_AXIS = 1e-9
-# NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
-CORD2_LINES = 2
 
 
 class System(NamedTuple):
@@ -162,8 +161,10 @@ class _Resolver:
         if entry.name[4] == "1":
             a, b, c = (self.grids[entry[key]] for key in ("g1", "g2", "g3"))
         else:
-            if len(entry.card.lines) < CORD2_LINES:
-                self._refuse(entry.fault("its second line is missing, with the third point", "c1"))
+            # NASTRAN User's Manual, 2.4, CORD2R, remark 1: the continuation must be present.
+            if len(entry.card.fields) <= PLACES[entry.name]["c1"]:
+                hint = "is the deck whole? 0. is a zero; three blanks are no point"
+                self._refuse(entry.fault("its third point is missing", "c1", hint))
                 return False
             based = self.systems[entry["rid"]]
             a, b, c = (
