@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.model.article import Body, JointState, Member, Structure, held_angle
+from middeck.structure.model.article import Body, Member, Structure, held_angle
 from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import (

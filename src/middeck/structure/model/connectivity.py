@@ -54,7 +54,8 @@ def carried_by(structure: Structure, joint: str) -> set[str]:
 def ties_across(structure: Structure, joint: str, grounded: Sequence[GroundBushing] = ()) -> tuple[str, ...]:
     """Links, bushings and components that fit as drawn and tie what ``joint`` carries to anything else.
 
-    So do bushings to the ground, ``grounded``. Another angle of the joint draws them anew: what they tie stays where it is drawn.
+    So do bushings to the ground, ``grounded``. Another angle of the joint draws them anew: what they tie
+    stays where it is drawn.
     """
     carried = carried_by(structure, joint)
     frame = {point.name: point.frame for point in structure.attach_points}
