@@ -110,7 +110,7 @@ class Taper:
 def test_a_beam_that_nearly_ends_in_a_point_turns_by_the_logarithm(tmp_path, end):
     """E I (1 - (1 - e) x / L) under a moment M at its end: M L ln(1 / e) / (E I (1 - e)) in rotation.
 
-    Under a force F it shifts by F L^3 / (E I) times the integral of s^2 / (e + a s), s from 0 to 1, a = 1 - e.
+    Under a force F it shifts by F L^3 / (E I) times the integral of s^2 / (e + a s) over 0 to 1, a = 1 - e.
     """
     start, L, E = 1e-8, 1.0, 7e10
     text = (
