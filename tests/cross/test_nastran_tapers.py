@@ -106,6 +106,27 @@ class Taper:
         return (middle[:, None] + half[:, None] * points).ravel(), (half[:, None] * weights).ravel()
 
 
+@pytest.mark.parametrize("end", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_beam_that_nearly_ends_in_a_point_turns_by_the_logarithm(tmp_path, end):
+    """E I (1 - (1 - e) x / L) under a moment M at its end: M L ln(1 / e) / (E I (1 - e)) in rotation.
+
+    Under a force F it shifts by F L^3 / (E I) times the integral of s^2 / (e + a s) over 0 to 1, a = 1 - e.
+    """
+    start, L, E = 1e-8, 1.0, 7e10
+    text = (
+        "SOL 103\nCEND\nBEGIN BULK\nGRID,1\nGRID,2,,1.\nMAT1,1,7.+10,,.3,2700.\n"
+        f"PBEAM,1,1,1.-4,{start:.1e},1.-8,,2.-8\n,\n,YES,1.,1.-4,{end * start:.1e},1.-8,,2.-8\n"
+        "CBEAM,1,1,1,2,0.,1.,0.\nSPC1,1,123456,1\nENDDATA\n"
+    )
+    structure, _ = article(tmp_path, text)
+    K, _, keep = clamped_matrices(mesh_structure(structure))
+    found = np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
+    a, log = 1.0 - end, np.log(1.0 / end)
+    assert found[5, 5] * E * start / L == pytest.approx(log / a, rel=1e-5)
+    shift = 0.5 / a - end / a**2 + end**2 / a**3 * log
+    assert found[1, 1] * E * start / L**3 == pytest.approx(shift, rel=0.03)
+
+
 def forces(arm):
     """Forces of a section under unit loads at ``arm`` beyond it."""
     B = np.eye(6)

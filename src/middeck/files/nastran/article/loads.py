@@ -190,7 +190,7 @@ class LoadSets:
         return system.axes_at(place) @ _direction(entry, "f", faults)
 
     def _by_grids(self, entry: Entry, faults: list[Fault]) -> np.ndarray:
-        """The unit vector from G1 to G2, or across this line and that from G3 to G4; zero of a zero load."""
+        """The unit vector from G1 to G2, or across that line and that from G3 to G4; zero of a zero load."""
         keys = BY_GRIDS[entry.name]
         absent = next((key for key in keys if entry[key] not in self.places.grids), None)
         if absent is not None:
