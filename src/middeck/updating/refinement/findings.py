@@ -91,7 +91,8 @@ def _of_other_pairs(refined: Refined) -> Iterator[str]:
             f"{survey}: the measured mode of {first.measured_hz:.4g} Hz was taken for the model's of "
             f"{first.paired_hz:.4g} Hz and may as well be that of {first.other_hz:.4g} Hz{others}: shapes do "
             f"not tell them apart, the priors allow either, and if it is, {first.unknown} is off by "
-            f"{first.off:.2g} of its stated deviations. {advice}, modes that are missing, or narrower spreads would tell"
+            f"{first.off:.2g} of its stated deviations. {advice}, modes that are missing, or narrower "
+            "spreads would tell"
         )
 
 
