@@ -83,13 +83,16 @@ def findings(refined: Refined) -> tuple[str, ...]:
 
 def _of_other_pairs(refined: Refined) -> Iterator[str]:
     several = itertools.groupby(other_pairs(refined), lambda pair: pair.survey)
+    shaped = {c.survey.name for c in refined.compared if c.survey.measured.node}
     for survey, (first, *more) in several:
+        advice = "Shapes at more channels" if survey in shaped else "Measured shapes"
         others = f" (so may {len(more)} more of its modes be others)" if more else ""
         yield (
             f"{survey}: the measured mode of {first.measured_hz:.4g} Hz was taken for the model's of "
             f"{first.paired_hz:.4g} Hz and may as well be that of {first.other_hz:.4g} Hz{others}: shapes do "
-            "not tell them apart, the priors allow either, and if it is, all that is stated is wrong. "
-            "Measured shapes, modes that are missing, or narrower spreads would tell"
+            f"not tell them apart, the priors allow either, and if it is, {first.unknown} is off by "
+            f"{first.off:.2g} of its stated deviations. {advice}, modes that are missing, or narrower "
+            "spreads would tell"
         )
 
 

@@ -1,16 +1,18 @@
 """Measured modes that may be other modes of the model than those they were compared with.
 
 Where shapes cannot distinguish two modes, the frequency can; where the priors allow it for either, nothing
-can. Other pairs are compared by their likelihood with the pairs as they are: linear about the refined
+can. Other pairs, one at a time and all that one draws along by the unknowns that it asks for, are compared by
+their likelihood with the pairs as they are: linear about the refined
 article, with half the square of what the priors allow as the error of that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.updating.refinement.model_errors import sorts_of
@@ -23,76 +25,129 @@ from middeck.updating.unknowns.unknowns import product_slopes
 ALIKE = 0.8
 # Least likelihood, over that of the pairs as they are, of another pair that is named.
 LIKELY = 0.05
+# Of pairs that are drawn along; a cost that no pair has.
+SWEEPS, FORBIDDEN = 4, 1e12
 
 
 class OtherPair(NamedTuple):
-    """Frequencies [Hz] of a measured mode, of that it was paired with, and of that it may be as well."""
+    """Frequencies [Hz] of a measured mode, of that it was paired with, and of that it may be as well.
+
+    If it is, ``unknown`` is off by so many of its stated deviations, the most of all.
+    """
 
     survey: str
     measured_hz: float
     paired_hz: float
     other_hz: float
+    unknown: str
+    off: float
 
 
-class _Errors(NamedTuple):
-    """Errors of ln f at the mean of the prior, their slopes, and deviations without the unknowns."""
+class _Rows(NamedTuple):
+    """Errors of ln f at the mean of the prior, slopes over prior deviations, deviations without the unknowns.
+
+    One row for each mode that a measured one may be, first those that were taken. ``measured`` numbers the
+    measured modes of all surveys, ``mode`` the modes of the model in all.
+    """
 
     y: np.ndarray
     J: np.ndarray
     std: np.ndarray
+    measured: np.ndarray
+    mode: np.ndarray
 
-    def put(self, rows: list[int], others: _Errors, taken: list[int]) -> _Errors:
-        """The errors with some ``rows`` replaced by those of ``others``."""
-        changed = [part.copy() for part in self]
-        for part, new in zip(changed, others, strict=True):
-            part[rows] = new[taken]
-        return _Errors(*changed)
+    @property
+    def noise(self) -> np.ndarray:
+        """Variances, with what the priors allow of other than slopes."""
+        return self.std**2 + (0.5 * np.sum(self.J**2, axis=1)) ** 2
 
-    def unlikely(self, spread: np.ndarray) -> float:
-        """Minus the logarithm of their likelihood."""
-        by_priors = self.J * spread
-        reach = np.sum(by_priors**2, axis=1)
-        root = np.linalg.cholesky(by_priors @ by_priors.T + np.diag(self.std**2 + (0.5 * reach) ** 2))
-        white = np.linalg.solve(root, self.y)
+    def unlikely(self, taken: np.ndarray) -> float:
+        """Minus the logarithm of the likelihood of these rows."""
+        J, y = self.J[taken], self.y[taken]
+        root = np.linalg.cholesky(J @ J.T + np.diag(self.noise[taken]))
+        white = np.linalg.solve(root, y)
         return float(np.sum(np.log(np.diag(root))) + 0.5 * white @ white)
+
+    def found(self, taken: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean of the unknowns by these rows, over prior deviations, and covariance."""
+        J = self.J[taken]
+        P = np.linalg.inv(np.eye(J.shape[1]) + J.T @ (J / noise[taken][:, None]))
+        return P @ (J.T @ (self.y[taken] / noise[taken])), P
+
+    def exchanged(self, taken: np.ndarray, row: int) -> np.ndarray | None:
+        """``taken`` with this row, who had its mode taking the other; None if it cannot."""
+        out, k = taken.copy(), self.measured[row]
+        for k2 in np.flatnonzero(self.mode[taken] == self.mode[row]):
+            other = np.flatnonzero((self.measured == k2) & (self.mode == self.mode[taken[k]]))
+            if not len(other):
+                return None
+            out[k2] = other[0]
+        out[k] = row
+        return out
+
+    def drawn_along(self, taken: np.ndarray, row: int) -> Iterator[np.ndarray]:
+        """All rows that are likeliest by the unknowns that this one asks for, and again by those of all."""
+        known, last = np.array([row]), taken
+        for _ in range(SWEEPS):
+            x, P = self.found(known, self.noise)
+            var = np.einsum("ij,jk,ik->i", self.J, P, self.J) + self.noise
+            cost = np.full((self.mode.max() + 1, len(taken)), FORBIDDEN)
+            cost[self.mode, self.measured] = (self.y - self.J @ x) ** 2 / var + np.log(var)
+            cost[:, self.measured[row]] = FORBIDDEN
+            cost[self.mode[row], :] = FORBIDDEN
+            cost[self.mode[row], self.measured[row]] = 0.0
+            mode, measured = linear_sum_assignment(cost)
+            if len(measured) < len(taken) or np.any(cost[mode, measured] >= FORBIDDEN):
+                return
+            place = {
+                pair: n for n, pair in enumerate(zip(self.mode.tolist(), self.measured.tolist(), strict=True))
+            }
+            known = np.empty_like(taken)
+            known[measured] = [place[pair] for pair in zip(mode.tolist(), measured.tolist(), strict=True)]
+            if np.array_equal(known, last):
+                return
+            yield known
+            last = known
 
 
 def other_pairs(refined: Refined) -> tuple[OtherPair, ...]:
-    """The likeliest other mode of each measured one that may be another."""
+    """The likeliest other mode of each measured one that may be another, and that moves an unknown."""
     asked = [_candidates(c) for c in refined.compared]
     if not any(map(len, asked)):
         return ()
-    whole = [_errors(refined, c, c.pairs) for c in refined.compared]
-    errors = _Errors(*(np.concatenate(parts) for parts in zip(*whole, strict=True)))
-    first = np.cumsum([0, *(len(c.pairs) for c in refined.compared)])
-    return tuple(
-        found
-        for c, pairs, at in zip(refined.compared, asked, first, strict=False)
-        if len(pairs)
-        for found in _likely(refined, c, pairs, errors, int(at))
-    )
+    rows = _rows(refined, asked)
+    taken = np.arange(sum(len(c.pairs) for c in refined.compared))
+    now, (x, _) = rows.unlikely(taken), rows.found(taken, rows.std**2)
+    stated = refined.estimate.x_std / np.array([u.spread for u in refined.unknowns])
+    places = [(c, k) for c in refined.compared for k in range(len(c.pairs))]
+    others = [(c, int(i)) for c, pairs in zip(refined.compared, asked, strict=True) for i in pairs[:, 0]]
+    best: dict[int, tuple[float, OtherPair]] = {}
+    for row, (c, i) in enumerate(others, start=len(taken)):
+        exchanged, k = rows.exchanged(taken, row), int(rows.measured[row])
+        for by in (*rows.drawn_along(taken, row), *(() if exchanged is None else (exchanged,))):
+            less = rows.unlikely(by) - now
+            off = np.abs(rows.found(by, rows.std**2)[0] - x) / stated
+            if less < -np.log(LIKELY) and off.max() > 1.0 and less < best.get(k, (np.inf,))[0]:
+                paired, j = c.pairs[places[k][1]]
+                hz = float(c.survey.measured.frequency_hz[j]), *c.modes.frequency_hz[[paired, i]].tolist()
+                most = int(np.argmax(off))
+                name = refined.unknowns[most].name
+                best[k] = less, OtherPair(c.survey.name, *hz, name, float(off[most]))
+    return tuple(best[k][1] for k in sorted(best))
 
 
-def _likely(
-    refined: Refined, c: Compared, asked: np.ndarray, errors: _Errors, first: int
-) -> Iterator[OtherPair]:
+def _rows(refined: Refined, asked: Sequence[np.ndarray]) -> _Rows:
+    """Of the pairs as they are, then of what is ``asked`` of each survey."""
     spread = np.array([u.spread for u in refined.unknowns])
-    others, now, hz = _errors(refined, c, asked), errors.unlikely(spread), c.modes.frequency_hz
-    number = {pair: n for n, pair in enumerate(map(tuple, asked.tolist()))}
-    for k, (paired, j) in enumerate(c.pairs.tolist()):
-        less = {}
-        for n in np.flatnonzero(asked[:, 1] == j).tolist():
-            rows, taken = [first + k], [n]
-            # Another measured mode was paired with that one: they change places.
-            for k2 in np.flatnonzero(c.paired.column[k] == asked[n, 0]).tolist():
-                rows.append(first + k2)
-                taken.append(number.get((int(c.paired.column[k2, k]), int(c.pairs[k2, 1])), -1))
-            if min(taken) >= 0:
-                less[n] = errors.put(rows, others, taken).unlikely(spread) - now
-        best = min(less, key=lambda n: less[n], default=-1)
-        if best >= 0 and less[best] < -np.log(LIKELY):
-            measured = c.survey.measured.frequency_hz[j]
-            yield OtherPair(c.survey.name, float(measured), float(hz[paired]), float(hz[asked[best, 0]]))
+    parts, count, first = [], 0, 0
+    for c, pairs in zip(refined.compared, asked, strict=True):
+        number = np.full(len(c.survey.measured.frequency_hz), -1)
+        number[c.pairs[:, 1]] = count + np.arange(len(c.pairs))
+        for some in (c.pairs, pairs):
+            y, J, std = _errors(refined, c, some)
+            parts.append((y, J * spread, std, number[some[:, 1]], first + some[:, 0] % c.paired.own.count))
+        count, first = count + len(c.pairs), first + c.paired.own.count
+    return _Rows(*(np.concatenate(part) for part in zip(*parts[::2], *parts[1::2], strict=True)))
 
 
 def _candidates(c: Compared) -> np.ndarray:
@@ -110,7 +165,8 @@ def _candidates(c: Compared) -> np.ndarray:
     return np.array(found, dtype=int).reshape(-1, 2)
 
 
-def _errors(refined: Refined, c: Compared, pairs: np.ndarray) -> _Errors:
+def _errors(refined: Refined, c: Compared, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Errors of ln f at the mean of the prior, their slopes, and deviations without the unknowns."""
     i, j = pairs.T
     lam = c.modes.omega[i] ** 2
     place = set_up(refined.structure, c.survey.environment, c.survey.settings, refined.unknowns)
@@ -121,4 +177,4 @@ def _errors(refined: Refined, c: Compared, pairs: np.ndarray) -> _Errors:
     mean = np.array([u.mean for u in refined.unknowns])
     y = np.log(c.survey.measured.frequency_hz[j] / c.modes.frequency_hz[i])
     tau = refined.estimate.tau[sorts_of(c.modes, i)]
-    return _Errors(y + J @ (refined.linear_at - mean), J, np.hypot(c.survey.std[j], tau))
+    return y + J @ (refined.linear_at - mean), J, np.hypot(c.survey.std[j], tau)
