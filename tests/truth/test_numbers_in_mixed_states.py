@@ -20,6 +20,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.shaping import Shaping
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
@@ -27,6 +28,7 @@ from middeck.errors import NotStabilisableError, NumericalError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.norms.rms import band_rms
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import FORCE, WAY, grouped_plant, unit_weights
@@ -248,3 +250,45 @@ def test_a_number_that_rounding_takes_away_is_not_silent() -> None:
     found = iter([np.zeros(2), np.array([0.0, np.nan])])
     with pytest.warns(UserWarning, match="numbers are uncertain"):
         measure_known("numbers", lambda *_: next(found), lambda x: x, plant, mixed)
+
+
+def _two_modes(rng: np.random.Generator, condition: float) -> Plant:
+    """Of 1 and 5 rad/s, each with a force and a way of its own, and its states mixed."""
+    parts = []
+    for omega in (1.0, 5.0):
+        mode = StateSpace([[0.0, omega], [-omega, -0.02 * omega]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+        parts.append(_mixed(mode, condition, rng))
+    A, B, C = (sla.block_diag(*(getattr(part, key) for part in parts)) for key in "ABC")
+    names = [("f1", "f2"), ("y1", "y2")]
+    return make_plant(
+        A, B, C, inputs=names[0], outputs=names[1], w=names[0], u=names[0], z=names[1], y=names[1]
+    )
+
+
+def test_integral_action_and_what_is_zero_by_rounding_are_no_doubt_of_a_law() -> None:
+    weights, told = unit_weights(("f1", "f2"), [1e-2, 1e-2], outputs=2, inputs=2), 0
+    for seed in range(6):
+        plant = _two_modes(np.random.default_rng([92, seed]), 1e4)
+        own = design_lqg(_two_modes(np.random.default_rng([92, seed]), 1.0), weights, 10.0)
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            design_lqg(plant, weights, 10.0, shaping=Shaping(integral=(("y1", 0.1),)))
+            law = design_lqg(plant, weights, 10.0)
+        told += bool(heard)
+        assert law.cost == pytest.approx(own.cost, rel=TOLD)
+    assert told <= 1
+
+
+def test_modes_named_by_their_frequency_have_their_names_when_entries_move() -> None:
+    omega = 2.0 * np.pi * 0.15925
+    mode = StateSpace([[0.0, omega], [-omega, -0.02 * omega]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    for seed in range(6):
+        mixed = _mixed(mode, 3e4, np.random.default_rng([93, seed]))
+        ports = {"w": ["f"], "u": ["f"], "z": ["y"], "y": ["y"]}
+        plant = make_plant(mixed.A, mixed.B, mixed.C, inputs=["f"], outputs=["y"], **ports)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            law = design_lqg(plant, unit_weights(("f",), 1e-2), 10.0)
+            (name,) = (one.mode for one in find_allowed_shifts(plant, law))
+            (named,) = find_allowed_shifts(plant, law, modes=[name])
+        assert named.mode == name

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.errors import NumericalError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague
 from middeck.systems.poles.verdict import CURE
@@ -114,7 +114,7 @@ def _farthest(
             warnings.simplefilter("ignore")
             try:
                 there = numbers(*moved)
-            except NumericalError:
+            except (ConfigError, NumericalError):
                 return np.inf
         if there.shape != here.shape or np.any(np.isnan(there) != np.isnan(here)):
             return np.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
@@ -27,6 +27,8 @@ from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
 
 AUTHORITY = "1/rho > 0, as 10"
+SCALINGS = 4
+"""Rounds in which sizes of outputs and inputs settle."""
 
 
 @record
@@ -103,16 +105,32 @@ def design_lqg(
 
     def numbers(found: LQGCompensator) -> Float[np.ndarray, " number"]:
         first.append(found)
-        at = poles(first[0].system), first[0].regulator.poles, first[0].estimator.poles
-        lines = np.abs(np.concatenate(at))
+        at = np.concatenate([poles(first[0].system), first[0].regulator.poles, first[0].estimator.poles])
+        # Integral action and noise of one frequency have poles on the axis: there is no response there.
+        lines = np.abs(at[np.abs(np.real(at)) > 1e-6 * np.abs(at)])
         here, there = (statespace_response(law.system, lines) for law in (first[0], found))
-        apart = np.log(np.divide(there, here, out=np.ones_like(here), where=here != 0.0)).ravel()
+        apart = (there / _sizes(here)).ravel()
         return np.concatenate([np.real(apart), np.imag(apart), np.log([found.cost])])
 
     def design(plant: Plant) -> LQGCompensator:
         return _design(plant, weights, authority, kalman, shaping or Shaping())
 
     return measure_known("law and cost", design, numbers, plant)
+
+
+def _sizes(H: Complex[np.ndarray, "line output input"]) -> Float[np.ndarray, "line output input"]:
+    """Bounds of the entries on each line as products of a size of the output and one of the input.
+
+    An entry far below its bound is rounding of the others, in whatever units.
+    """
+    size = np.abs(H)
+    of_output = size.max(axis=2, keepdims=True, initial=0.0)
+    for _ in range(SCALINGS):
+        of_output = np.where(of_output > 0.0, of_output, 1.0)
+        of_input = (size / of_output).max(axis=1, keepdims=True, initial=0.0)
+        of_input = np.where(of_input > 0.0, of_input, 1.0)
+        of_output = (size / of_input).max(axis=2, keepdims=True, initial=0.0)
+    return np.where(of_output > 0.0, of_output, 1.0) * of_input
 
 
 def _design(

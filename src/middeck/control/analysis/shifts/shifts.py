@@ -69,9 +69,19 @@ def find_allowed_shifts(
     """
     if not 0.0 < most < 1.0:
         raise ConfigError(f"most = {most:g}", hint="0 < most < 1")
-    return measure_known(
-        "allowed shifts", lambda *both: _find(*both, modes, most), _numbers, plant, compensator
-    )
+
+    def find(some: Plant, law: Compensator) -> tuple[AllowedShift, ...]:
+        return _find(some, law, modes if some is plant else _renamed(some, modes), most)
+
+    return measure_known("allowed shifts", find, _numbers, plant, compensator)
+
+
+def _renamed(plant: Plant, modes: Sequence[str] | None) -> Sequence[str] | None:
+    """The modes of a plant whose entries were moved: names by number and frequency have its frequencies."""
+    if modes is None:
+        return None
+    by_number = {name.partition(",")[0]: name for name in _oscillating(_named(plant))}
+    return [by_number.get(name.partition(",")[0], name) for name in modes] if not plant.state_names else modes
 
 
 def _numbers(found: tuple[AllowedShift, ...]) -> Float[np.ndarray, " number"]:
