@@ -29,10 +29,7 @@ def _case(name: str, options: Any) -> Any:
 
 def main() -> None:
     cases = {name: functools.partial(_case, name) for name in CASES}
-    parser = options_of(__doc__, cases)
-    parser.add_argument("--ledgers", type=Path)
-    parser.add_argument("--workers", type=int, default=1)
-    write_rows("realtime", "python benchmarks/realtime.py", cases, parser.parse_args())
+    write_rows("realtime", "python benchmarks/realtime.py", cases, options_of(__doc__, cases).parse_args())
 
 
 if __name__ == "__main__":

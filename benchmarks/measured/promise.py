@@ -7,7 +7,7 @@ import functools
 import importlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import middeck as md
+from measured.kept import kept
 from measured.rows import miss_row, row
+from middeck.campaign.cases import Case
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
@@ -85,17 +87,23 @@ def _above(bound: RobustBound) -> float:
     return bound.worst_db - bound.no_linear_law_below_db
 
 
-def frontier_rows(_: str) -> list[dict[str, Any]]:
+def frontier_rows(options: Any) -> list[dict[str, Any]]:
     """Ladders on the refined model and on the sheet, to authorities at which the truth is unstable."""
-    plans = {
-        "one motor": case.plan(RUNGS, ALL_DRAWS),
-        "five motors": case.with_all_motors(case.plan(ALL_RUNGS, ALL_DRAWS)),
-    }
-    return [row for name, asked in plans.items() for row in _frontier_rows(name, asked)]
+    ladders = one_motor_frontiers, all_motors_frontiers
+    one, five = (kept(each, LADDERS, options) for each in ladders)
+    return [*_frontier_rows("one motor", one), *_frontier_rows("five motors", five)]
 
 
-def _frontier_rows(name: str, asked: Plan) -> list[dict[str, Any]]:
-    found = [d for seed in range(LADDERS) for d in _frontiers(seed, asked)]
+def one_motor_frontiers(truth: Case, _: Any) -> list[float]:
+    return _frontiers(truth.index, case.plan(RUNGS, ALL_DRAWS))
+
+
+def all_motors_frontiers(truth: Case, _: Any) -> list[float]:
+    return _frontiers(truth.index, case.with_all_motors(case.plan(ALL_RUNGS, ALL_DRAWS)))
+
+
+def _frontier_rows(name: str, of_truths: Sequence[list[float]]) -> list[dict[str, Any]]:
+    found = [d for of_truth in of_truths for d in of_truth]
     late = np.array([d for d in found if np.isfinite(d)])
     title = f"frontier, {name}, {len(found)} ladders of {LADDERS} truths"
     above = int(np.sum(late < 0.0))
@@ -165,8 +173,9 @@ def _all_stable(law: Compensator, plants: list[Plant], asked: Plan) -> bool:
     """The plant that fails comes first in the list: it is the one to ask next."""
     u, y = (tuple(p.name for p in side) for side in (law.outputs, law.inputs))
     weights = weights_of(asked, law.outputs, law.inputs)
-    for k, plant in enumerate(plants):
-        if not which_decay([group_loop(asked, plant, u, y)], law, weights)[0]:
-            plants.insert(0, plants.pop(k))
+    for some in (slice(0, 1), slice(1, None)):
+        decays = which_decay([group_loop(asked, p, u, y) for p in plants[some]], law, weights)
+        if not decays.all():
+            plants.insert(0, plants.pop(some.start + int(np.argmin(decays))))
             return False
     return True

@@ -26,6 +26,8 @@ def options_of(description: str | None, cases: Mapping[str, Case]) -> argparse.A
     parser.add_argument("--peer-python")
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--only", nargs="*", choices=list(cases), default=list(cases))
+    parser.add_argument("--ledgers", type=Path)
+    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--made", default=datetime.date.today().isoformat())
     return parser
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from engine_destabilising import Destabiliser, draw, judge, own_limits, refused_on_paper
 from engine_rigs import pack, rig_case, settings_of
+from measured.kept import kept
 from measured.rows import row
 from middeck.campaign.cases import Case
 from middeck.realtime.gate.steps_on_rig import (
@@ -21,7 +22,6 @@ from middeck.realtime.gate.steps_on_rig import (
     check_shadow_run,
 )
 from packaged.guards import RIGS, WHOLE
-from packaged.kept import kept
 
 CASE = "gated"
 

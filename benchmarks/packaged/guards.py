@@ -16,9 +16,9 @@ import numpy as np
 from engine_destabilising import SLOW_S, Outcome, draw, judge
 from engine_faults import ARTICLE, KINDS, STATES, play
 from engine_rigs import end_of_normal_operation, engaging_step
+from measured.kept import kept
 from measured.rows import row
 from middeck.campaign.cases import Case
-from packaged.kept import kept
 
 CASE, WHOLE, SEEDS, HOURS = "guards", 1000, 25, 24
 HALF_AN_HOUR_S = 1800.0
