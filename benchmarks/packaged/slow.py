@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from engine_destabilising import SLOW_S, draw, judge
+from measured.kept import kept
 from measured.rows import row
 from middeck.campaign.cases import Case
 from packaged.guards import RIGS, WHOLE
-from packaged.kept import kept
 
 CASE = "slow"
 LISTED = Path(__file__).resolve().parents[1] / "results" / "slow_packages.csv"
