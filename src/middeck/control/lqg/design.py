@@ -107,7 +107,8 @@ def design_lqg(
         first.append(found)
         at = np.concatenate([poles(first[0].system), first[0].regulator.poles, first[0].estimator.poles])
         # Integral action and noise of one frequency have poles on the axis: there is no response there.
-        lines = np.abs(at[np.abs(np.real(at)) > 1e-6 * np.abs(at)])
+        far = np.abs(at) > 1e-9 * np.abs(at).max(initial=0.0)
+        lines = np.abs(at[far & (np.abs(np.real(at)) > 1e-6 * np.abs(at))])
         here, there = (statespace_response(law.system, lines) for law in (first[0], found))
         apart = (there / _sizes(here)).ravel()
         return np.concatenate([np.real(apart), np.imag(apart), np.log([found.cost])])

@@ -300,14 +300,14 @@ def _one_by_one(
 def _real_starts(data: Data, options: FitOptions, found: np.ndarray) -> Iterator[Start]:
     """The strongest oscillating modes among the candidates, at the best delays of each output.
 
-    Heavily damped ones are among them only where the others explain little at any delay: a loop about the
+    Heavily damped ones are tried too, only where the others explain little at any delay: a loop about the
     article has such modes. In a narrow band they stand for phase, as a delay does.
     """
     poles = found[np.imag(found) > 0.0]
     poles = poles[np.argsort(np.imag(poles))]
     started, explained = _starts_among(data, options, poles[-np.real(poles) < HEAVY * np.abs(poles)])
     if explained < ENOUGH and data.omega[-1] >= NARROW * data.omega[0]:
-        started, _ = _starts_among(data, options, poles)
+        started += _starts_among(data, options, poles)[0]
     yield from started
 
 
