@@ -13,13 +13,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS, RiccatiSolution
 from middeck.control.riccati.hamiltonian_units import fold_weights, unit_diagonal, unit_scales
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.errors import NumericalError
+from middeck.systems.state_space.reached_states import reached_states
 
 DOUBLINGS = 60
 """Number of doublings for a pole at 1 - 1e-16, the closest to the circle in double precision."""
@@ -76,7 +77,7 @@ def solve_discrete_riccati(
 
 def _solve_scaled(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
     """X is zero of states that decay and that the cost does not see: no units would even them out."""
-    seen = _seen(A, Q)
+    seen = reached_states(_counted(A).T, np.any(_counted(Q) != 0.0, axis=0))
     if not seen.all() and np.all(np.abs(np.linalg.eigvals(A[~seen][:, ~seen])) < 1.0):
         X = np.zeros_like(A)
         X[np.ix_(seen, seen)] = _solve_seen(A[seen][:, seen], B[seen], Q[seen][:, seen])
@@ -84,18 +85,13 @@ def _solve_scaled(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
     return _solve_seen(A, B, Q)
 
 
-def _seen(A: np.ndarray, Q: np.ndarray) -> Bool[np.ndarray, " state"]:
-    """States that are in the cost or move one that is, entries that are `NOTHING` left out."""
-    moves, costs = (np.abs(M) > NOTHING * np.abs(M).max(initial=0.0) for M in (A, Q))
-    seen = np.any(costs, axis=0)
-    for _ in range(len(A)):
-        seen |= np.any(moves[seen], axis=0)
-    return seen
+def _counted(M: np.ndarray) -> np.ndarray:
+    """The matrix without entries that are `NOTHING`."""
+    return np.where(np.abs(M) > NOTHING * np.abs(M).max(initial=0.0), M, 0.0)
 
 
 def _solve_seen(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    some = (np.where(np.abs(M) > NOTHING * np.abs(M).max(initial=0.0), M, 0.0) for M in (A, B @ B.T, Q))
-    t = unit_scales(*some)
+    t = unit_scales(*map(_counted, (A, B @ B.T, Q)))
     scaled = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
     found = _solve_doubling(*scaled)
     found = _solve_pencil(*scaled) if found is None else found

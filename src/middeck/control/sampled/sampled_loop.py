@@ -21,6 +21,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import all_decay, growth_rates
 from middeck.systems.poles.verdict import may_cross
 from middeck.systems.state_space.feedback import feedback
+from middeck.systems.state_space.reached_states import reached_states
 from middeck.systems.state_space.statespace import SampledStateSpace, poles, same_period, select_paths
 from middeck.values import record
 
@@ -157,9 +158,7 @@ def _covariance(
 
 def _driven_covariance(loop: SampledStateSpace, noise: np.ndarray) -> Float[np.ndarray, "state state"] | None:
     """Covariance of the states reached by noise; None if a pole of theirs does not decay beyond rounding."""
-    driven = np.diag(noise) > 0.0
-    for _ in range(len(driven)):
-        driven = driven | np.any(loop.A[:, driven] != 0.0, axis=1)
+    driven = reached_states(loop.A, np.diag(noise) > 0.0)
     own, X = np.ix_(driven, driven), np.zeros_like(noise)
     part = dataclasses.replace(loop, A=loop.A[own], B=loop.B[driven], C=loop.C[:, driven])
     if not all_decay(growth_rates(part), part.period_s) or may_cross(part):

@@ -2,8 +2,8 @@
 
 Where shapes cannot distinguish two modes, the frequency can; where the priors allow it for either, nothing
 can. Other pairs, one at a time and all that one draws along by the unknowns that it asks for, are compared by
-their likelihood with the pairs as they are: linear about the refined
-article, with half the square of what the priors allow as the error of that.
+their likelihood with the pairs as they are: linear about the refined article, with half the square of what
+the priors allow as the error of that.
 """
 
 from __future__ import annotations

@@ -73,7 +73,11 @@ def find_allowed_shifts(
     def find(some: Plant, law: Compensator) -> tuple[AllowedShift, ...]:
         return _find(some, law, modes if some is plant else _renamed(some, modes), most)
 
-    return measure_known("allowed shifts", find, _numbers, plant, compensator)
+    def numbers(found: tuple[AllowedShift, ...]) -> Float[np.ndarray, " number"]:
+        ends = np.abs([end for one in found for end in (one.down, one.up)])
+        return np.log(np.minimum(ends, most))  # beyond, none is sought
+
+    return measure_known("allowed shifts", find, numbers, plant, compensator)
 
 
 def _renamed(plant: Plant, modes: Sequence[str] | None) -> Sequence[str] | None:
@@ -82,10 +86,6 @@ def _renamed(plant: Plant, modes: Sequence[str] | None) -> Sequence[str] | None:
         return None
     by_number = {name.partition(",")[0]: name for name in _oscillating(_named(plant))}
     return [by_number.get(name.partition(",")[0], name) for name in modes] if not plant.state_names else modes
-
-
-def _numbers(found: tuple[AllowedShift, ...]) -> Float[np.ndarray, " number"]:
-    return np.log(np.abs([end for one in found for end in (one.down, one.up)]))
 
 
 def _find(

@@ -1,0 +1,20 @@
+"""States that others move, by which entries of A are zero."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+
+def reached_states(
+    A: Float[np.ndarray, "state state"], first: Bool[np.ndarray, " state"]
+) -> Bool[np.ndarray, " state"]:
+    """The states ``first`` and all that they move; of A' those that move them.
+
+    >>> reached_states(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([True, False]))
+    array([ True,  True])
+    """
+    moves, reached = A != 0.0, first
+    for _ in range(len(A)):
+        reached = reached | np.any(moves[:, reached], axis=1)
+    return reached
