@@ -39,12 +39,14 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
     "--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; may be repeated."
 )
 @click.option(
-    "--authority", type=options.POSITIVE, help="1/rho, the inverse weight of control.  [default: 10]"
+    "--authority", type=options.POSITIVE, help="1/rho, rho the factor on the control weights.  [default: 10]"
 )
-@click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
+@click.option("--log10-authority", type=float, help="log10 of the authority, in place of --authority.")
 @click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)
-@click.option("--pade-order", default=3, show_default=True, help="States for each delay of a fitted model.")
+@click.option(
+    "--pade-order", default=3, show_default=True, help="Padé order of each delay of a fitted model."
+)
 @click.option(
     "--band",
     "band_hz",
@@ -55,7 +57,11 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.periods
 @options.states
 @click.option(
-    "--fit-band", "fit_band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band to fit a RECORD in."
+    "--fit-band",
+    "fit_band_hz",
+    type=options.Frequencies(2),
+    metavar="LO,HI",
+    help="Band to fit a RECORD in [Hz].",
 )
 @options.written(
     "-o",
@@ -84,10 +90,10 @@ def verb(
 ) -> None:
     """LQG design for a plant, and its predicted closed loop.
 
-    The disturbance enters at the control inputs; every measured output is kept small. The plant of a fitted
-    model is that between --control and --measure; delays that the fit cannot distinguish are merged.
-    --set takes the article's and the environment's keys, or for a fitted plant log10_authority, angle_noise,
-    disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
+    The disturbance enters at the control inputs; every measured output is kept small. A fitted model is
+    reduced to the paths from --control to --measure; delays whose difference is within their uncertainty
+    become one. --set takes the article's and the environment's keys, or for a fitted plant log10_authority,
+    angle_noise, disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
     from middeck.cli.given.checked_options import LoopSettings, settle
     from middeck.cli.given.design_plants import Wanted

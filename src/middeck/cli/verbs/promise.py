@@ -34,7 +34,7 @@ EXAMPLES = """\
 @click.argument("plan", metavar="[PLAN]", required=False)
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
-@options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed document.")
+@options.written("-o", "--output", "target", endings=(".json",), help="Write the document, with a hash.")
 @options.written(
     "--plants",
     "plants_file",
@@ -65,7 +65,7 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Promise what compensators will do in orbit.
+    """Predict, with probabilities, what compensators do in orbit.
 
     ARTICLE is refined on the surveys that PLAN names (docs/reference/files.md). Plants are drawn within the
     remaining uncertainty, and every compensator is tried on all of them. The document gives the probability

@@ -36,9 +36,9 @@ AT_MOST = ("db", "control_rms")
     type=options.Frequencies(),
     multiple=True,
     metavar="HZ,HZ",
-    help="Also at these sampling rates.",
+    help="Test the loop at these sampling rates too.",
 )
-@click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
+@click.option("--limits", is_flag=True, help="Find the largest stable shift of each mode, up to 20 %.")
 @click.option("--angle-noise", type=POSITIVE, default=2e-5, show_default=True, help=options.SENSOR_NOISE)
 @click.option("--disturbance", type=POSITIVE, default=1e-2, show_default=True, help=options.INPUT_NOISE)
 @click.option(
@@ -63,10 +63,10 @@ def verb(
 
     Each PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
     plants. Each is tried with and without shifted modes, in continuous time and at each rate. The table gives
-    stability by eigenvalues, margins at the plant's inputs, and the rms of the measured outputs under
-    disturbance and noise over all frequencies, relative to that without control (dB, less is better). Delays
-    of a model are exact. A rate adds a hold, so a model must say whether its data had one. --set takes the
-    keys of articles and environments.
+    stability with exact delays, margins at the plant's inputs, and the rms of the measured outputs under
+    disturbance and noise over all frequencies, relative to that without control (dB, less is better). --rate
+    adds a sample and hold; a warning follows if the delays of a model may include one already. --set takes
+    the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
     law, found, allowed, said = _qualify(law_file, tried, given)
