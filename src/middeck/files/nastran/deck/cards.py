@@ -157,7 +157,9 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
             if after is None:
                 hint = "is the deck whole? if the card ends here, clear its tenth field"
                 faults.append(_fault(row[LINE], f"the continuation {tail!r} is missing", hint))
-        elif is_free or not (counted or (after is not None and not _is_full(row) and integer(tail) is not None)):
+        elif is_free or not (
+            counted or (after is not None and not _is_full(row) and integer(tail) is not None)
+        ):
             faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
     return faults
 
