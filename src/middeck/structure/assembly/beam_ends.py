@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,9 +21,19 @@ from middeck.structure.elements.motion_since_drawn import Lever, levers, seen_fr
 CHUNK = 1024
 
 
-def chunks(count: int) -> Iterable[slice]:
-    """Rows of the elements whose derivatives are formed together."""
-    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+class BeamChunk(NamedTuple):
+    """Some of the elements: their rows, properties and ends (see `element_ends`)."""
+
+    rows: slice
+    beams: BeamProperties
+    ends: tuple[np.ndarray, np.ndarray, EndStrain | None]
+
+
+def beam_chunks(model: Model, at: At) -> Iterator[BeamChunk]:
+    """All elements, by those whose derivatives are formed together."""
+    for start in range(0, len(model.element_ends), CHUNK):
+        rows = slice(start, start + CHUNK)
+        yield BeamChunk(rows, select_beams(model.beams, rows), element_ends(model, at, rows))
 
 
 def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:
@@ -67,9 +78,8 @@ def carried_levers(at: At, ends: np.ndarray, part: Within) -> list[Lever]:
     return levers(part.chain, at.poses.p, at.world[ends[part.rows]])
 
 
-def tensioned_beams(model: Model, loads: Loads, rows: slice | np.ndarray) -> BeamProperties:
-    """Some of the elements, with as much of their tension as acts."""
-    beams = select_beams(model.beams, rows)
+def tensioned_beams(beams: BeamProperties, loads: Loads) -> BeamProperties:
+    """The elements with as much of their tension as acts."""
     if loads.tension == 1.0:
         return beams
     return dataclasses.replace(beams, tension=loads.tension * beams.tension)

@@ -9,13 +9,12 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import static_coordinates
-from middeck.structure.assembly.springs import bushing_states, device_tension
 from middeck.structure.assembly.strain import strain_pull
 from middeck.structure.elements.frames import move
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.links_and_components import Tied
-from middeck.structure.sensitivity.patches import STEP, columns, derivative
-from middeck.structure.sensitivity.rest import RestMotion, support_slopes
+from middeck.structure.sensitivity.patches import STEP
+from middeck.structure.sensitivity.rest import RestMotion, support_slopes, tension_slopes
 from middeck.structure.sensitivity.static_solver import StaticSolver
 
 
@@ -33,13 +32,10 @@ def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"
     gradient = gradient + links.slope.T @ links.multipliers(gradient)
     still = dataclasses.replace(rest.config, since_drawn=None)
     along = [move(rest.model.tree, still, STEP * 1j * step) for step in motion.T]
-    tension = [derivative(device_tension(rest.model, there, rest.loads)) for there in along]
-    pushed = [
-        derivative(-bushing_states(rest.model, there, rest.loads)[1].gradient[:, 6:]) for there in along
-    ]
+    moved = [(rest.model, there, rest.loads) for there in along]
     return RestMotion(
         motion=motion,
         drawn=np.zeros_like(motion),
-        tension=columns(tension, len(rest.tension)),
-        support=support_slopes(rest, gradient, pushed),
+        tension=tension_slopes(rest, moved),
+        support=support_slopes(rest, gradient, moved),
     )

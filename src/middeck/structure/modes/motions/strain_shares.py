@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.structure.assembly.beam_ends import element_poses
-from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.beam import beam_deformations
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
@@ -84,8 +83,7 @@ def _tie_energies(
 
 
 def _component_energies(equilibrium: Equilibrium, shapes: np.ndarray) -> np.ndarray:
-    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
-    each = [0.5 * np.diagonal(state.squares(rows @ shapes)) for state, rows in states]
+    each = [0.5 * np.diagonal(c.state.squares(c.rows @ shapes)) for c in equilibrium.components]
     return np.column_stack(each) if each else np.zeros((shapes.shape[1], 0))
 
 
