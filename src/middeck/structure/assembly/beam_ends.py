@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly.carried_elements import Within
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.motion_since_drawn import Lever, levers, seen_from
+from middeck.structure.elements.motion_since_drawn import Lever, Within, levers, seen_from
 
 # Elements whose derivatives are formed together: their arrays, 10 kB each, should stay in the cache.
 CHUNK = 1024

@@ -18,7 +18,6 @@ from middeck.structure.assembly.beam_ends import (
     carried_levers,
     tensioned_beams,
 )
-from middeck.structure.assembly.carried_elements import Inside
 from middeck.structure.assembly.component_states import PlacedComponent, place_components
 from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.linked import link_part
@@ -47,6 +46,7 @@ from middeck.structure.elements.bushings import BushingState
 from middeck.structure.elements.component import ComponentState
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.motion_since_drawn import (
+    Inside,
     Lever,
     add_pull,
     lever_jacobian,

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.carried_elements import Inside, lay_out_inside
 from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.link_rows import LinkRows, lay_out_links, link_points
@@ -25,7 +24,7 @@ from middeck.structure.elements.frames import (
     frame_poses,
     points_in_world,
 )
-from middeck.structure.elements.motion_since_drawn import as_drawn
+from middeck.structure.elements.motion_since_drawn import Inside, as_drawn, lay_out_inside
 from middeck.structure.elements.offset_points import PoseMap, map_points
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle

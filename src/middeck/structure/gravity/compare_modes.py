@@ -15,8 +15,7 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.gravity.orbit_lab_pairs import pair_modes, shares_of
 from middeck.structure.gravity.tracking import Spectrum, align_repeated, spectrum_of
 from middeck.structure.gravity.turned_modes import modes_at_rest
-from middeck.structure.modes.names.kind_warnings import CURE
-from middeck.structure.modes.names.kinds import HELD
+from middeck.structure.modes.names.kinds import CURE, HELD
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 

@@ -25,8 +25,7 @@ from middeck.structure.modes.lost_loose_or_buckled import (
 )
 from middeck.structure.modes.motions.left_out_stiffness import component_warnings
 from middeck.structure.modes.motions.rigid_motions import rigid_basis
-from middeck.structure.modes.names.kind_warnings import kind_warnings
-from middeck.structure.modes.names.kinds import find_kinds
+from middeck.structure.modes.names.kinds import find_kinds, kind_warnings
 from middeck.structure.modes.names.naming import name_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
 from middeck.values import record

@@ -28,8 +28,7 @@ from middeck.errors import ConfigError
 from middeck.structure.elements.frames import points_in_world, pose_jacobian
 from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
 from middeck.structure.modes.motions.strain_shares import member_energy
-from middeck.structure.modes.names.kind_warnings import CURE
-from middeck.structure.modes.names.kinds import is_held, kinds_by_rank
+from middeck.structure.modes.names.kinds import CURE, is_held, kinds_by_rank
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.loss_coupling import Losses, coupled_pairs
 from middeck.structure.rest.equilibrium import Equilibrium

@@ -20,7 +20,8 @@ from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import static_coordinates, static_freedom
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import bushing_states, device_tension
-from middeck.structure.elements.frames import Configuration
+from middeck.structure.assembly.strain import strain_pull
+from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.doubts.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -204,4 +205,27 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
         links.check_repeated(parameter, tie)
     return MovedRest(
         patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties, drawn
+    )
+
+
+def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"]) -> RestMotion:
+    """Motion of the rest state by ``strain`` (stretch, y1, z1, y2, z2, twist) of each beam element and field.
+
+    Forces were D e; with D (e - strain) in their place the rest state moves by K_t^-1 B' D strain. Raises
+    `NumericalError` as `differentiate_rest`.
+    """
+    at = assemble(rest.model, rest.config, rest.loads)
+    pull = strain_pull(rest.model, rest.config, strain)
+    motion = StaticSolver.at(rest, at).solve(pull)
+    gradient = at.tangent @ motion - pull
+    links = Tied.at(rest.model, rest.config, static_coordinates(rest.model))
+    gradient = gradient + links.slope.T @ links.multipliers(gradient)
+    still = dataclasses.replace(rest.config, since_drawn=None)
+    along = [move(rest.model.tree, still, STEP * 1j * step) for step in motion.T]
+    moved = [(rest.model, there, rest.loads) for there in along]
+    return RestMotion(
+        motion=motion,
+        drawn=np.zeros_like(motion),
+        tension=tension_slopes(rest, moved),
+        support=support_slopes(rest, gradient, moved),
     )
