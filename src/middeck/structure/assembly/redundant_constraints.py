@@ -167,6 +167,11 @@ def _pivoted(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return cast("tuple[np.ndarray, np.ndarray]", sla.qr(A, mode="r", pivoting=True))
 
 
+def pivots(motions: Float[np.ndarray, "coordinate motion"]) -> Int[np.ndarray, " motion"]:
+    """Coordinates that, held, stop all ``motions``: the pivots of a rank-revealing QR (Golub 1965)."""
+    return _pivoted(motions.T)[1][: motions.shape[1]] if motions.shape[1] else NONE
+
+
 def _apart(C: sp.csr_array, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rows that share coordinates, and these."""
     m = len(C.indptr) - 1

@@ -45,11 +45,6 @@ class SinceDrawn:
         return bool(np.any(self.carrier >= 0))
 
 
-def as_drawn(drawn: Inexact[np.ndarray, "root 3"], carrier: Int[np.ndarray, " root"]) -> SinceDrawn:
-    """Nothing has moved."""
-    return SinceDrawn(drawn, carrier, np.zeros_like(drawn), np.zeros((len(drawn), 3, 3)))
-
-
 def whole_motion(at: SinceDrawn) -> tuple[np.ndarray, np.ndarray]:
     """Shift and turn of every root as seen from W."""
     if not at.carries:
