@@ -62,7 +62,7 @@ class PosePoints:
     frame: Int[np.ndarray, " pose"]
     offset: Inexact[np.ndarray, "pose 3"]
 
-    def of(self, some: np.ndarray) -> PosePoints:
+    def of(self, some: np.ndarray | list[int]) -> PosePoints:
         """Some of the points, by number."""
         return PosePoints(self.frame[some], self.offset[some])
 

@@ -27,9 +27,9 @@ from middeck.structure.rest.rest_criteria import (
     UNMOVED,
     Settled,
     holding,
+    is_stable,
 )
 from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
-from middeck.structure.rest.stability import is_stable
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20

@@ -15,6 +15,8 @@ from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
 from middeck.structure.elements.springs_and_cables import SpringLaw
 
+_joined = np.concatenate
+
 
 class Raft(NamedTuple):
     """The merged model, and of each of its models the coordinates and the first pose in it."""
@@ -95,20 +97,12 @@ def merge_loads(raft: Raft, loads: Sequence[Loads]) -> Loads:
         law=SpringLaw(*law),
         mass=_joined([x.mass for x in loads]),
         push=_joined([x.push for x in loads]),
-        ground=_merge_ground(raft, [x.ground for x in loads]),
+        ground=Ground(
+            point=_joined([x.ground.point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
+            stiffness=_joined([x.ground.stiffness for x in loads]),
+            axes=_joined([x.ground.axes for x in loads]),
+        ),
     )
-
-
-def _merge_ground(raft: Raft, ground: Sequence[Ground]) -> Ground:
-    return Ground(
-        point=_joined([g.point + p for g, p in zip(ground, raft.first_pose, strict=True)]),
-        stiffness=_joined([g.stiffness for g in ground]),
-        axes=_joined([g.axes for g in ground]),
-    )
-
-
-def _joined(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate(arrays)
 
 
 def _shifted(arrays: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:

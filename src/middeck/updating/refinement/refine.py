@@ -44,8 +44,7 @@ from middeck.updating.residuals.surveys import (
     compare_measured_response,
     set_up,
 )
-from middeck.updating.unknowns.loop_unknowns import LOOP, loop_slopes
-from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, Unknown
+from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, LOOP, Unknown, loop_slopes
 from middeck.values import record
 
 # What begins so is no parameter of the article.

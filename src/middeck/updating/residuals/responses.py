@@ -33,8 +33,7 @@ from middeck.updating.residuals.modal_transfer import (
     transfer_of,
     transfer_slopes,
 )
-from middeck.updating.unknowns.loop_unknowns import LoopSlopes, loop_slopes
-from middeck.updating.unknowns.unknowns import Bound
+from middeck.updating.unknowns.unknowns import Bound, LoopSlopes, loop_slopes
 from middeck.values import record
 
 # Standard deviations of ln zeta of a mode whose damping the survey does not state, and where it states no

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from middeck.structure.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
@@ -92,7 +92,9 @@ def deformation_names(
     deformation of the members. Two that are nearly equal are both named, and modes of one frequency that
     `turn_apart` leaves alike are named alike.
     """
-    mean = _mean_of_groups(len(lam), repeated_apart(equilibrium.model.tree, M, lam, shapes))
+    mean = np.eye(len(lam))  # over each group: a mean over all of its modes does not depend on their basis
+    for group in repeated_apart(equilibrium.model.tree, M, lam, shapes):
+        mean[np.ix_(group, group)] = 1.0 / len(group)
     strain = mean @ strain_energy(equilibrium, shapes)
     if not len(lam) or on_one_line(equilibrium):
         return [Wording(PARTS[i]) for i in np.argmax(strain, axis=1)]
@@ -130,14 +132,6 @@ def _turning(
     twice = np.sum((turned_bodies(equilibrium) @ turn) ** 2, axis=1)
     names = tuple(model.frames[frame] for frame in model.points.frame[model.body_point])
     return names, (twice / np.einsum("im,im->m", shapes, M @ shapes)).T
-
-
-def _mean_of_groups(count: int, groups: list[Int[np.ndarray, " member"]]) -> np.ndarray:
-    """Averages over each group: a mean over all of its modes does not depend on their basis."""
-    mean = np.eye(count)
-    for group in groups:
-        mean[np.ix_(group, group)] = 1.0 / len(group)
-    return mean
 
 
 def _ordinal(count: int) -> str:

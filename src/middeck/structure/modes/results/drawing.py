@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.beam_ends import element_poses
-from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.elements.beam_centre_line import beam_curve
@@ -320,10 +319,7 @@ def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
     lines: list[Strand] = []
     places = [np.zeros((2, 0, 3))]
     moved = [np.zeros((shapes.shape[1], 0, 3))]
-    states = component_states(model, equilibrium.config, equilibrium.loads)
-    for part, element, (state, rows) in zip(
-        model.structure.components, model.components, states, strict=True
-    ):
+    for part, element, state, rows in equilibrium.components:
         *at, at_grids = _moved(equilibrium, model.points.of(element.point), shapes)
         points, weight = inner_points(part), element.weights[:, 0] / element.weights[:, 0].sum()
         about = [element.moment, *(part.axes @ (p.place - weight @ part.positions) for p in points)]
