@@ -24,7 +24,8 @@ COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
 RESPONSES = (".uff", ".unv", ".uf", ".58")
 # Help of options that `design` and `qualify` share.
-SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the inputs, unit/sqrt(Hz)."
+SENSOR_NOISE = "Sensor noise, two-sided, output unit/sqrt(Hz)."
+INPUT_NOISE = "Noise at the inputs, two-sided, unit/sqrt(Hz)."
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
 COMPONENTS = (".npz", ".mat")
@@ -250,7 +251,7 @@ def _as_one(name: str, kind: Any, *asked: Callable[[Command], Command]) -> Calla
 case = _as_one("case", Case, article, environment, load_case)
 
 
-count = defaulted("--count", default=26, type=click.IntRange(min=1), help="How many of the lowest modes.")
+count = defaulted("--count", default=26, type=click.IntRange(min=1), help="Number of modes, lowest first.")
 _environments = several(
     "--environment",
     "environments",
@@ -262,13 +263,15 @@ _shifts = several(
     "shifts",
     type=(str, Real(0.0, 100.0, min_open=True, max_open=True)),
     metavar="MODES PERCENT",
-    help="Modes by name or LO:HI in Hz, moved together down and up.",
+    help="Shift the frequencies of MODES, a name or LO:HI in Hz, together by -PERCENT and +PERCENT.",
 )
-_delay_ms = click.option("--delay-ms", type=Real(0.0, 1e6), default=0.0, help="Delay added to each plant.")
+_delay_ms = click.option(
+    "--delay-ms", type=Real(0.0, 1e6), default=0.0, help="Delay added to each plant [ms]."
+)
 _sweep = click.option(
     "--sweep",
     is_flag=True,
-    help="Also with first bending shifted by 10 % and other flexible modes by 20 %, alone and together.",
+    help="Shift first bending by 10 % and other flexible modes by 20 %, down and up, alone and together.",
 )
 _first_bending = click.option(
     "--first-bending",
@@ -304,7 +307,7 @@ band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", h
 periods = click.option(
     "--periods",
     type=click.IntRange(min=1),
-    help="Whole steady periods in each RECORD.  [default: as its file says]",
+    help="Number of whole steady periods in each RECORD.  [default: as its file says]",
 )
 states = click.option(
     "--states", type=click.IntRange(min=1), help="Order of the fit.  [default: recommended]"
@@ -404,5 +407,5 @@ columns = _as_one(
     _named("--inputs", help='Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
     _named("--outputs", help='Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
     click.option("--sample-hz", type=RATE, metavar="HZ", help="Sampling rate, if the file has none."),
-    click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
+    click.option("--variable", default="", metavar="NAME", help="Name of the matrix in a MAT or HDF5 file."),
 )

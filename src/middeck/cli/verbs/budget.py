@@ -28,7 +28,7 @@ EXAMPLES = """\
 @figures.figure
 @options.common
 def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool) -> None:
-    """Effects of gravity on each mode of ARTICLE.
+    """Frequency shift of each mode by each effect of gravity.
 
     Between orbit and an environment, three effects are switched on one at a time, in all six orders:
     suspension, stiffness from internal forces and weight, and static pre-deformation. Prints the mean

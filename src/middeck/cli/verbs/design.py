@@ -37,12 +37,12 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.several("--control", metavar="PORT", help="Input to drive; may be repeated.")
 @options.several("--measure", metavar="PORT", help="Output to measure and keep small; may be repeated.")
 @click.option(
-    "--authority", type=options.POSITIVE, help="1/rho, the inverse weight of control.  [default: 10]"
+    "--authority", type=options.POSITIVE, help="1/rho, rho the factor on the control weights.  [default: 10]"
 )
-@click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
+@click.option("--log10-authority", type=float, help="log10 of the authority, in place of --authority.")
 @options.defaulted("--angle-noise", default=2e-5, help=options.SENSOR_NOISE)
 @options.defaulted("--disturbance", default=1e-2, help=options.INPUT_NOISE)
-@options.defaulted("--pade-order", default=3, help="States for each delay of a fitted model.")
+@options.defaulted("--pade-order", default=3, help="Padé order of each delay of a fitted model.")
 @click.option(
     "--band",
     "band_hz",
@@ -53,7 +53,11 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.periods
 @options.states
 @click.option(
-    "--fit-band", "fit_band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band to fit a RECORD in."
+    "--fit-band",
+    "fit_band_hz",
+    type=options.Frequencies(2),
+    metavar="LO,HI",
+    help="Band to fit a RECORD in [Hz].",
 )
 @options.output("law_file", options.SYSTEMS, "Write the compensator.", "LAW.json|mat")
 @figures.figure
@@ -75,10 +79,10 @@ def verb(
 ) -> None:
     """LQG design for a plant, and its predicted closed loop.
 
-    The disturbance enters at the control inputs; every measured output is kept small. The plant of a fitted
-    model is that between --control and --measure; delays that the fit cannot distinguish are merged.
-    --set takes the article's and the environment's keys, or for a fitted plant log10_authority, angle_noise,
-    disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
+    The disturbance enters at the control inputs; every measured output is kept small. A fitted model is
+    reduced to the paths from --control to --measure; delays whose difference is within their uncertainty
+    become one. --set takes the article's and the environment's keys, or for a fitted plant log10_authority,
+    angle_noise, disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
     from middeck.cli.given.checked_options import LoopSettings, settle
     from middeck.cli.given.design_plants import Wanted

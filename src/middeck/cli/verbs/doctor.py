@@ -41,7 +41,7 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Timing of the engine on this machine.
+    """Timing of the real-time engine on this machine.
 
     A random stable law runs in the engine in real time. The report gives lateness, samples delayed by more
     than a period, the time, operations and bytes of a step, the granted priority, memory lock and processor,

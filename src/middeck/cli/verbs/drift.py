@@ -42,7 +42,7 @@ EXACT = (
 @click.option(
     "--sampled/--continuous",
     default=None,
-    help="Kind of models.  [default: sampled if the band passes 1/8 of the sampling rate]",
+    help="Kind of models.  [default: sampled if the band extends above 1/8 of the sampling rate]",
 )
 @options.defaulted(
     "--level",

@@ -37,13 +37,13 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--sampled/--continuous",
     default=None,
-    help="Kind of model.  [default: sampled if the band passes 1/8 of the sampling rate and no option is "
-    "given that only a continuous model has]",
+    help="Kind of model.  [default: sampled if the band extends above 1/8 of the sampling rate and no option "
+    "is given that only a continuous model has]",
 )
 @click.option(
     "--held/--not-held",
     default=None,
-    help="Whether a computer held the inputs between samples: a continuous model then excludes the hold.  "
+    help="Whether inputs were held between samples; if so, a continuous model excludes the hold.  "
     "[default: as the record says]",
 )
 @click.option(
@@ -72,10 +72,10 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     type=click.Choice(["none", "output", "path", "common"]),
     help="Delays to fit.  [default: one for each output; none with complex constants]",
 )
-@click.option("--rigid", type=click.IntRange(0, 6), help="Free rigid-body modes, 1/s^2, among the states.")
-@click.option("--integrators", type=click.IntRange(0, 6), help="Single poles at zero, 1/s, among the states.")
-@click.option("--residuals", is_flag=True, default=None, help="Terms for the modes outside the band.")
-@click.option("--full-rank", is_flag=True, default=None, help="Residues of any rank.")
+@click.option("--rigid", type=click.IntRange(0, 6), help="Number of free rigid-body modes (1/s^2).")
+@click.option("--integrators", type=click.IntRange(0, 6), help="Number of single poles at zero (1/s).")
+@click.option("--residuals", is_flag=True, default=None, help="Fit terms for the modes outside the band.")
+@click.option("--full-rank", is_flag=True, default=None, help="Residue matrices of any rank, not one.")
 @click.option(
     "--relative-degree", type=click.IntRange(0, 2), help="Relative degree of a model with complex constants."
 )
@@ -92,7 +92,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     "--stabilisation",
     "stabilisation_file",
     endings=options.FIGURES,
-    help="Draw poles of rising orders, as SVG.",
+    help="Also draw the stabilisation diagram (poles of rising orders).",
 )
 @options.common
 def verb(
@@ -109,10 +109,10 @@ def verb(
     """Fit poles, residues and delays to measured records.
 
     RECORDs are .npz, .h5, .mat, .csv, .npy or universal files; several are experiments of one test. If the
-    record has whole steady periods (recognised from the input, or given by --periods), the response is fitted
-    line by line. Otherwise the samples are fitted, with a transient that shares the poles. --set takes the
-    names of the options: states, band_hz, sampled, held, method, reference, cost, constants, delay, rigid,
-    integrators, residuals, full_rank, relative_degree, friction and periods.
+    record has whole steady periods (recognised from the input, or given by --periods), the frequency response
+    is estimated and fitted. Otherwise the samples are fitted, with a transient that shares the poles. --set
+    takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants, delay,
+    rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
     """
     from middeck.cli.given.checked_options import FitSettings, settle
     from middeck.cli.shown.progress import status

@@ -34,7 +34,7 @@ EXAMPLES = """\
 @click.argument("plan", metavar="[PLAN]", required=False)
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
-@options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed document.")
+@options.written("-o", "--output", "target", endings=(".json",), help="Write the document, with a hash.")
 @options.written(
     "--plants",
     "plants_file",
@@ -65,7 +65,7 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Promise what compensators will do in orbit.
+    """Predict, with probabilities, what compensators do in orbit.
 
     ARTICLE is refined on the surveys that PLAN names (docs/reference/files.md). Plants are drawn within the
     remaining uncertainty, and every compensator is tried on all of them. The document gives the probability
@@ -192,8 +192,8 @@ def _modes(place: dict[str, Any]) -> Table:
         ]
         for k, m in enumerate(place["modes"], start=1)
     ]
-    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen [%]", "on the ground [Hz]",
-               "from there [%]"]  # fmt: skip
+    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "measured [%]", "on the ground [Hz]",
+               "change from the ground [%]"]  # fmt: skip
     return Table(f"promised in {place['name']}: modes", headers, rows)
 
 
@@ -207,7 +207,7 @@ def _removed(place: dict[str, Any]) -> Table:
         ]
         for k, (mode, shares) in enumerate(zip(place["modes"], removed["share_hz"], strict=True), start=1)
     ]
-    title = f"promised in {place['name']}: taken out of what {removed['survey']} has [Hz]"
+    title = f"promised in {place['name']}: effects on the ground, in survey {removed['survey']} [Hz]"
     return Table(title, ["mode", *removed["effects"], "together"], rows)
 
 
@@ -286,7 +286,7 @@ def _sweep(place: dict[str, Any]) -> Table:
         f"promised in {place['name']}: sweep of {first:g} % on {', '.join(swept['first_bending']) or 'none'} "
         f"and {others:g} % on {len(swept['others'])} others"
     )
-    return Table(title, ["compensator", "stable", "lost"], rows)
+    return Table(title, ["compensator", "stable", "unstable cases"], rows)
 
 
 def _few(lost: Sequence[str]) -> str:

@@ -32,9 +32,13 @@ AT_MOST = ("db", "control_rms")
 @click.argument("law_file", metavar="LAW.json|mat")
 @options.tried
 @options.several(
-    "--rate", "rates_hz", metavar="HZ,HZ", type=options.Frequencies(), help="Also at these sampling rates."
+    "--rate",
+    "rates_hz",
+    metavar="HZ,HZ",
+    type=options.Frequencies(),
+    help="Test the loop at these sampling rates too.",
 )
-@click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
+@click.option("--limits", is_flag=True, help="Find the largest stable shift of each mode, up to 20 %.")
 @options.defaulted("--angle-noise", default=2e-5, type=POSITIVE, help=options.SENSOR_NOISE)
 @options.defaulted("--disturbance", default=1e-2, type=POSITIVE, help=options.INPUT_NOISE)
 @options.several(
@@ -58,10 +62,10 @@ def verb(
 
     Each PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
     plants. Each is tried with and without shifted modes, in continuous time and at each rate. The table gives
-    stability by eigenvalues, margins at the plant's inputs, and the rms of the measured outputs under
-    disturbance and noise over all frequencies, relative to that without control (dB, less is better). Delays
-    of a model are exact. A rate adds a hold, so a model must say whether its data had one. --set takes the
-    keys of articles and environments.
+    stability with exact delays, margins at the plant's inputs, and the rms of the measured outputs under
+    disturbance and noise over all frequencies, relative to that without control (dB, less is better). --rate
+    adds a sample and hold; a warning follows if the delays of a model may include one already. --set takes
+    the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
     law, found, allowed, said = _qualify(law_file, tried, given)

@@ -55,7 +55,7 @@ def verb(
     target: str | None,
     as_json: bool,
 ) -> None:
-    """Refine ARTICLE on ground tests; predict orbit.
+    """Refine ARTICLE on ground tests; predict its modes in orbit.
 
     REFINEMENT names the surveys, the parameters that may change, and their standard deviations before the
     tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
