@@ -30,7 +30,7 @@ from middeck.files.studies.form import RigForm
 from middeck.plot.curves import keep_extremes, wrapped_phase_deg
 from middeck.plot.port_words import port_words
 from middeck.plot.svg import svg_text
-from middeck.report.first_screen import came_out, claim_rows, does_not_hold, warned
+from middeck.report.page import came_out, claim_rows, does_not_hold, warned
 from middeck.report.results_folder import StudyWriter
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.two_sensor_control.text import half_plane
