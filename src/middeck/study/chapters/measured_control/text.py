@@ -49,9 +49,8 @@ def figure_9b(figures: Numbers) -> str:
     changes = "; ".join(f"{words} {changed(numbers[key])}" for key, words in DESIGNS.items())
     return (
         f"Change of the {angle} rms angle by controllers designed on the fit: {changes}. The second record of"
-        f" CL3 has {pair} shifted by"
-        f" {signed(numbers['drifted']['shift_percent'])} %. With that pair shifted on"
-        f" the rig, {'; '.join(f'{who} is {held(numbers[key])}' for key, who in LOOPS.items())}."
+        f" CL3 has {pair} shifted by {signed(numbers['drifted']['shift_percent'])} %. On the rig,"
+        f" {'; '.join(f'{who} is {held(numbers[key])}' for key, who in LOOPS.items())}."
     )
 
 
