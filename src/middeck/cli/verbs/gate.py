@@ -11,6 +11,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.realtime.gate.gate import GateVerdict
@@ -25,29 +26,21 @@ EXAMPLES = """\
 @click.command("gate", cls=options.Verb, examples=EXAMPLES)
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
 @options.tried
-@click.option(
-    "--gain-db", type=options.NOT_NEGATIVE, default=6.0, show_default=True, help="Least gain margin."
-)
-@click.option(
-    "--phase-deg",
-    type=options.Real(0.0, 180.0, max_open=True),
-    default=30.0,
-    show_default=True,
-    help="Least phase margin.",
+@options.defaulted("--gain-db", default=6.0, type=options.NOT_NEGATIVE, help="Least gain margin.")
+@options.defaulted(
+    "--phase-deg", default=30.0, type=options.Real(0.0, 180.0, max_open=True), help="Least phase margin."
 )
 @click.option("--paper", is_flag=True, help="Steps on paper only: no dry run.")
-@click.option(
+@options.defaulted(
     "--disturbance",
-    type=options.NOT_NEGATIVE,
     default=0.01,
-    show_default=True,
+    type=options.NOT_NEGATIVE,
     help="Noise at each output in a dry run: rms as a share of its limit.",
 )
-@click.option(
+@options.defaulted(
     "--noise",
-    type=options.NOT_NEGATIVE,
     default=1e-4,
-    show_default=True,
+    type=options.NOT_NEGATIVE,
     help="Noise at each input in a dry run: rms as a share of its range.",
 )
 @click.option(
@@ -60,19 +53,17 @@ EXAMPLES = """\
     metavar="DRIVER.c",
     help="Shadow run and engagement on hardware, in real time, by this driver of its converters.",
 )
-@click.option(
+@options.defaulted(
     "--share",
-    type=options.Real(0.0, 1.0, min_open=True),
     default=0.25,
-    show_default=True,
+    type=options.Real(0.0, 1.0, min_open=True),
     help="Share of full authority at which the package engages first.",
 )
-@click.option(
+@options.several(
     "--hold",
     "paths",
-    type=(str, str, options.Real()),
-    multiple=True,
     metavar="SENSOR OUTPUT GAIN",
+    type=(str, str, options.Real()),
     help="Gain of the engine's hold (its PD loops), closed on every PLANT; may be repeated.",
 )
 @click.option(
@@ -117,9 +108,7 @@ EXAMPLES = """\
     metavar="GAIN",
     help="Least adaptive gain.  [default: 0]",
 )
-@options.written(
-    "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."
-)
+@options.output("verdict_file", (".json",), "Write the verdict.", "VERDICT.json")
 @options.common
 def verb(
     package_file: str,
@@ -254,16 +243,10 @@ def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     return {
         "schema": VERDICT,
         "package": verdict.sha256,
-        "law": verdict.law,
-        "hold": verdict.hold,
-        "engaged": verdict.engaged,
-        "name": verdict.name,
-        "models": verdict.models,
+        **fields(verdict, "law", "hold", "engaged", "name", "models"),
         "least": margins,
         "trials": trials,
-        "steps": verdict.steps,
-        "left_out": verdict.left_out,
-        "tripped": verdict.tripped,
+        **fields(verdict, "steps", "left_out", "tripped"),
         "adaptive": verdict.gain,
         "proofs": verdict.proofs,
         "passed": verdict.passed,

@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, number, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -232,8 +232,7 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
     at = {share: k for k, share in enumerate(document["shares"])}
 
     def level(db: Sequence[float | None], share: float) -> str:
-        value = db[at[share]]
-        return "unstable" if value is None else f"{value:.2f}"
+        return number(db[at[share]], ".2f", "unstable")
 
     def distance(bound: dict[str, float | None]) -> str:
         worst, least = bound["worst_db"], bound["no_linear_law_below_db"]
@@ -262,16 +261,13 @@ def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Tabl
         return []
     middle = document["shares"].index(0.5)
 
-    def decibel(value: float | None) -> str:
-        return "-" if value is None else f"{value:.2f}"
-
     rows: list[list[str]] = []
     for c in place["compensators"]:
         with_it, without = c["db"][middle], c["without_friction_db"][middle]
         cost = None if with_it is None or without is None else with_it - without
-        moves = ", ".join(f"{n} {decibel(t)}" for n, t in c["travel_over_slip_angle"].items())
+        moves = ", ".join(f"{n} {number(t, '.2f')}" for n, t in c["travel_over_slip_angle"].items())
         stable = f"{100.0 * c['stable_while_sticking']:.1f}"
-        row = [decibel(x) for x in (with_it, without, cost, c["simulation_error_db"])]
+        row = [number(x, ".2f") for x in (with_it, without, cost, c["simulation_error_db"])]
         rows.append([c["name"], *row, stable, moves])
     headers = ["compensator", "median [dB]", "without friction [dB]", "cost [dB]", "error of a draw [dB]",
                "stable while sticking [%]", "rms angle over slip angle"]  # fmt: skip

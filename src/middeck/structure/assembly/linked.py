@@ -130,9 +130,9 @@ def _closing(
         rows = rows @ transport(config, model.tree)
     if model.held is not None and model.held.axes is not None:
         rows = rows @ model.held.axes
-    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
     length = float(np.linalg.norm(np.ptp(model.rest.x, axis=0)))
-    return close_rows(sp.csr_array(rows), moving, turns, ~uncarried(since, model.tree.size), length)
+    carried = ~uncarried(since, model.tree.size)
+    return close_rows(sp.csr_array(rows), moving, model.tree.turns, carried, length)
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:

@@ -237,9 +237,7 @@ def _components(structure: Structure, first: int) -> tuple[ComponentElement, ...
 def _check_placed(model: Model) -> None:
     """Grids stand where their frames are, up to a shift of all of them."""
     for part, element in zip(model.structure.components, model.components, strict=True):
-        drawn = points_in_world(
-            PosePoints(model.points.frame[element.point], model.points.offset[element.point]), model.drawn
-        )
+        drawn = points_in_world(model.points.of(element.point), model.drawn)
         apart = (drawn - drawn[0]) - (element.arms - element.arms[0])
         far = np.linalg.norm(apart, axis=1)
         worst = int(np.argmax(far))

@@ -196,10 +196,8 @@ def _model(
     reduction: Reduction,
     units: tuple[str, ...],
 ) -> tuple[Candidates, ReducedMass]:
-    """The candidates at the channels, and the mass reduced on those that the test pairs with.
-
-    Pairs rest on the MAC alone, so that they can be found before there is a mass.
-    """
+    """The candidates at the channels, and the mass reduced on those that the test pairs with. Pairs rest on
+    the MAC alone, so that they can be found before there is a mass."""
     channels = len(measured.node)
     shape = seen(rows, modes)[:, index]
     significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)

@@ -133,11 +133,9 @@ def _check_asked(structure: Structure, count: int | None, upto_hz: float | None)
 
 
 class _Held(NamedTuple):
-    """The article at rest with its boundary and its free joints held, in carried coordinates.
-
-    The boundary is carried by nothing, so that its coordinates are those of W, and what is soft keeps its
-    digits beside what is stiff.
-    """
+    """The article at rest with its boundary and its free joints held, in carried coordinates. The boundary is
+    carried by nothing, so that its coordinates are those of W, and what is soft keeps its digits beside what
+    is stiff."""
 
     model: Model
     config: Configuration
@@ -239,10 +237,8 @@ def _basis(
     count: int | None,
     upto_hz: float | None,
 ) -> _Basis:
-    """Columns in the coordinates of ``motions``, those of the ``boundary`` first.
-
-    ``as_body`` are motions as one body in these, ``loaded`` what residuals load.
-    """
+    """Columns in the coordinates of ``motions``, those of the ``boundary`` first. ``as_body`` are motions as
+    one body in these, ``loaded`` what residuals load."""
     whole = assemble_carried(*held).tangent, carried_mass(*held)
     K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
     if order(K) == boundary:

@@ -40,12 +40,9 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
     left = np.abs(static_freedom(model, equilibrium.config).within(gradient))
     worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
-    roots, joint = model.tree.roots, worst - 6 * model.tree.roots
-    turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]
-    frame = worst // 6 if joint < 0 else roots + joint
     moved = np.linalg.norm(equilibrium.config.x - model.rest.x, axis=1).max()
-    size = f"{left[worst]:.3g} {'N m' if turns else 'N'}"
-    return Lost(factor, model.frames[frame], size, float(moved))
+    size = f"{left[worst]:.3g} {'N m' if model.tree.turns[worst] else 'N'}"
+    return Lost(factor, model.frames[model.tree.frame_of(worst)], size, float(moved))
 
 
 def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:

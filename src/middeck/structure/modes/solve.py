@@ -204,9 +204,7 @@ def _eigenpairs(
 
 
 def _massless(model: Model, free: Freedom, worst: int) -> NumericalError:
-    coordinate = int(np.flatnonzero(free.active)[worst])
-    roots = model.tree.roots
-    frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
+    frame = model.tree.frame_of(int(np.flatnonzero(free.active)[worst]))
     return NumericalError(
         "a motion has neither mass nor stiffness",
         where=f"frame {model.frames[frame]!r}",

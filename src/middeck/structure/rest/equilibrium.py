@@ -269,16 +269,13 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
     weight = imbalance_weight(model, loads)
     gradient = assemble_carried(model, equilibrium.config, loads).gradient
     left = np.abs(static_freedom(model, equilibrium.config).within(gradient)) / scale
-    roots = model.tree.roots
-    turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
-    worst = int(np.argmax(left)) if len(left) else 0
-    frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
+    tree = model.tree
     return Imbalance(
-        float(left[~turns].max(initial=0.0)),
-        float(left[turns].max(initial=0.0)),
+        float(left[~tree.turns].max(initial=0.0)),
+        float(left[tree.turns].max(initial=0.0)),
         weight,
         min(article_size(model), 1.0),
-        model.frames[frame],
+        model.frames[tree.frame_of(int(np.argmax(left)) if len(left) else 0)],
     )
 
 
@@ -331,10 +328,8 @@ def _is_held(equilibrium: Equilibrium) -> bool:
 
 
 def _check_travel(structure: Structure, angle: Float[np.ndarray, " joint"]) -> None:
-    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops.
-
-    Held joints are checked with the structure; a sprung one goes where its load puts it.
-    """
+    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops. Held joints are checked with
+    the structure; a sprung one goes where its load puts it."""
     for joint, at in zip(structure.joints, angle, strict=True):
         low, high = joint.travel
         if not low <= at <= high:

@@ -16,7 +16,7 @@ from jaxtyping import Inexact
 from middeck.errors import ConfigError
 from middeck.structure.assembly.environment_loads import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, points_in_world
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.rest.pinned_reactions import PinnedPoints, PinnedState, settle_pinned, support_forces
@@ -217,9 +217,7 @@ def _up(environment: Environment) -> Inexact[np.ndarray, "3"]:
 
 def _drawn(model: Model, device: Device) -> Inexact[np.ndarray, "3"]:
     """Undeformed place of its attach point."""
-    at = [attach_index(model, device.attach)]
-    point = PosePoints(model.points.frame[at], model.points.offset[at])
-    return points_in_world(point, model.drawn)[0]
+    return points_in_world(model.points.of(np.array([attach_index(model, device.attach)])), model.drawn)[0]
 
 
 def attach_index(model: Model, name: str) -> int:

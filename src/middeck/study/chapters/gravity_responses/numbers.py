@@ -6,12 +6,12 @@ import numpy as np
 
 from middeck.files.json.results import response_numbers
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
-from middeck.study.words import Claim, Numbers, below
+from middeck.study.words import Claim, Numbers, below, fields
 
 
 def figure_6(responses: GravityResponses) -> Numbers:
     """Rates of payload and bus per torque, in this order of the outputs."""
-    sides = {"orbit": responses.orbit, "lab": responses.lab, "rig": responses.rig}
+    sides = fields(responses, "orbit", "lab", "rig")
     names = ("payload_z_rate", "bus_z_rate")
     error = responses.magnitude_error
     return {

@@ -9,7 +9,7 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept
 from middeck.study.chapters.promise.ground import GroundTest
-from middeck.study.words import Claim, Numbers, above, at_most, row
+from middeck.study.words import Claim, Numbers, above, at_most, fields, row
 from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.refinement.findings import findings
 
@@ -24,7 +24,7 @@ def promise(kept: PromiseKept) -> Numbers:
     f, law = kept.frequencies, kept.ground_law
     return {
         "tests": [_test(one) for one in kept.ground.tests],
-        "frequencies": {"true_hz": f.true_hz, "refined_hz": f.refined_hz, "sheet_hz": f.sheet_hz},
+        "frequencies": {**fields(f, "true_hz", "refined_hz", "sheet_hz")},
         "draws": kept.plan.draws,
         "shares": LEVELS,
         "orbit": kept.there,
@@ -42,9 +42,7 @@ def promise(kept: PromiseKept) -> Numbers:
         ],
         "verdicts": {v.name: {"inside": v.inside, "pessimism_db": v.pessimism} for v in kept.verdicts},
         "score": {
-            "count": kept.score.count,
-            "coverage": kept.score.coverage,
-            "brier": kept.score.brier,
+            **fields(kept.score, "count", "coverage", "brier"),
             "pessimism_db": kept.score.pessimism,
         },
         "measured": {

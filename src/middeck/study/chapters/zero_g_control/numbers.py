@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.study.chapters.zero_g_control.computation import SubModelSweep, ZeroGControl
-from middeck.study.words import Claim, Numbers, at_most, below, row
+from middeck.study.words import Claim, Numbers, at_most, below, fields, row
 
 
 def figure_7(control: ZeroGControl) -> Numbers:
@@ -35,9 +35,7 @@ def _sub_model(sub: SubModelSweep) -> Numbers:
         "frequency_hz": first.frequency_hz,
         "growth_rad_s": first.pole.real,
         "mode_frequency_hz": sub.mode_frequency_hz,
-        "mode_name": first.mode_name,
-        "participation": first.participation,
-        "compensator_share": first.compensator_share,
+        **fields(first, "mode_name", "participation", "compensator_share"),
         "unstable_pairs": sub.unstable_pairs,
         "unstable_real_poles": sub.unstable_real,
     }
