@@ -78,8 +78,8 @@ def doubts_of_model(
         return poor
     of_rms = 100.0 * np.sqrt(np.mean(error**2))
     return [
-        f"most of the residual is not noise but modes that the model lacks ({of_rms:.2g}% of the "
-        f"response's rms over the band{_wrong_lines(measured, residual)}): the standard deviations include "
+        f"most of the residual is not noise but modes that the model lacks: it is {of_rms:.2g}% of the "
+        f"response's rms over the band{_wrong_lines(measured, residual)}; the standard deviations include "
         "this residual, but not a bias that is common to all lines"
     ]
 
@@ -94,7 +94,7 @@ def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "lin
         return ""
     first, last = measured.frequency_hz[wrong][[0, -1]]
     return (
-        f", but more than half of the response itself on {wrong.sum()} of {len(wrong)} lines, "
+        f", and exceeds half of the response on {wrong.sum()} of {len(wrong)} frequency lines, "
         f"{first:.4g}-{last:.4g} Hz"
     )
 
