@@ -110,7 +110,7 @@ def came_out(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
 def does_not_hold(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
     """Claims that fail, what else the chapters report, and what warns."""
     lines = [
-        Line(f"{row.claim.partition(' [')[0]}: {row.number}, asked {row.asked}.", row.section)
+        Line(f"{row.claim.partition(' [')[0]}: {row.number}, required {row.asked}.", row.section)
         for row in claims
         if not row.holds
     ]
@@ -119,7 +119,7 @@ def does_not_hold(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
     warnings = warned(figures)
     if warnings:
         many = "s" if len(warnings) > 1 else ""
-        text = f"{len(warnings)} warning{many}, beside the figures that they are about."
+        text = f"{len(warnings)} warning{many}, listed below the figures."
         lines.append(Line(text, warnings[0].section))
     return lines
 

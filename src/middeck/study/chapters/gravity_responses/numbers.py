@@ -36,11 +36,19 @@ def figure_6_claims(responses: GravityResponses) -> list[Claim]:
     error = responses.magnitude_error
     names = [port.name for port in responses.rig.outputs]
     rows = [
-        below("phase gap above 5 Hz equals the delay within 0.2 ms; largest gap [ms]", largest, 0.2, "ms")
+        below(
+            "the phase of the rig relative to the model above 5 Hz is that of its"
+            " delay within 0.2 ms; largest difference [ms]",
+            largest,
+            0.2,
+            "ms",
+        )
     ]
     for k, name in enumerate(names):
         where = "where both are measured" if error is None else "in {:g}-{:g} Hz".format(*error.band_hz)
         ratio = None if error is None else float(error.lab_db[k] / error.orbit_db[k])
-        text = f"{name}: the 1-g model's log-magnitude error {where} is below the 0-g one's; ratio"
+        text = (
+            f"{name}: the log-magnitude error of the 1-g model {where} is below that of the 0-g model; ratio"
+        )
         rows.append(below(text, ratio, 1.0, ""))
     return rows

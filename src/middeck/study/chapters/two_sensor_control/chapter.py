@@ -9,7 +9,7 @@ from middeck.study.chapters.two_sensor_control import computation, numbers, text
 from middeck.study.chapters.two_sensor_control.figures_10_to_12 import figure_10, figure_11, figure_12
 from middeck.study.shared import rig_article
 
-TITLE_11 = "Figure 11: payload held by encoder and bus"
+TITLE_11 = "Figure 11: payload controlled by feedback of encoder and bus"
 TITLE_12A = "Figure 12a: payload under both penalties"
 TITLE_12B = "Figure 12b: bus under both penalties"
 
