@@ -192,6 +192,10 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
         said = [
             "play, saturation, and friction except at the stated joints",
             "disturbances of another intensity: with friction the decibels depend on it",
+            *(
+                f"a viscous drag of {j.name} other than {j.viscous:g} N m s/rad, which no survey tells from damping"
+                for j in plan.joints
+            ),
         ]
         said += [
             f"{name}: slow motions, whose decay asks for more than the {p.slip_time.record_s:.0f} s simulated"
