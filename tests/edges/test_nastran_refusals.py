@@ -257,7 +257,7 @@ def test_only_selected_clamps_are_converted(tmp_path):
     found = {c["node"]: (c["along"], c["about"]) for c in held.environment["clamp"]}
     assert found == {"g1": ("", "x"), "g2": ("xyz", "xyz")}
     for case, words in (
-        (["SPC = 6"], "GRID 3: its components 13 are held (SPC or its PS) and depend on grid 2 too"),
+        (["SPC = 6"], r"GRID 3: its components 13 are held \(SPC or its PS\) and depend on grid 2 too"),
         (["SUBCASE 1", "SPC = 5", "SUBCASE 2", "SPC = 6"], r"different ones, 5 in 1, 6 in 2"),
         (["SUBCASE 1", "MPC = 5", "SUBCASE 2"], r"different ones, 5 in 1, none in 2"),
         (["SPC = 5", "SUBCASE 1", "SPC = 6", "SUBCASE 2"], r"different ones, 6 in 1, 5 in 2"),
