@@ -193,7 +193,7 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
             "play, saturation, and friction except at the stated joints",
             "disturbances of another intensity: with friction the decibels depend on it",
             *(
-                f"a viscous drag of {j.name} other than {j.viscous:g} N m s/rad, which no survey tells from damping"
+                f"drag of {j.name} other than {j.viscous:g} N m s/rad, which no survey tells from damping"
                 for j in plan.joints
             ),
         ]
