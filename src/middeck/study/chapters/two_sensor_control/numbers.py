@@ -148,18 +148,18 @@ def _order(reach: LoopReach) -> Claim:
     """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
     hz = reach.stopped_hz
     if reach.states <= 10:
-        text, good = "is unstable at every authority, in a suspension mode below 1 Hz", _at_once(reach)
-        asked = f"< {SUSPENSION_HZ:g}"
+        text, asked = (
+            "is unstable at every authority, in a suspension mode below 1 Hz",
+            f"< {SUSPENSION_HZ:g}",
+        )
+        hz = hz if reach.log10_authority is None else None
+        good = hz is not None and hz < SUSPENSION_HZ
     elif reach.states <= 12:
         text, good = "spills over into a mode outside its model", hz is not None and hz > SPILLS_HZ
         asked = f"> {SPILLS_HZ:g}"
     else:
         text, good, asked = "is limited by the pair near 9 Hz", _at_pair(reach), AT_PAIR
     return row(f"a design on {reach.states} states {text}; unstable at [Hz]", good, hz, asked, "Hz")
-
-
-def _at_once(reach: LoopReach) -> bool:
-    return reach.log10_authority is None and reach.stopped_hz is not None and reach.stopped_hz < SUSPENSION_HZ
 
 
 def _at_pair(reach: LoopReach) -> bool:
