@@ -53,7 +53,7 @@ from middeck.structure.elements.motion_since_drawn import (
     lever_stiffness,
     summed,
 )
-from middeck.structure.elements.springs_and_cables import NO_SPRINGS, SpringState, spring_state
+from middeck.structure.elements.springs_and_cables import SpringState, spring_state
 from middeck.values import record
 
 
@@ -374,8 +374,6 @@ def _own_springs(
     model: Model, at: At, gradients: tuple[np.ndarray, np.ndarray], tension: np.ndarray | None
 ) -> SpringState:
     """The structure's own springs; adds to the gradient and to its excess."""
-    if not model.structure.springs:
-        return NO_SPRINGS
     start, end = model.spring_ends.T
     drawn, change = own_span(model, at)
     state = spring_state(own_law(model), drawn + change, tension, (drawn, change))

@@ -134,14 +134,7 @@ def _still(motions: np.ndarray, moved: np.ndarray) -> np.ndarray:
 
 def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
     """Rows and columns of the coordinates that move; the matrix itself where all do."""
-    if np.all(active):
-        return K
-    rows = np.repeat(np.arange(len(active)), np.diff(K.indptr))
-    kept = active[rows] & active[K.indices]
-    place = np.cumsum(active) - 1
-    size = int(np.sum(active))
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(place[rows[kept]], minlength=size))])
-    return sp.csr_array((K.data[kept], place[K.indices[kept]], indptr), shape=(size, size))
+    return K if np.all(active) else sp.csr_array(K[active][:, active])
 
 
 def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:

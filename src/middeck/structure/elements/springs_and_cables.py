@@ -40,17 +40,6 @@ class SpringState:
     geometric: Inexact[np.ndarray, "spring 3 3"]
 
 
-# What most articles have: their state need not be computed in every assembly.
-NO_SPRINGS = SpringState(
-    tension=np.zeros(0),
-    energy=np.zeros(0),
-    gradient=np.zeros((0, 3)),
-    excess=np.zeros((0, 3)),
-    material=np.zeros((0, 3, 3)),
-    geometric=np.zeros((0, 3, 3)),
-)
-
-
 def spring_state(
     law: SpringLaw,
     span: Inexact[np.ndarray, "spring 3"],
@@ -65,8 +54,6 @@ def spring_state(
     linear everywhere, at l = 0 too. Raises `EquilibriumError` for any other spring whose ends coincide: its
     force has no direction.
     """
-    if not len(span):
-        return NO_SPRINGS
     k, c = law.stiffness, law.preload - law.stiffness * law.length
     n, length = _direction(span)
     if np.any((length == 0.0) & (c != 0.0)):

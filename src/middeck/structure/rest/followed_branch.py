@@ -203,10 +203,10 @@ def displace(
 
 def with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:
     """Springs without free length keep their own forces, as stiff across as along wherever they point."""
-    if not len(inner.spring) and not len(inner.device):
+    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
+    if not np.any(linear[0]) and not np.any(linear[1]):
         return inner
     own = inner_forces(model, config, loads)
-    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
     return inner._replace(
         spring=np.where(linear[0], own.spring, inner.spring),
         device=np.where(linear[1], own.device, inner.device),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from middeck.structure.elements.frames import Configuration, FrameTree, PosePoin
 from middeck.structure.elements.springs_and_cables import SpringLaw
 
 _joined = np.concatenate
+# Fields of a `Model` that are arrays by element or body, and those that number its poses.
+ARRAYS = ("element_triad", "body_mass", "body_inertia")
+POSES = ("element_ends", "body_point", "attach_point", "spring_ends", "bushing_ends", "load_point")
 
 
 class Raft(NamedTuple):
@@ -41,11 +44,10 @@ def merge_models(models: Sequence[Model]) -> Raft:
     frame = places(1)
     structure = dataclasses.replace(
         models[0].structure,
-        joints=tuple(j for m in models for j in m.structure.joints),
-        springs=tuple(s for m in models for s in m.structure.springs),
-        bushings=tuple(b for m in models for b in m.structure.bushings),
-        loads=tuple(p for m in models for p in m.structure.loads),
+        **{k: _chained(models, k) for k in ("joints", "springs", "bushings", "loads")},
     )
+    arrays: dict[str, Any] = {k: _joined([getattr(m, k) for m in models]) for k in ARRAYS}
+    arrays |= {k: _shifted([getattr(m, k) for m in models], poses) for k in POSES}
     merged = Model(
         structure=structure,
         frames=tuple(f for m in models for f in m.frames[: m.tree.roots])
@@ -62,22 +64,18 @@ def merge_models(models: Sequence[Model]) -> Raft:
             _joined([f[m.points.frame] for f, m in zip(frame, models, strict=True)]),
             _joined([m.points.offset for m in models]),
         ),
-        element_ends=_shifted([m.element_ends for m in models], poses),
-        element_triad=_joined([m.element_triad for m in models]),
         element_member=_shifted([m.element_member for m in models], members),
         beams=BeamProperties(
             **{k: _joined([getattr(m.beams, k) for m in models]) for k in BeamProperties.__dataclass_fields__}
         ),
-        body_point=_shifted([m.body_point for m in models], poses),
-        body_mass=_joined([m.body_mass for m in models]),
-        body_inertia=_joined([m.body_inertia for m in models]),
         attach_names=tuple(a for m in models for a in m.attach_names),
-        attach_point=_shifted([m.attach_point for m in models], poses),
-        spring_ends=_shifted([m.spring_ends for m in models], poses),
-        bushing_ends=_shifted([m.bushing_ends for m in models], poses),
-        load_point=_shifted([m.load_point for m in models], poses),
+        **arrays,
     )
     return Raft(merged, places(6), tuple(int(p) for p in poses[:-1]))
+
+
+def _chained(models: Sequence[Model], parts: str) -> tuple[Any, ...]:
+    return tuple(part for m in models for part in getattr(m.structure, parts))
 
 
 def merge_configurations(configs: Sequence[Configuration]) -> Configuration:
