@@ -7,7 +7,7 @@ from textwrap import fill
 import numpy as np
 from matplotlib.figure import Figure
 
-from middeck.plot.style import COLOUR, new_figure, note, styled
+from middeck.plot.style import COLOUR, draw_stems, new_figure, styled
 from middeck.structure.correlation.correlate import Correlation
 
 # Above this number of columns the values are not written into their squares.
@@ -43,16 +43,12 @@ def correlation_figure(found: Correlation) -> Figure:
     left.set_title("MAC; circles: pairs")
     left.grid(visible=False)
     figure.colorbar(image, ax=left, fraction=0.05, pad=0.02)
-    error, rows = 100.0 * found.evaluation.frequency_error, np.arange(len(pairs))
-    right.hlines(rows, 0.0, error, color=COLOUR["lab"], linewidth=1.6)
-    right.plot(error, rows, "o", color=COLOUR["lab"])
-    for row, value in zip(rows, error, strict=True):
-        note(right, f"{value:+.2f}", (max(value, 0.0), row), (6, 0), va="center")
-    right.set_yticks(rows, [f"{measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs])
-    right.tick_params(axis="y", labelright=True, labelleft=False, length=0)
+    error = 100.0 * found.evaluation.frequency_error
+    names = [f"{measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs]
+    draw_stems(right, error, 0.0, names, "{:+.2f}")
+    right.tick_params(axis="y", labelright=True, labelleft=False)
     span = max(float(np.abs(error).max(initial=0.0)), 0.1)
     right.set_xlim(-1.15 * span, 1.7 * span)
-    right.set_ylim(len(rows) - 0.4, -0.6)
     right.axvline(0.0, color="black", linewidth=0.7)
     right.set_xlabel("model over measured frequency, less one [%]")
     right.set_title("frequencies of the pairs")

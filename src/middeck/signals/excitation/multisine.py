@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, choose_lines, whole_samples
-from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.limits import Limits, as_large_as_allowed
 from middeck.signals.excitation.orthogonal_inputs import orthogonal_matrix
 from middeck.signals.excitation.signal import Excitation
 
@@ -87,12 +87,11 @@ def design_multisine(
     size = _amplitudes(amplitude, lines / period_s)
     T = orthogonal_matrix(inputs)
     u = np.concatenate([_realisation(lines, size, samples, T, phases, rng) for _ in range(realisations)])
-    u = scale_to_limits(u, limits, sample_hz, periodic=True)
     what = f"{phases}-phase multisine of {len(lines)} lines ({grid} grid) from {lines[0] / period_s:.6g} to "
     what += f"{lines[-1] / period_s:.6g} Hz"
     if inputs > 1:
         what += f", orthogonal for {inputs} inputs over {inputs} experiments"
-    return Excitation(kind="multisine", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)
+    return as_large_as_allowed("multisine", what, u, lines, limits, sample_hz)
 
 
 def _amplitudes(
