@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
