@@ -216,7 +216,7 @@ def _up(environment: Environment) -> Inexact[np.ndarray, "3"]:
 
 def _drawn(model: Model, device: Device) -> Inexact[np.ndarray, "3"]:
     """Undeformed place of its attach point."""
-    return points_in_world(model.points.of([attach_index(model, device.attach)]), model.drawn)[0]
+    return points_in_world(model.points.of(np.array([attach_index(model, device.attach)])), model.drawn)[0]
 
 
 def attach_index(model: Model, name: str) -> int:
