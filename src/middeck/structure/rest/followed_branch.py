@@ -53,7 +53,7 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
-        found = _newton(model, _Way(config, inner), scale_loads(loads, part), part - done, mass, part < 1.0)
+        found = _newton(model, config, inner, scale_loads(loads, part), part - done, mass, part < 1.0)
         step = (part - done) * min(2.0, max(found.fitting, 0.25) if found.to is None else found.fitting)
         if found.to is None:
             continue
@@ -69,29 +69,30 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     )
 
 
-class _Way(NamedTuple):
-    """Where Newton's method is: the configuration, and the forces inside where they are unknowns."""
-
-    config: Configuration
-    inner: Inner | None
-
-
 class _Newton(NamedTuple):
     """Where Newton's method ended, None where it left the branch, and the residuals of its iterations.
     ``fitting`` times the step of the loads would have made its first step as long as it may be."""
 
     fitting: float
-    to: _Way | None = None
+    to: tuple[Configuration, Inner | None] | None = None
     left: tuple[float, ...] = ()
 
 
-def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_array, rough: bool) -> _Newton:
+def _newton(
+    model: Model,
+    start: Configuration,
+    inner: Inner | None,
+    loads: Loads,
+    part: float,
+    mass: sp.csr_array,
+    rough: bool,
+) -> _Newton:
     """Newton's method from nearby, after a further ``part`` of what is prescribed. Forces inside are unknowns
     (see `unfold`). It ends where the next step would be rounding, whatever the loads are beside the weight;
     on the way a ``rough`` state will do, to which it contracts."""
     scale = imbalance_scale(model, loads)
-    config, moved = displace(model, way.config, loads, part)
-    inner = way.inner if moved is None else moved
+    config, moved = displace(model, start, loads, part)
+    inner = inner if moved is None else moved
     left, longest, before, fitting = [], 0.0, LONGEST_STEP, 0.5
     for _ in range(MAX_NEWTON):
         free = static_freedom(model, config)
@@ -123,7 +124,7 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
             break
     else:
         return _Newton(0.5)
-    return _Newton(fitting, _Way(config, inner), tuple(left))
+    return _Newton(fitting, (config, inner), tuple(left))
 
 
 def _is_settled(left: list[float], step: float, longest: float) -> bool:
@@ -136,8 +137,8 @@ def rest_beside(
     model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
 ) -> Configuration | None:
     """The rest state on the branch of ``config``, the forces inside as unknowns; None where it is left."""
-    found = _newton(model, _Way(config, None), loads, 0.0, mass, rough=False)
-    return None if found.to is None else found.to.config
+    found = _newton(model, config, None, loads, 0.0, mass, rough=False)
+    return None if found.to is None else found.to[0]
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
