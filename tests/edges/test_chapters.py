@@ -98,7 +98,7 @@ def test_chapters_run_in_any_order_on_values_computed_once(toys, paper_study):
 
 
 def test_a_new_chapter_is_told_with_no_other_change(toys):
-    from middeck.report.first_screen import came_out, does_not_hold
+    from middeck.report.page import came_out, does_not_hold
 
     chapters, _ = toys
     figures = {key: table for c in chapters for key, table in c.tabulate(None).items()}

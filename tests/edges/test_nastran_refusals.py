@@ -83,7 +83,10 @@ def test_the_deck_is_sound(tmp_path):
         ),
         ("CBAR,21,1,1,9,0.,1.,0.", "CBAR 21 field 5 (GB) = 9: there is no grid 9"),
         ("CBAR,21,5,1,4,0.,1.,0.", "there is no PBAR or PBARL 5"),
-        ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),
+        (
+            "CBAR,21,1,1,4,1.,0.,0.",
+            "its orientation vector is zero or along the member",
+        ),
         ("CBAR,21,1,1,4", "no orientation"),
         ("CBAR,21,1,1,1,0.,1.,0.", "a member of no length"),
         ("CBAR,21,1,1,4,0.,1.,0.\n,7", "no list of components 1 to 6"),
@@ -173,7 +176,10 @@ def test_the_deck_is_sound(tmp_path):
             "GRID,8,,5.,,,9\nCBAR,20,1,8,1,0.,1.,0.",
             "GRID 8 field 7 (CD) = 9: there is no coordinate system 9",
         ),
-        ("GRID,8,,5.,,,,5\nRBE2,20,1,123456,8", "its components 5 are held and depend on grid 1 too"),
+        (
+            "GRID,8,,5.,,,,5\nRBE2,20,1,123456,8",
+            "its components 5 are held (SPC or its PS) and depend on grid 1 too",
+        ),
         ("CONM1,20,1,,1.,,2.", "no rigid body"),
     ],
 )
@@ -251,7 +257,7 @@ def test_only_selected_clamps_are_converted(tmp_path):
     found = {c["node"]: (c["along"], c["about"]) for c in held.environment["clamp"]}
     assert found == {"g1": ("", "x"), "g2": ("xyz", "xyz")}
     for case, words in (
-        (["SPC = 6"], "GRID 3: its components 13 are held and depend on grid 2 too"),
+        (["SPC = 6"], r"GRID 3: its components 13 are held \(SPC or its PS\) and depend on grid 2 too"),
         (["SUBCASE 1", "SPC = 5", "SUBCASE 2", "SPC = 6"], r"different ones, 5 in 1, 6 in 2"),
         (["SUBCASE 1", "MPC = 5", "SUBCASE 2"], r"different ones, 5 in 1, none in 2"),
         (["SPC = 5", "SUBCASE 1", "SPC = 6", "SUBCASE 2"], r"different ones, 6 in 1, 5 in 2"),

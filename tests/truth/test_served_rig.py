@@ -281,6 +281,22 @@ def test_a_session_counts_samples_and_watches_the_alive_number():
     assert HOLD == 2
 
 
+def test_a_rig_follows_one_engine():
+    """Requests of one that was relieved, or that come late, neither move the article nor are answered."""
+    rig = Counter()
+    session = RigSession(rig)
+    for k in range(501):
+        assert ask(session, k, 1.0, k, "first")[0] == k
+    assert ask(session, 0, 0.0, 0, "second") == [500.0, 1.0]
+    for k in range(1, 21):
+        assert ask(session, 500 + k, 1.0, 500 + k, "first") == []
+        assert ask(session, k, 2.0, k, "second") == [500.0 + k, 2.0]
+    assert rig.told == [1.0] * 500 + [2.0] * 20
+    ask(session, -1, 0.0, 21, "second")
+    assert ask(session, 530, 3.0, 530, "first") == [520.0, 2.0]  # it joins again: the rig stands as it is
+    assert ask(session, 531, 3.0, 531, "first") == [521.0, 3.0]
+
+
 def test_a_rig_with_its_own_time_goes_on_without_an_engine():
     """Two periods after the last request its outputs are zero."""
     rig = Counter()

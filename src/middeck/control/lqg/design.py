@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.known_design import DesignView, design_known
 from middeck.control.law.partition import partition_modes
-from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
     LQGProblem,
@@ -16,19 +16,16 @@ from middeck.control.lqg.design_model import (
     require_finite_cost,
     weigh_effort,
 )
-from middeck.control.lqg.estimator import KalmanFilter, design_filter
+from middeck.control.lqg.estimator import KalmanFilter, find_filter
 from middeck.control.lqg.shaping import Shaping
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
-from middeck.systems.plants.response import statespace_response
-from middeck.systems.state_space.statespace import StateSpace, poles
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 AUTHORITY = "1/rho > 0, as 10"
-SCALINGS = 4
-"""Rounds in which sizes of outputs and inputs settle."""
 
 
 @record
@@ -97,41 +94,19 @@ def design_lqg(
     ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
     the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
-    (`measure_known`).
+    (`design_known`).
     """
     if not 0.0 < authority < np.inf:
         raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
-    first: list[LQGCompensator] = []
-
-    def numbers(found: LQGCompensator) -> Float[np.ndarray, " number"]:
-        first.append(found)
-        at = np.concatenate([poles(first[0].system), first[0].regulator.poles, first[0].estimator.poles])
-        # Integral action and noise of one frequency have poles on the axis: there is no response there.
-        far = np.abs(at) > 1e-9 * np.abs(at).max(initial=0.0)
-        lines = np.abs(at[far & (np.abs(np.real(at)) > 1e-6 * np.abs(at))])
-        here, there = (statespace_response(law.system, lines) for law in (first[0], found))
-        apart = (there / _sizes(here)).ravel()
-        return np.concatenate([np.real(apart), np.imag(apart), np.log([found.cost])])
 
     def design(plant: Plant) -> LQGCompensator:
         return _design(plant, weights, authority, kalman, shaping or Shaping())
 
-    return measure_known("law and cost", design, numbers, plant)
+    return design_known("law and cost", design, _view, plant)
 
 
-def _sizes(H: Complex[np.ndarray, "line output input"]) -> Float[np.ndarray, "line output input"]:
-    """Bounds of the entries on each line as products of a size of the output and one of the input.
-
-    An entry far below its bound is rounding of the others, in whatever units.
-    """
-    size = np.abs(H)
-    of_output = size.max(axis=2, keepdims=True, initial=0.0)
-    for _ in range(SCALINGS):
-        of_output = np.where(of_output > 0.0, of_output, 1.0)
-        of_input = (size / of_output).max(axis=1, keepdims=True, initial=0.0)
-        of_input = np.where(of_input > 0.0, of_input, 1.0)
-        of_output = (size / of_input).max(axis=2, keepdims=True, initial=0.0)
-    return np.where(of_output > 0.0, of_output, 1.0) * of_input
+def _view(law: LQGCompensator) -> DesignView:
+    return DesignView(law.system, np.concatenate([law.regulator.poles, law.estimator.poles]), law.cost)
 
 
 def _design(
@@ -142,7 +117,7 @@ def _design(
     active = part.active
     model = pose_problem(active, weights, shaping)
     try:
-        kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
+        kalman = find_filter(plant, weights, shaping)[0] if kalman is None else kalman
         regulator = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)

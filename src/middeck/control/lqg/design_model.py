@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.lqg.shaping import Shaping, pick
-from middeck.control.lqg.weights import LQGWeights, require_size
+from middeck.control.lqg.weights import LQGWeights, require_sizes
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.statespace import StateSpace, gain_system, series
@@ -60,9 +60,7 @@ def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProb
 
     Raises `ConfigError` for weights, intensities and filters that do not fit its ports.
     """
-    require_size("output weights", len(weights.output), plant.z)
-    require_size("input weights", len(weights.input), plant.u)
-    require_size("sensor intensities", len(weights.sensor), plant.y)
+    require_sizes(weights, plant)
     colours = pick(shaping.colours, weights.disturbed)
     on_outputs, on_inputs = pick(shaping.outputs, plant.z), pick(shaping.inputs, plant.u)
     pick(tuple((name, gain_system(np.eye(1))) for name, _ in shaping.integral), plant.y)

@@ -5,6 +5,7 @@ Two-sided densities S(f) [unit^2/Hz]; the filter's |G|^2 is S, the noise in fron
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,12 @@ import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
+from middeck.control.law.partition import partition_modes
+from middeck.control.lqg.design_model import put_beside
+from middeck.control.lqg.shaping import PortFilters, Shaping, pick
 from middeck.errors import ConfigError, DataError
+from middeck.signals.ports import Port
+from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
@@ -146,3 +152,43 @@ def _biquad(zero_hz: float, zero_damping: float, pole_hz: float, pole_damping: f
     rate = 2.0 * (zero_damping * p / z - ratio * pole_damping)
     A = np.array([[0.0, p], [-p, -2.0 * pole_damping * p]])
     return StateSpace(A, np.array([[0.0], [p]]), np.array([[1.0 - ratio, rate]]), np.array([[ratio]]))
+
+
+def colour_disturbances(plant: Plant, colours: PortFilters) -> Plant:
+    """The plant with filters in front of disturbances: its group w becomes the white noises that drive them.
+
+    The noises are inputs ``"noise of NAME"`` (numbered where a filter takes several) and replace their
+    disturbances in w; the original inputs remain, so that commands are not coloured. Inert modes are left
+    out. Raises `ConfigError` for filters that are not stable or at ports that are not in w.
+    """
+    Shaping(colours=colours)  # its checks
+    active = partition_modes(plant).active
+    chosen = [(n, f) for n, f in zip(active.w, pick(colours, active.w), strict=True) if f is not None]
+    if not chosen:
+        return active
+    system, colour = active.system, put_beside([one for _, one in chosen])
+    drive = system.B[:, active.input_indices([name for name, _ in chosen])]
+    through = system.D[:, active.input_indices([name for name, _ in chosen])]
+    states = np.zeros((len(colour.A), len(active.inputs)))
+    dynamics = StateSpace(
+        np.block([[colour.A, np.zeros((len(colour.A), len(system.A)))], [drive @ colour.C, system.A]]),
+        np.block([[states, colour.B], [system.B, drive @ colour.D]]),
+        np.hstack([through @ colour.C, system.C]),
+        np.hstack([system.D, through @ colour.D]),
+    )
+    noises_of = {name: _noise_names(name, one.D.shape[1]) for name, one in chosen}
+    noises = tuple(Port(noise, "1") for names in noises_of.values() for noise in names)
+    return dataclasses.replace(
+        active,
+        dynamics=dynamics,
+        inputs=(*active.inputs, *noises),
+        w=tuple(noise for name in active.w for noise in noises_of.get(name, [name])),
+        state_names=(
+            *(f"colour of {name}" for name, one in chosen for _ in range(len(one.A))),
+            *name_states(active),
+        ),
+    )
+
+
+def _noise_names(port: str, count: int) -> list[str]:
+    return [f"noise of {port}" + (f" {k + 1}" if count > 1 else "") for k in range(count)]

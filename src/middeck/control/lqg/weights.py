@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.loop.performance import require_intensity
+from middeck.control.loop.performance import require_intensity, require_one_each
 from middeck.errors import ConfigError
 from middeck.signals.ports import require_names
+from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 
@@ -56,13 +57,16 @@ class LQGWeights:
         require_intensity("the process intensity", self.process)
 
 
-def require_size(what: str, size: int, group: tuple[str, ...]) -> None:
-    """Raise `ConfigError` unless there is one of ``what`` for each port of ``group``."""
-    if not group:
-        raise ConfigError(
-            f"{size} {what}, but that group of the plant is empty", hint="name its groups: w=, u=, z=, y="
-        )
-    if size != len(group):
-        raise ConfigError(
-            f"{size} {what} for {len(group)} ports ({', '.join(group)})", hint="one for each, in their order"
-        )
+def require_sizes(weights: LQGWeights, plant: Plant) -> None:
+    """Raise `ConfigError` unless there is one weight, or intensity, for each port of its group."""
+    for what, given, group in (
+        ("output weights", weights.output, plant.z),
+        ("input weights", weights.input, plant.u),
+        ("sensor intensities", weights.sensor, plant.y),
+    ):
+        if not group:
+            raise ConfigError(
+                f"{len(given)} {what}, but that group of the plant is empty",
+                hint="name its groups: w=, u=, z=, y=",
+            )
+        require_one_each(what, len(given), group)

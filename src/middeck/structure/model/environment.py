@@ -195,30 +195,27 @@ class Environment:
     up: Inexact[np.ndarray, "3"] | None = None
 
     def __post_init__(self) -> None:
-        names = [device.name for device in self.hung]
-        for name in names:
-            if names.count(name) > 1:
-                raise ConfigError(
-                    f"two devices are called {name!r}",
-                    where=f"environment {self.title!r}",
-                    hint="a suspension's devices have the names of their attach points",
-                )
         supports = [*dict.fromkeys(c.node for c in self.clamps), *(b.name for b in self.bushings)]
-        for name in dict.fromkeys(supports):
-            if supports.count(name) > 1:
-                raise ConfigError(
-                    f"two supports are called {name!r}: reactions could not be told apart",
-                    where=f"environment {self.title!r}",
-                    hint="each bushing needs a name of its own, which no clamped node has",
-                )
-        turning = [name for name, _ in self.wheel_speeds]
-        for name in turning:
-            if turning.count(name) > 1:
-                raise ConfigError(
-                    f"two speeds of wheel {name!r}",
-                    where=f"environment {self.title!r}",
-                    hint="one speed [rad/s] for each",
-                )
+        for names, what, hint in (
+            (
+                [device.name for device in self.hung],
+                "two devices are called {!r}",
+                "a suspension's devices have the names of their attach points",
+            ),
+            (
+                supports,
+                "two supports are called {!r}: reactions could not be told apart",
+                "each bushing needs a name of its own, which no clamped node has",
+            ),
+            (
+                [name for name, _ in self.wheel_speeds],
+                "two speeds of wheel {!r}",
+                "one speed [rad/s] for each",
+            ),
+        ):
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise ConfigError(what.format(twice), where=f"environment {self.title!r}", hint=hint)
 
     @property
     def spins(self) -> bool:

@@ -133,11 +133,9 @@ def _check_asked(structure: Structure, count: int | None, upto_hz: float | None)
 
 
 class _Held(NamedTuple):
-    """The article at rest with its boundary and its free joints held, in carried coordinates.
-
-    The boundary is carried by nothing, so that its coordinates are those of W, and what is soft keeps its
-    digits beside what is stiff.
-    """
+    """The article at rest with its boundary and its free joints held, in carried coordinates. The boundary is
+    carried by nothing, so that its coordinates are those of W, and what is soft keeps its digits beside what
+    is stiff."""
 
     model: Model
     config: Configuration
@@ -239,10 +237,8 @@ def _basis(
     count: int | None,
     upto_hz: float | None,
 ) -> _Basis:
-    """Columns in the coordinates of ``motions``, those of the ``boundary`` first.
-
-    ``as_body`` are motions as one body in these, ``loaded`` what residuals load.
-    """
+    """Columns in the coordinates of ``motions``, those of the ``boundary`` first. ``as_body`` are motions as
+    one body in these, ``loaded`` what residuals load."""
     whole = assemble_carried(*held).tangent, carried_mass(*held)
     K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
     if order(K) == boundary:
@@ -258,7 +254,9 @@ def _basis(
         )
     psi = -factor.solve(K[boundary:][:, :boundary].toarray())
     psi += (as_body[boundary:] - psi @ as_body[:boundary]) @ np.linalg.pinv(as_body[:boundary])
-    psi = _orthogonal(held, motions, psi, pairs.shapes)
+    # Without what rounding of their solution left in them of the softest modes.
+    work, soft = held.work(motions @ _columns(psi, pairs.shapes)), pairs.shapes
+    psi = psi - soft @ np.linalg.solve(work[boundary:, boundary:], work[boundary:, :boundary])
     lam, shapes = pairs.lam[:kept], pairs.shapes[:, :kept]
     chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
@@ -270,12 +268,6 @@ def _columns(psi: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     out = np.eye(boundary + len(psi), boundary + vectors.shape[1])
     out[boundary:, :boundary], out[boundary:, boundary:] = psi, vectors
     return out
-
-
-def _orthogonal(held: _Held, motions: sp.csr_array, psi: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Static motions without what rounding of their solution left in them of the softest modes."""
-    work, first = held.work(motions @ _columns(psi, shapes)), psi.shape[1]
-    return psi - shapes @ np.linalg.solve(work[first:, first:], work[first:, :first])
 
 
 def _fixed_modes(

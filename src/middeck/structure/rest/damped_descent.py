@@ -82,10 +82,8 @@ class _Descent(NamedTuple):
 def _shorten(
     way: _Descent, config: Configuration, at: Assembly, q: np.ndarray
 ) -> tuple[Configuration, Assembly, int] | None:
-    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings.
-
-    None at rounding level.
-    """
+    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings. None at rounding
+    level."""
     for halvings in range(MAX_HALVINGS):
         trial = closed(way.model, move_whole(way.model, config, q, way.mass))
         if trial is not None:

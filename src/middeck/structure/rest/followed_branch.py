@@ -27,9 +27,9 @@ from middeck.structure.rest.rest_criteria import (
     UNMOVED,
     Settled,
     holding,
+    is_stable,
 )
 from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
-from middeck.structure.rest.stability import is_stable
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20
@@ -78,9 +78,7 @@ class _Way(NamedTuple):
 
 class _Newton(NamedTuple):
     """Where Newton's method ended, None where it left the branch, and the residuals of its iterations.
-
-    ``fitting`` times the step of the loads would have made its first step as long as it may be.
-    """
+    ``fitting`` times the step of the loads would have made its first step as long as it may be."""
 
     fitting: float
     to: _Way | None = None
@@ -88,11 +86,9 @@ class _Newton(NamedTuple):
 
 
 def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_array, rough: bool) -> _Newton:
-    """Newton's method from nearby, after a further ``part`` of what is prescribed.
-
-    Forces inside are unknowns (see `unfold`). It ends where the next step would be rounding, whatever
-    the loads are beside the weight; on the way a ``rough`` state will do, to which it contracts.
-    """
+    """Newton's method from nearby, after a further ``part`` of what is prescribed. Forces inside are unknowns
+    (see `unfold`). It ends where the next step would be rounding, whatever the loads are beside the weight;
+    on the way a ``rough`` state will do, to which it contracts."""
     scale = imbalance_scale(model, loads)
     config, moved = displace(model, way.config, loads, part)
     inner = way.inner if moved is None else moved
@@ -145,10 +141,8 @@ def rest_beside(
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
-    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each.
-
-    The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
-    """
+    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each. The
+    rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it."""
     moved = np.flatnonzero(np.any(loads.push[:, 3:] != 0.0, axis=1))
     if not len(moved):
         return None
@@ -209,10 +203,10 @@ def displace(
 
 def with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:
     """Springs without free length keep their own forces, as stiff across as along wherever they point."""
-    if not len(inner.spring) and not len(inner.device):
+    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
+    if not np.any(linear[0]) and not np.any(linear[1]):
         return inner
     own = inner_forces(model, config, loads)
-    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
     return inner._replace(
         spring=np.where(linear[0], own.spring, inner.spring),
         device=np.where(linear[1], own.device, inner.device),

@@ -79,10 +79,9 @@ def _shift_blocks(
     plant: Plant, system: StateSpace, frequency: Mapping[str, float], damping: Mapping[str, float]
 ) -> StateSpace:
     A, names = system.A.copy(), name_states(plant)
-    loops = _loops(system.A)
     for name in dict.fromkeys((*frequency, *damping)):
         index = mode_states(names, name)
-        if np.any(np.isin(loops, loops[index]) & ~np.isin(np.arange(len(loops)), index)):
+        if _is_in_a_loop(system.A, index):
             raise ConfigError(
                 f"{name} is in a loop with other states: what a shift changes cannot be told from them",
                 hint="shift the plant without the loop, then close it again",
@@ -118,7 +117,7 @@ class ModeCoordinates:
 def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str) -> ModeCoordinates:
     """Coordinates of the mode with the states ``index``; raises `ConfigError` where it does not oscillate."""
     block = A[np.ix_(index, index)]
-    pushes = np.hstack([B[index], A[np.ix_(index, np.setdiff1d(np.arange(len(A)), index))]])
+    pushes = np.hstack([B[index], A[index][:, _others(A, index)]])
     # Without any input, the second state counts as the rate.
     push = np.linalg.svd(pushes)[0][:, 0] if np.any(pushes) else np.array([0.0, 1.0])
     decay, squared = -float(np.trace(block)) / 2.0, float(np.linalg.det(block))
@@ -139,7 +138,7 @@ def _refuse_accelerations(
 ) -> None:
     """Refuse rows that read q'' = force - 2 zeta omega q' - omega^2 q: those with a direct term, whose part
     of q' is 2 zeta of that of omega q."""
-    others = np.setdiff1d(np.arange(len(system.A)), index)
+    others = _others(system.A, index)
     driven = np.any(system.B[index], axis=0)
     direct = np.any(np.vstack([system.D, system.B[others]])[:, driven], axis=1)
     rows = np.vstack([system.C, system.A[others]])[:, index]
@@ -167,12 +166,19 @@ def mode_states(names: tuple[str, ...], name: str) -> Int[np.ndarray, " 2"]:
     return index
 
 
-def _loops(A: np.ndarray) -> Int[np.ndarray, " state"]:
-    """Label of the strongly connected component of each state."""
+def _others(A: np.ndarray, index: np.ndarray) -> Int[np.ndarray, " state"]:
+    return np.delete(np.arange(len(A)), index)
+
+
+def _is_in_a_loop(A: np.ndarray, index: np.ndarray) -> bool:
+    """Whether the states ``index`` are in a strongly connected component with others."""
+    others = _others(A, index)
+    if not (A[index][:, others].any() and A[others][:, index].any()):
+        return False
     found = cast(
         "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
     )
-    return found[1]
+    return bool(np.isin(found[1][others], found[1][index]).any())
 
 
 def scale_inputs(plant: Plant, inputs: tuple[str, ...], factor: float) -> Plant:

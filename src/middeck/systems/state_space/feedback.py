@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
@@ -83,5 +82,13 @@ def beside(first: System, second: System) -> System:
             f"systems of periods {one:g} and {other:g} s in one loop (0: continuous)",
             hint="sample both alike",
         )
-    A, B, C, D = (np.asarray(sla.block_diag(getattr(first, k), getattr(second, k))) for k in "ABCD")
+    A, B, C, D = (_diagonal(getattr(first, k), getattr(second, k)) for k in "ABCD")
     return dataclasses.replace(first, A=A, B=B, C=C, D=D)
+
+
+def _diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """``first`` above ``second``, zeros beside them; searches close thousands of loops of a few states."""
+    rows, columns = first.shape
+    both = np.zeros((rows + len(second), columns + second.shape[1]))
+    both[:rows, :columns], both[rows:, columns:] = first, second
+    return both

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +12,7 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.law_form import LawForm
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
@@ -130,6 +131,19 @@ def whole_law(law: Law, form: LawForm) -> StateSpace:
     system = StateSpace(law.A, law.B, law.C, np.zeros((len(law.C), law.B.shape[1])))
     filtered = system if form.before is None else series(form.before, system)
     return filtered if form.after is None else series(filtered, form.after)
+
+
+def report_law(problem: Problem, law: Law) -> dict[str, Any]:
+    """Fields that the compensators of all robust designs have of their problem and law."""
+    part = partition_modes(problem.nominal)
+    return {
+        "dynamics": whole_law(law, problem.form),
+        "inputs": measured_ports(part.active),
+        "outputs": driven_ports(part.active),
+        "authority": problem.authority,
+        "order": len(law.A) - len(problem.shaping.integral),
+        "inert": part.inert,
+    }
 
 
 def law_of(compensator: Compensator) -> Law:

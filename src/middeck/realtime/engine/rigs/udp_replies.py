@@ -23,8 +23,9 @@ class RigSession:
     """A rig, where it stands, and its last reply; `answer` takes one datagram.
 
     Time of the rig is the engine's sample number. A request that was answered before gets the same reply; one
-    whose number has grown by n moves the rig by n samples. An engine with another address begins anew at
-    sample 0, as does any after a last request, and the rig goes on from where it is.
+    whose number has grown by n moves the rig by n samples. It follows one engine: that of another address
+    relieves it at its sample 0, or joins at any after a last request, and the rig goes on from where it is.
+    Other requests of other engines, late or of one that was relieved, move nothing.
     """
 
     def __init__(self, rig: EngineRig) -> None:
@@ -47,8 +48,10 @@ class RigSession:
             self.engine = None if sender == self.engine else self.engine
             return None
         if sender != self.engine:
-            self.engine, self.sample, self.alive, self.stale = sender, 0, -1, 0
-            self.outputs, self.ahead, self.reply = outputs, 0, self._reply(0)
+            if self.engine is not None and sample > 0:
+                return None
+            self.engine, self.sample, self.alive, self.stale = sender, sample, -1, 0
+            self.outputs, self.ahead, self.reply = outputs, 0, self._reply(sample)
         if not self.sample <= sample <= self.sample + LONGEST or outputs != self.outputs:
             return None
         if sample > self.sample:

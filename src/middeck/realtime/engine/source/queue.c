@@ -81,9 +81,9 @@ static int makes_safe(const command *c)
 }
 
 /* What would undo what a later command has made safe. */
-static int is_undone_by(const command *c, const command *later)
+static int is_withdrawn(const queue *q, const command *c)
 {
-    return (c->kind == ENGAGE && later->kind != SILENCE) || (c->kind == EXCITE && later->kind != DISENGAGE);
+    return (c->kind == ENGAGE && c->number < q->no_engage) || (c->kind == EXCITE && c->number < q->no_excite);
 }
 
 static void answer_early(queue *q, shared *f, engine *e, const command *c, enum answer answer)
@@ -92,14 +92,18 @@ static void answer_early(queue *q, shared *f, engine *e, const command *c, enum 
     answer_command(f, e, c, answer);
 }
 
-/* Those before it that would undo it are withdrawn. */
+/* Those before it that would undo it are withdrawn, also what has not arrived yet. */
 static void withdraw_before(queue *q, shared *f, engine *e, const command *later)
 {
     whole number;
     command c;
 
+    if (later->kind != SILENCE)
+        q->no_engage = later->number;
+    if (later->kind != DISENGAGE)
+        q->no_excite = later->number;
     for (number = f->acknowledged + 1; number < later->number; ++number)
-        if (!was_early(q, number) && read_command(f, number, &c) && is_undone_by(&c, later))
+        if (!was_early(q, number) && read_command(f, number, &c) && is_withdrawn(q, &c))
             answer_early(q, f, e, &c, WITHDRAWN);
 }
 
@@ -129,7 +133,7 @@ int take_commands(queue *q, shared *f, engine *e)
         if (!read_command(f, f->acknowledged + 1, &c) || (c.kind == LOAD && !load(q, f, e, &c, &answer)))
             break;
         if (c.kind != END && c.kind != LOAD)
-            answer = engine_command(e, &c);
+            answer = is_withdrawn(q, &c) ? WITHDRAWN : engine_command(e, &c);
         answer_command(f, e, &c, answer);
         acknowledge(f, c.number);
         if (c.kind == END)

@@ -258,7 +258,7 @@ def _draw_cables(axes: Axes, drawing: RestDrawing, look: Look) -> None:
     rest, points = drawing.rest, drawing.rest.model.points
     at = rest.loads.attach_point
     right, up = look.right, look.up
-    feet = _shown(drawing, PosePoints(points.frame[at], points.offset[at]))
+    feet = _shown(drawing, points.of(at))
     apart = np.diff(np.sort(feet[:, right])) > APART * drawing.size
     each = not drawing.beside and bool(np.all(apart))
     for k in range(len(at)):
