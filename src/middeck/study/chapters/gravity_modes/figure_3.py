@@ -176,6 +176,7 @@ def _draw_view(axes: Axes, rest: Equilibrium, factor: float, look: Look, colour:
     structure = rest.model.structure
     shade = {node.name: "#555555" for node in structure.nodes}
     shade |= {joint.name: colour for joint in structure.joints if np.any(joint.body.cg)}
+    arms = {joint.name for joint in structure.joints}
     flat, at = _flat(drawing, factor, look)
     for line in drawing.lines:
         some = slice(line.first, line.last)
@@ -185,7 +186,7 @@ def _draw_view(axes: Axes, rest: Equilibrium, factor: float, look: Look, colour:
             axes.plot(*at[some].T, color=colour, linewidth=2.2, zorder=2)
         elif line.what == "body" and line.name in shade:
             _draw_box(axes, at[some], shade[line.name])
-        elif line.what == "rigid":
+        elif line.what == "rigid" and line.name in arms:
             axes.plot(*at[some].T, color="black", linewidth=0.9, zorder=2.5)
         elif line.what == "cable" and hung:
             axes.plot(*at[some].T, color=COLOUR["ink"], linewidth=0.9, zorder=1.5)
