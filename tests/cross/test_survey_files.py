@@ -232,6 +232,9 @@ def test_a_survey_in_csv(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(found.damping, [0.01, 0.02], rtol=1e-12)
     assert found.channels == ("n1 x", "n2 y")
     np.testing.assert_allclose(found.shape, [[0.5, -0.1], [0.25, 0.0405]], rtol=1e-12)
+    assert found.warnings == ("decimal commas are read as points",) * (
+        name in ("decimals.csv", "counted.csv")
+    )
 
 
 @pytest.mark.parametrize(
@@ -246,6 +249,7 @@ def test_a_survey_in_csv(name: str, tmp_path: Path) -> None:
         ("mode,frequency,damping\n1,1\n", "2 cells for 3"),
         ("mode,frequency,quality\n1,1,1\n", "'quality'"),
         ("frequency;damping\n1.234,5;0,1\n", "no number"),
+        ("frequency;damping\n1,234;0.01\n2,345;0.02\n", "1000 times as much"),
         ("frequency\nx\n", "could not convert"),
         ("frequency\n-1\n", "-1.0 Hz"),
         ("frequency,n1.x\n1,nan\n", "not finite"),
