@@ -325,7 +325,7 @@ def test_a_set_of_sensors_that_is_too_small_has_no_condition(capfd: Capture, lab
     write_measured_modes(tmp_path / "few.json", few)
     ask = ("correlate", ARTICLE, tmp_path / "few.json", "--noise", "0,0", "--runs", 1, "--reduction", "guyan")
     assert json.loads(middeck(capfd, *ask, "--json").out)["sensor_condition"] is None
-    assert "sensors      too few to tell the modes apart" in middeck(capfd, *ask).out
+    assert "sensors      too few to distinguish the modes" in middeck(capfd, *ask).out
 
 
 def test_help_lists_every_profile_and_reduction():
