@@ -89,7 +89,12 @@ def reduce_structure(
     """
     _check_asked(structure, count, upto_hz)
     nodes = [node.name for node in structure.nodes]
-    _check_nodes(nodes, boundary, residual, recover)
+    if not boundary or len(set(boundary)) < len(boundary):
+        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
+    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
+        unknown = [name for name in names if name not in nodes]
+        if unknown:
+            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
     def of_nodes(names: Sequence[str]) -> np.ndarray:
         return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
@@ -182,17 +187,6 @@ def _stiffness(held: _Held, motions: np.ndarray, boundary: int) -> np.ndarray:
     cancels = ROUNDING * (size.T @ (abs(geometric_tangent(*held)) @ size))
     stiffness[np.abs(stiffness) < np.outer(terms, terms) + cancels] = 0.0
     return 0.5 * (stiffness + stiffness.T)
-
-
-def _check_nodes(
-    nodes: Sequence[str], boundary: Sequence[str], residual: Sequence[str], recover: Sequence[str]
-) -> None:
-    if not boundary or len(set(boundary)) < len(boundary):
-        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
-    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
-        unknown = [name for name in names if name not in nodes]
-        if unknown:
-            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
 
 def _independent(held: _Held, rows: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
