@@ -87,7 +87,16 @@ def reduce_structure(
     The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
     both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.
     """
-    _check_asked(structure, count, upto_hz)
+    if structure.wheels:
+        raise ConfigError(
+            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
+            where="reduction",
+            hint="take the wheels out here, and give them to the article that takes the component, at its "
+            "boundary",
+        )
+    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
+        hint = "give one of count and upto_hz, from 0 on"
+        raise ConfigError(f"{count} modes up to {upto_hz} Hz", where="reduction", hint=hint)
     nodes = [node.name for node in structure.nodes]
     if not boundary or len(set(boundary)) < len(boundary):
         raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
@@ -119,22 +128,6 @@ def reduce_structure(
         recovery=(in_world @ inner)[of_nodes(recover)] if recover else None,
     )
     return Reduced(require_component(component), *kept)
-
-
-def _check_asked(structure: Structure, count: int | None, upto_hz: float | None) -> None:
-    if structure.wheels:
-        raise ConfigError(
-            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
-            where="reduction",
-            hint="take the wheels out here, and give them to the article that takes the component, at its "
-            "boundary",
-        )
-    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
-        raise ConfigError(
-            f"{count} modes up to {upto_hz} Hz",
-            where="reduction",
-            hint="give one of count and upto_hz, from 0 on",
-        )
 
 
 class _Held(NamedTuple):
