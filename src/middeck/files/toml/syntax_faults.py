@@ -51,7 +51,8 @@ TROUBLES = (
             "the head of a table that is not closed", "[{name}], or [[{name}]] for one of several"),
     Trouble(KEY + r":\s*(?P<v>\S.*)$", "a colon where TOML has =", "{key} = {v}"),
     Trouble(r"^\s*(?://|%|;|--|/\*)", "a comment that TOML does not know", "# before a comment"),
-    Trouble(HEAD + r"^[^=#]*$", "neither a table nor key = value", "key = value, [table], or # before a comment"),
+    Trouble(HEAD + r"^[^=#]*$", "neither a table nor key = value",
+            "key = value, [table], or # before a comment"),
 )  # fmt: skip
 
 
