@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.plot.style import COLOUR, new_figure, note, styled
+from middeck.plot.style import COLOUR, draw_stems, new_figure, styled
 from middeck.structure.correlation.correlate import Correlation
 from middeck.structure.correlation.evaluation import Evaluation
 from middeck.structure.correlation.frequencies import FrequencyComparison
@@ -71,16 +71,11 @@ def _heading(modes: Modes) -> str:
 
 def _draw_errors(axes: Axes, names: list[str], found: Evaluation | FrequencyComparison) -> None:
     """Frequency errors of pairs, one a row, whose name is beside it."""
-    error, rows = 100.0 * found.frequency_error, np.arange(len(names))
-    axes.hlines(rows, 0.0, error, color=COLOUR["lab"], linewidth=1.6)
-    axes.plot(error, rows, "o", color=COLOUR["lab"])
-    for row, value in zip(rows, error, strict=True):
-        note(axes, f"{value:+.2f}", (max(value, 0.0), row), (6, 0), va="center")
-    axes.set_yticks(rows, names)
-    axes.tick_params(axis="y", labelright=True, labelleft=False, length=0)
+    error = 100.0 * found.frequency_error
+    draw_stems(axes, error, 0.0, names, "{:+.2f}")
+    axes.tick_params(axis="y", labelright=True, labelleft=False)
     span = max(float(np.abs(error).max(initial=0.0)), 0.1)
     axes.set_xlim(-1.15 * span, 1.7 * span)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.axvline(0.0, color="black", linewidth=0.7)
     axes.set_xlabel("model over measured frequency, less one [%]")
     axes.set_title("frequencies of the pairs")

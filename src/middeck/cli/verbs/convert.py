@@ -48,9 +48,7 @@ EXAMPLES = """\
     metavar="NUMBER",
     help="Subcase of case control; needed if subcases hold or load the deck differently.",
 )
-@options.written(
-    "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
-)
+@options.output("target", options.ARTICLES, "Write the article.", "ARTICLE")
 @options.written(
     "--environment",
     "held_target",
