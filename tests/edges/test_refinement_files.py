@@ -327,7 +327,7 @@ def test_the_verb_refines_damping_and_says_how_well_it_knows_it(
     strain, suspension = document["unknowns"][1:]
     assert abs(strain["x"]) < 3.0 * strain["std"] < 0.3
     assert suspension["std"] == pytest.approx(suspension["spread"], rel=1e-6)
-    assert "the tests say nothing about suspension" in document["warnings"]
+    assert "the tests do not determine suspension" in document["warnings"]
     assert document["model_error"].keys() == {"suspension", "flexible", "damping"}
     (told,) = document["damping"]
     np.testing.assert_allclose(told["measured"], 0.01)

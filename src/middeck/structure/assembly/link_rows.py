@@ -212,9 +212,8 @@ def _six(pose: np.ndarray) -> np.ndarray:
 def _diagonal(blocks: np.ndarray) -> sp.csr_array:
     """Blocks on the diagonal of a matrix."""
     count, high, wide = blocks.shape
-    columns = np.repeat(np.arange(count * wide).reshape(count, 1, wide), high, axis=1)
-    indptr = np.arange(0, blocks.size + 1, wide)
-    return sp.csr_array((blocks.ravel(), columns.ravel(), indptr), shape=(count * high, count * wide))
+    places = np.arange(count + 1)
+    return sp.bsr_array((blocks, places[:-1], places), shape=(count * high, count * wide)).tocsr()
 
 
 def _sparse(entries: list[tuple[int, int, float]], shape: tuple[int, int]) -> sp.csr_array:

@@ -13,7 +13,6 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import (
     Configuration,
     FrameTree,
-    PosePoints,
     Poses,
     frame_poses,
     points_in_world,
@@ -49,15 +48,13 @@ def poses_at(model: Model, config: Configuration) -> At:
 
 def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far poses have shifted and turned (less the identity) since drawn."""
-    frame = model.points.frame[pose]
-    drawn = model.drawn
-    moved, before = drawn_places(model, at, pose)[1], PosePoints(frame, model.points.offset[pose])
+    frame, drawn = model.points.frame[pose], model.drawn
+    away = at.world[pose] - points_in_world(model.points.of(pose), drawn)
     turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - np.eye(3)
     if at.since is None:
-        return at.world[pose] - points_in_world(before, drawn), turn
-    own = frame < model.tree.roots
+        return away, turn
+    own, moved = frame < model.tree.roots, drawn_places(model, at, pose)[1]
     root = np.where(own, frame, 0)
-    away = at.world[pose] - points_in_world(before, drawn)
     return np.where(own[:, None], moved, away), np.where(own[:, None, None], at.motion[1][root], turn)
 
 

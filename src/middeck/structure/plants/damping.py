@@ -25,12 +25,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Inexact
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.component_states import component_states
-from middeck.structure.elements.frames import PosePoints, points_in_world, pose_jacobian
+from middeck.structure.elements.frames import points_in_world, pose_jacobian
 from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
 from middeck.structure.modes.motions.strain_shares import member_energy
-from middeck.structure.modes.names.kind_warnings import CURE
-from middeck.structure.modes.names.kinds import is_held, kinds_by_rank
+from middeck.structure.modes.names.kinds import CURE, is_held, kinds_by_rank
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.loss_coupling import Losses, coupled_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -197,12 +195,8 @@ def damper_matrix(
 
 
 def _component_dampers(equilibrium: Equilibrium, shapes: np.ndarray) -> np.ndarray:
-    model = equilibrium.model
     total = np.zeros((shapes.shape[1],) * 2)
-    states = component_states(model, equilibrium.config, equilibrium.loads)
-    for part, element, (state, rows) in zip(
-        model.structure.components, model.components, states, strict=True
-    ):
+    for part, element, state, rows in equilibrium.components:
         if part.damping is not None:
             rate = element.basis @ state.seen(rows @ shapes)
             total = total + rate.T @ part.damping @ rate
@@ -234,15 +228,12 @@ def _damper_rows(equilibrium: Equilibrium, damper: Damper) -> Float[np.ndarray, 
 
 
 def _positions(equilibrium: Equilibrium, points: np.ndarray) -> np.ndarray:
-    model = equilibrium.model
-    some = PosePoints(model.points.frame[points], model.points.offset[points])
-    return points_in_world(some, equilibrium.poses)
+    return points_in_world(equilibrium.model.points.of(points), equilibrium.poses)
 
 
 def _translations(equilibrium: Equilibrium, points: np.ndarray) -> Float[np.ndarray, "point 3 coordinate"]:
     model = equilibrium.model
-    some = PosePoints(model.points.frame[points], model.points.offset[points])
-    J = pose_jacobian(model.tree, some, equilibrium.poses)
+    J = pose_jacobian(model.tree, model.points.of(points), equilibrium.poses)
     return J.toarray().reshape(len(points), 6, -1)[:, :3]
 
 

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 from jaxtyping import Float
 
@@ -24,6 +23,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.redundant_constraints import pivots
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
@@ -80,7 +80,7 @@ def residual_flexibility(
         )
     K, M, free = _matrices(modes)
     held = np.zeros(order(K), dtype=bool)
-    held[_statically_determinate(free.coordinates(modes.shapes[:, :rigid]))] = True
+    held[pivots(free.coordinates(modes.shapes[:, :rigid]))] = True
     factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
     if factor is None:
         raise NumericalError(
@@ -188,10 +188,8 @@ class _Kept(NamedTuple):
 def _answer_of_the_rest(
     D: sp.csr_array, factor: Factor, kept: _Kept, force: np.ndarray, free: np.ndarray
 ) -> Float[np.ndarray, "coordinate input"]:
-    """D^-1 ``force`` less what the kept modes answer, itself without any part along them.
-
-    The soft kept modes answer a million times more than the stiff rest: a difference would be rounding.
-    """
+    """D^-1 ``force`` less what the kept modes answer, itself without any part along them. The soft kept modes
+    answer a million times more than the stiff rest: a difference would be rounding."""
     by_modes = kept.answer(force)
     x = np.zeros_like(force)
     for _ in range(2):  # once more for what rounding has left
@@ -238,11 +236,3 @@ def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
     free = dynamic_freedom(equilibrium.model, equilibrium.config, in_world=True)
     K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
     return free.matrix(K), free.matrix(modes.mass), free
-
-
-def _statically_determinate(rigid: np.ndarray) -> np.ndarray:
-    """Coordinates that, held, stop every rigid mode: the pivots of a rank-revealing QR (Golub 1965)."""
-    if not rigid.shape[1]:
-        return np.zeros(0, dtype=int)
-    _, pivots = cast("tuple[Any, np.ndarray]", sla.qr(rigid.T, mode="r", pivoting=True))
-    return pivots[: rigid.shape[1]]

@@ -19,6 +19,7 @@ from jaxtyping import Float, Int
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -26,7 +27,6 @@ from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
-from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
@@ -58,10 +58,7 @@ class FrequencySensitivities:
 
     @property
     def relative(self) -> Float[np.ndarray, "parameter mode"]:
-        """Logarithmic sensitivities d ln f / d ln p.
-
-        Not a number where either of them is zero.
-        """
+        """Logarithmic sensitivities d ln f / d ln p. Not a number where either of them is zero."""
         values = np.array([p.value if p.value != 0.0 else np.nan for p in self.parameters])
         return self.d_hz * values[:, None] / np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
 
@@ -76,7 +73,7 @@ def differentiate_frequencies(
     rest state itself has no derivative, or where a softer member changes one of these frequencies.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    groups = group_modes(modes, count)
+    groups = tuple(tuple(group.tolist()) for group in by_frequency(modes.omega[:count] ** 2))
     softer, article = soften_modes(modes, count, "derivatives of frequencies")
     pairs = _pairs(modes, groups)
     moved = move_rest(article.rest, article.parameters(parameters))

@@ -150,9 +150,8 @@ def columns(arrays: Sequence[np.ndarray], size: int) -> np.ndarray:
 
 def drawn_motion(model: Model, patch: Patch) -> np.ndarray:
     """Derivative of the undeformed configuration, as coordinates of the whole."""
-    out = np.zeros(model.tree.size)
-    step = np.zeros((len(patch.roots), 6))
-    step[:, :3] = derivative(patch.model.rest.x)
+    out, shift = np.zeros(model.tree.size), derivative(patch.model.rest.x)
+    step = np.hstack([shift, np.zeros_like(shift)])
     out[patch.coordinates] = np.concatenate([step.ravel(), derivative(patch.model.rest.angle)])
     return out
 

@@ -117,7 +117,7 @@ def _of_the_search(refined: Refined) -> Iterator[str]:
         beside = f" and {readings} static readings" if readings else ""
         yield (
             f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: the values of most "
-            "follow from their priors; more modes, other gimbal angles or added masses would tell more"
+            "follow from their priors; measure more modes, other gimbal angles or added masses"
         )
 
 
@@ -141,7 +141,7 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
                 "the prior right, or does it make up for something that the model lacks?"
             )
     if names := unseen(refined):
-        yield f"the tests say nothing about {', '.join(names)}"
+        yield f"the tests do not determine {', '.join(names)}"
     for group in together(refined):
         yield f"the tests determine a combination of {' and '.join(group)}, but not each of them"
 
@@ -157,20 +157,21 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
             sort, size = MODES[k], tau[k]
             if size > ABOVE * noise:
                 yield (
-                    f"the {sort} modes stay {100.0 * size:.2g} % off whatever the unknowns, where the test "
-                    f"states {100.0 * stated:.2g} %: an error of the model, which predictions carry"
+                    f"no unknowns fit the {sort} modes better than {100.0 * size:.2g} %,"
+                    " where the test states "
+                    f"{100.0 * stated:.2g} %: a model error, which the predicted intervals include"
                 )
     shown, std = refined.shear
     if -shown > ABOVE * std:
         yield (
-            f"the modes ask for {shown:.2g} +- {std:.2g} times the shear and finer mesh that the model "
-            "lacks, a negative amount: another error moves all modes one way"
+            f"the modes show {shown:.2g} +- {std:.2g} times the effect of the shear and finer mesh that the "
+            "model lacks, a negative amount: another error moves all modes one way"
         )
     if shown > ABOVE * std:
         yield (
-            f"the modes ask for {shown:.2g} +- {std:.2g} times the shear and finer mesh that the model lacks "
-            "(1: shear of tubes, infinitely many elements); predictions carry it, but members with a shear "
-            "stiffness, or more elements, would be better"
+            f"the modes show {shown:.2g} +- {std:.2g} times the effect of the shear and finer mesh that the "
+            "model lacks (1: shear of tubes, infinitely many elements); predictions include it, but members "
+            "with a shear stiffness, or more elements, would be better"
         )
     if refined.statics:
         yield from _of_statics(refined, *tau[MODAL : MODAL + len(STATIC)].tolist())
@@ -231,8 +232,8 @@ def _of_damping(refined: Refined) -> Iterator[str]:
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     if size > ABOVE * known and errors_shown(problem, refined.estimate.tau)[-1]:
         yield (
-            f"the damping ratios stay {100.0 * size:.2g} % off whatever the unknowns, where the test states "
-            f"{100.0 * known:.2g} %: an error of the model, which predictions carry"
+            f"no unknowns fit the damping ratios better than {100.0 * size:.2g} %, where the test states "
+            f"{100.0 * known:.2g} %: a model error, which the predicted intervals include"
         )
 
 
@@ -241,11 +242,11 @@ def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:
     if shared > ABOVE * noise:
         yield (
             f"deflections under load differ from the refined model by {100.0 * shared:.2g} %, where the "
-            f"gauges state {100.0 * noise:.2g} %: an error of the model, common to load cases that strain "
-            "the same members, which predictions carry"
+            f"gauges state {100.0 * noise:.2g} %: a model error, common to load cases that strain the same "
+            "members, which the predicted intervals include"
         )
     if own > ABOVE * noise:
         yield (
             f"static readings scatter by {100.0 * own:.2g} %, where the gauges state {100.0 * noise:.2g} %: "
-            "an error of the rig or of the model, which every prediction carries"
+            "an error of the rig or of the model, which the predicted intervals include"
         )
