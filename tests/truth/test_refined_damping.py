@@ -165,7 +165,7 @@ def test_ratios_of_zero_are_left_out_by_name(sound: Refined):
         (-1.0, 1.0, "negative"),
         (150.0, 1.0, "not below one"),
         (0.0, 0.0, "no survey states a damping ratio"),
-        (1.0, None, "how well it knows its damping"),
+        (1.0, None, "no standard deviations of its damping"),
     ],
 )
 def test_damping_that_cannot_be(sound: Refined, factor: float, std: float | None, what: str):

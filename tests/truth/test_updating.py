@@ -528,7 +528,7 @@ def test_unknowns_that_cannot_be(unknowns: list[Unknown], what: str):
 def test_surveys_that_cannot_be():
     seen = survey_of(modes_of(mast(), clamped()), TIGHT)
     unknown = dataclasses.replace(seen.measured, frequency_std_hz=None)
-    with pytest.raises(ConfigError, match="how well it knows"):
+    with pytest.raises(ConfigError, match="states no standard deviation"):
         refine(mast(), [dataclasses.replace(seen, measured=unknown)], [MODULUS])
     with pytest.raises(ConfigError, match="no survey"):
         refine(mast(), [], [MODULUS])

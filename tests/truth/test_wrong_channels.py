@@ -68,7 +68,7 @@ def swapped(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
     ("change", "what"),
     repeats(
         [
-            (turned, ["channel d y reads with the other sign"]),
+            (turned, ["channel d y reads with the opposite sign"]),
             (swapped, ["channel c x does not read", "channel c y does not read"]),
             (thrice, ["channel d z reads 3 times"]),
         ],
@@ -164,7 +164,7 @@ def test_a_channel_that_the_modes_do_not_move_is_not_named(others: list, stated:
             )
             said = wrong_channels(found.compared[0])
             assert len(said) == count
-            assert all("channel n6 z reads with the other sign" in line for line in said)
+            assert all("channel n6 z reads with the opposite sign" in line for line in said)
 
 
 HELD = Environment(
@@ -209,7 +209,7 @@ def thrice_the_load(name: str, value: np.ndarray) -> None:
     ("spoilt", "what", "by"),
     [
         (in_millimetres, "gauge 'cz' reads", 1000.0),
-        (other_way, "gauge 'cy' reads with the other sign", None),
+        (other_way, "gauge 'cy' reads with the opposite sign", None),
         (thrice_the_load, "test 'cz 1' reads", 3.0),
     ],
 )

@@ -286,7 +286,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _condition(condition: float | None) -> str:
-    return "too few to tell the modes apart" if condition is None else f"condition {condition:.3g}"
+    return "too few to distinguish the modes" if condition is None else f"condition {condition:.3g}"
 
 
 def _interval(p: dict[str, Any]) -> str:
