@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import field
@@ -114,7 +115,7 @@ class Suspension:
                 hint="one set of xyz letters for each attach point",
             )
 
-    @property
+    @functools.cached_property
     def devices(self) -> tuple[Device, ...]:
         """Its devices, each named after its attach point."""
         return tuple(
@@ -209,7 +210,7 @@ class Environment:
         size = float(np.linalg.norm(np.real(self.gravity)))
         return np.real(-self.gravity) / size + 0.0 if size > 0.0 else self.up
 
-    @property
+    @functools.cached_property
     def hung(self) -> tuple[Device, ...]:
         """Every device that can only pull, those of the suspension first."""
         return (*(() if self.suspension is None else self.suspension.devices), *self.devices)
