@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import middeck
-from middeck.report import first_screen
+from middeck.report import page
 from middeck.study import mission
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.mission import CHAPTERS, run_chapters, study_numbers
@@ -83,7 +83,7 @@ def toys(monkeypatch):
 
     chapters = (toy("one", 3, (shared,)), toy("two", 0, (shared,)))
     # Both are imported above: one imported later would take these for the paper's, and keep them.
-    for module in (mission, first_screen):
+    for module in (mission, page):
         monkeypatch.setattr(module, "CHAPTERS", chapters)
     return chapters, asked
 

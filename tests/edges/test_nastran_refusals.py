@@ -154,7 +154,9 @@ def test_the_deck_is_sound(tmp_path):
         ),
         ("FORCE,5,9,,1.,1.", "grid 9 has no element or mass"),
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
-        ("LOAD,5,1.,1.,8", "no factor and set of loads"),
+        ("LOAD,5,1.,,8", "no factor and set of loads"),
+        ("LOAD,5,1.,1.,8", "load set 8 has no load"),
+        ("LOAD,5,1.,1.,8\nLOAD,8,1.,1.,9\nGRAV,9,,1.,0.,0.,1.", "load set 8 is a LOAD itself"),
         ("GRAV,5,7,9.8,,,-1.", "GRAV 5 field 3 (CID) = 7: there is no rectangular coordinate system 7"),
         ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
         ("CMASS4,20,1.,1", "grid 1 has components, 1 to 6: which? only scalar points have none"),
@@ -279,6 +281,8 @@ def test_load_sets_are_converted_whole_or_listed(tmp_path):
     assert [row[0] for row in made.left_out if "load" in row[0]] == ["load set 6", "gravity of load set 7"]
     assert any("load set '7' 9.81 m/s^2 along [0.0, 0.0, -1.0]" in note for note in made.notes)
     assert "load_case" not in convert(write(tmp_path, *cards, case=["LOAD = 6"])).document
+    lost = ("load set 8", 0, "case control selects it, and no load has it")
+    assert lost in convert(write(tmp_path, *cards, case=["LOAD = 8"])).left_out
 
 
 def test_the_word_about_up(tmp_path):

@@ -344,7 +344,7 @@ def test_damping_that_cannot_be_is_told_with_its_place(tmp_path: Path, capfd: py
     for changed, what in (
         ({"damping_error = 0.1": "damping_error = 0.0"}, "must be > 0"),
         ({"damping_std = 0.05": "damping_std = -0.05"}, "refine.toml:8"),
-        ({"damping_std = 0.05": ""}, "how well it knows its damping"),
+        ({"damping_std = 0.05": ""}, "no standard deviations of its damping"),
         ({"damping.flexible": "damping.flexibel"}, "damping.flexible"),
     ):
         ended = middeck(capfd, "refine", ARTICLE, damped(tmp_path, **changed))

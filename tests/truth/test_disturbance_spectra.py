@@ -15,8 +15,7 @@ from middeck.control.lqg.disturbance_spectra import (
     line_filter,
     sum_spectra,
 )
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms

@@ -44,7 +44,7 @@ def test_a_mode_that_loses_little_of_its_motion_within_the_record_has_its_dampin
 @pytest.mark.parametrize("kind", repeats(KINDS, 2))
 def test_modes_that_hardly_decay_within_a_record_are_fitted_without_a_doubt(kind, campaign):
     off, said = [], []
-    for seed in campaign(120):
+    for seed in campaign(120, share=40):
         record, plant = light(kind, seed)
         fit = fit_record(record, states=2 * len(plant[0]))
         off.append(deviations_off(fit, plant))

@@ -161,6 +161,17 @@ def test_a_number_that_may_be_a_field_too_many_is_told(text):
     assert "where the mark of a continuation stands" in refused(text)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [f"{'CBAR           3       1       3       4      0.      0.      1.     GGG':80}     456",
+     "CBAR\t3\t1\t3\t4\t0.\t0.\t1.\tGGG\t\t456",
+     f"{'GRID*                 12               0              1.':80}2."],
+)  # fmt: skip
+def test_a_number_behind_the_last_column_is_told(text):
+    assert "behind column 80, where no field is" in refused(text)
+    assert entries(f"{'GRID    1               1.':80}  as drawn").of("GRID")
+
+
 def test_a_fixed_field_reaches_to_the_next_one():
     (found,) = entries("PARAM   COUPMASS1").of("PARAM")
     assert found.values == ("COUPMASS", "1", [])

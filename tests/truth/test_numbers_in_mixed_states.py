@@ -21,7 +21,7 @@ from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import Shaping
 from middeck.control.noise import measure_noise_rms
 from middeck.control.sampled.design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.emulation import emulate

@@ -102,8 +102,6 @@ def verb(
     from middeck.cli.given.cases import solve_case
 
     measured = md.load_measured_modes(test)
-    if figure_file is not None and not measured.node:
-        raise click.UsageError("--figure draws shapes, and a survey of frequencies alone has none")
     given = None if noise is None else md.structure.MeasurementNoise(*noise)
     criteria = _criteria(profile, limits)
     top = NEAR * float(measured.frequency_hz.max())
@@ -120,8 +118,8 @@ def verb(
             )  # fmt: skip
             document = {**describe(found), "seed": seed, "test": test}
             blocks = _tables(document)
-            if figure_file is not None:
-                _draw(found, figure_file, test)
+        if figure_file is not None:
+            _draw(found, figure_file, test)
     show(as_json, document, *blocks)
     if require and not found.passed:
         click.get_current_context().exit(1)
@@ -136,15 +134,18 @@ def _criteria(profile: str, limits: tuple[tuple[str, float], ...]) -> Profile:
     return criteria
 
 
-def _draw(found: Correlation, file: str, test: str) -> None:
-    from middeck.plot.correlation import correlation_figure
+def _draw(found: Correlation | FrequencyComparison, file: str, test: str) -> None:
+    from middeck.plot.correlation import correlation_figure, frequencies_figure
+    from middeck.structure.correlation.correlate import Correlation
 
+    shapes = isinstance(found, Correlation)
+    errors = f"requency errors of {len(found.pairs)} pairs."
     figures.write_figure(
-        correlation_figure(found),
+        correlation_figure(found) if shapes else frequencies_figure(found),
         file,
         key="correlation",
         title=f"Correlation of {found.modes.equilibrium.model.structure.title} with {test}",
-        description=f"MAC of the modes, and frequency errors of {len(found.pairs)} pairs.",
+        description=f"{'MAC of the modes, and f' if shapes else 'F'}{errors}",
     )
 
 
@@ -285,7 +286,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _condition(condition: float | None) -> str:
-    return "too few to tell the modes apart" if condition is None else f"condition {condition:.3g}"
+    return "too few to distinguish the modes" if condition is None else f"condition {condition:.3g}"
 
 
 def _interval(p: dict[str, Any]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.known_design import DesignView, design_known
@@ -12,13 +11,14 @@ from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
     LQGProblem,
     append_integrals,
+    join_estimator,
+    moves_estimate,
     pose_problem,
     require_finite_cost,
     weigh_effort,
 )
 from middeck.control.lqg.estimator import KalmanFilter, find_filter
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
@@ -28,16 +28,8 @@ from middeck.values import record
 AUTHORITY = "1/rho > 0, as 10"
 
 
-@record
-class Regulator:
-    """Gain and Riccati solution on the states of the model, then its integrals; ``R`` weights u."""
-
-    solution: RiccatiSolution
-    R: Float[np.ndarray, "u u"]
-
-
-def design_regulator(model: LQGProblem, authority: float) -> Regulator:
-    """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals."""
+def design_regulator(model: LQGProblem, authority: float) -> tuple[RiccatiSolution, np.ndarray]:
+    """Minimise E[z'z + u'Ru] on the states of ``model``, then its integrals; and R."""
     require_finite_cost(model)
     A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
     C, D, plain = weigh_effort(model, authority)
@@ -55,7 +47,7 @@ def design_regulator(model: LQGProblem, authority: float) -> Regulator:
         names=(*model.names, *model.integral_names),
         complaint="no control input in u reaches it",
     )
-    return Regulator(solution, R)
+    return solution, R
 
 
 @record(kw_only=True)
@@ -118,7 +110,7 @@ def _design(
     model = pose_problem(active, weights, shaping)
     try:
         kalman = find_filter(plant, weights, shaping)[0] if kalman is None else kalman
-        regulator = design_regulator(model, authority)
+        regulator, R = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)
         raise
@@ -131,8 +123,10 @@ def _design(
         raise ConfigError(
             "the filter was designed for other noise intensities", hint="design it with the same weights"
         )
-    law = _join(model, regulator.solution.gain, kalman.gain)
-    cost = _cost(model, regulator, kalman.solution.X)
+    inside = StateSpace(model.A, model.control, model.C2, model.D22)
+    moved = moves_estimate(inside, kalman.gain)
+    law = join_estimator(inside, regulator.gain, kalman.gain, model.integral)
+    cost = _cost(model, regulator, R, kalman.solution.X)
     ports = measured_ports(active), driven_ports(active)
     names = (*model.names, *model.integral_names)
     return LQGCompensator(
@@ -140,12 +134,12 @@ def _design(
         inputs=ports[0],
         outputs=ports[1],
         authority=authority,
-        regulator=regulator.solution,
+        regulator=regulator,
         estimator=kalman.solution,
         cost=cost,
         inert=part.inert,
         state_names=names,
-        applied=np.vstack([_driven(model, kalman.gain), np.zeros((len(model.integral), len(ports[1])))]),
+        applied=np.vstack([moved, np.zeros((len(model.integral), moved.shape[1]))]),
     )
 
 
@@ -155,28 +149,12 @@ def _require_ports(model: LQGProblem) -> None:
     require_reachable(model.A.T, model.C2.T, model.names, complaint="no measurement in y sees it")
 
 
-def _join(model: LQGProblem, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
-    """u = -K (xhat, integrals); the integrals are of the measurements, hence known exactly."""
-    n, rows = len(model.A), list(model.integral)
-    driven = _driven(model, injection)
-    A = np.zeros((n + len(rows), n + len(rows)))
-    A[:n] = -driven @ gain
-    A[:n, :n] += model.A - injection @ model.C2
-    B = np.vstack([injection, np.eye(len(model.C2))[rows]])
-    return StateSpace(A, B, -gain, np.zeros((len(gain), len(model.C2))))
-
-
-def _driven(model: LQGProblem, injection: np.ndarray) -> np.ndarray:
-    """How a command moves the estimate: by the plant's input, and by the answer that is expected at once."""
-    return model.control - injection @ model.D22
-
-
-def _cost(model: LQGProblem, regulator: Regulator, error: np.ndarray) -> float:
+def _cost(model: LQGProblem, regulator: RiccatiSolution, R: np.ndarray, error: np.ndarray) -> float:
     """tr(X N) + tr(R K Sigma K'): cost of noise on states and integrals, plus cost of estimation errors."""
     n, rows = len(model.A), list(model.integral)
     joint = np.block([[model.process, model.cross], [model.cross.T, np.diag(model.sensor)]])
     sensors = np.eye(len(model.C2))[rows]
     drive = np.block([[model.noise, np.zeros((n, len(model.C2)))], [model.D21[rows], sensors]])
-    noise = np.sum(regulator.solution.X * (drive @ joint @ drive.T))
-    gain = regulator.solution.gain[:, :n]
-    return float(noise + np.sum((gain @ error) * (regulator.R @ gain)))
+    noise = np.sum(regulator.X * (drive @ joint @ drive.T))
+    gain = regulator.gain[:, :n]
+    return float(noise + np.sum((gain @ error) * (R @ gain)))

@@ -8,8 +8,7 @@ from jaxtyping import Float
 from middeck.control.law.known_design import DesignView, design_known
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design_model import LQGProblem, pose_problem
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace

@@ -17,7 +17,6 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
-from middeck.control.reduction.reduced_systems import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
@@ -31,9 +30,28 @@ from middeck.systems.state_space.modal_system import (
     select_modes,
 )
 from middeck.systems.state_space.statespace import StateSpace, select_paths
+from middeck.values import record
 
 ACROSS = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
 """Lines across each mode, in half-power half-widths, at which a path's largest response is looked for."""
+
+
+@record(kw_only=True)
+class ReducedPlant:
+    """A plant of lower order with the same ports.
+
+    Attributes:
+        plant: The reduced plant, modal if it was.
+        order: Its states.
+        kept, dropped: Names of the modes kept exactly, and of those left out.
+        error: The largest error within the band.
+    """
+
+    plant: Plant
+    order: int
+    kept: tuple[str, ...]
+    dropped: tuple[str, ...]
+    error: float
 
 
 def reduce_modes(

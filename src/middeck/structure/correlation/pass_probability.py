@@ -81,14 +81,14 @@ def stated_noise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviations of frequencies [Hz] and shapes: of ``noise`` if given, else the test's own.
 
-    Raises `ConfigError` where neither says how well both are known.
+    Raises `ConfigError` where neither states them.
     """
     if noise is not None:
         rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
         return noise.frequency * measured.frequency_hz, noise.shape * rms
     if measured.frequency_std_hz is None or measured.shape_std is None:
         raise ConfigError(
-            "the test does not state how well it knows its frequencies and shapes",
+            "the test states no standard deviations of its frequencies and shapes",
             where="measured modes",
             hint="noise=MeasurementNoise(0.001, 0.02), or frequency_std_hz and shape_std in a JSON file",
         )

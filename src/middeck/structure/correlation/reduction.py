@@ -69,7 +69,7 @@ def reduce_mass(
         if condition > DEPENDENT:
             channels, count = seen.shape
             raise ConfigError(
-                f"{channels} channels do not tell {count} modes apart (condition {condition:.1e})",
+                f"{channels} channels cannot distinguish {count} modes (condition {condition:.1e})",
                 where="reduction serep",
                 hint="add sensors, correlate fewer modes, or reduce by guyan",
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from enum import Enum
 
@@ -61,31 +61,22 @@ class Device:
     friction: Friction | None = None
 
     def __post_init__(self) -> None:
-        where = f"device {self.name!r}"
+        for what, hint in self._faults():
+            raise ConfigError(what, where=f"device {self.name!r}", hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         sizes = (self.force, self.stiffness, self.bounce_hz, self.cable_length)
         if any(size is not None and not 0.0 < np.real(size) < math.inf for size in sizes):
-            raise ConfigError(
-                f"force, stiffness, bounce_hz, cable_length are {sizes}",
-                where=where,
-                hint="each positive and finite",
-            )
+            yield f"force, stiffness, bounce_hz, cable_length are {sizes}", "each positive and finite"
         if not 0.0 <= np.real(self.moving_mass) < math.inf:
-            raise ConfigError(
-                f"a moving mass of {self.moving_mass} kg", where=where, hint="from zero, finite"
-            )
+            yield f"a moving mass of {self.moving_mass} kg", "from zero, finite"
         for this, that in (("stiffness", "bounce_hz"), ("cable_length", "anchor")):
             if (getattr(self, this) is None) == (getattr(self, that) is None):
-                raise ConfigError(
-                    f"{this} or {that}: one of them, not both",
-                    where=where,
-                    hint="remove one of the two, or give the one that is missing",
-                )
+                what = f"{this} or {that}: one of them, not both"
+                yield what, "remove one of the two, or give the one that is missing"
         if (self.force is None) != bool(self.held):
-            raise ConfigError(
-                "pinned directions are for a tuned device, and a tuned device needs them",
-                where=where,
-                hint="give a force, or held such as 'yz'",
-            )
+            what = "pinned directions are for a tuned device, and a tuned device needs them"
+            yield what, "give a force, or held such as 'yz'"
 
     @property
     def needs_gravity(self) -> bool:
@@ -195,27 +186,18 @@ class Environment:
     up: Inexact[np.ndarray, "3"] | None = None
 
     def __post_init__(self) -> None:
-        supports = [*dict.fromkeys(c.node for c in self.clamps), *(b.name for b in self.bushings)]
-        for names, what, hint in (
-            (
-                [device.name for device in self.hung],
-                "two devices are called {!r}",
-                "a suspension's devices have the names of their attach points",
-            ),
-            (
-                supports,
-                "two supports are called {!r}: reactions could not be told apart",
-                "each bushing needs a name of its own, which no clamped node has",
-            ),
-            (
-                [name for name, _ in self.wheel_speeds],
-                "two speeds of wheel {!r}",
-                "one speed [rad/s] for each",
-            ),
-        ):
-            twice = next((name for name in names if names.count(name) > 1), None)
-            if twice is not None:
-                raise ConfigError(what.format(twice), where=f"environment {self.title!r}", hint=hint)
+        for what, hint in self._named_twice():
+            raise ConfigError(what, where=f"environment {self.title!r}", hint=hint)
+
+    def _named_twice(self) -> Iterator[tuple[str, str]]:
+        for name in _twice([device.name for device in self.hung]):
+            hint = "a suspension's devices have the names of their attach points"
+            yield f"two devices are called {name!r}", hint
+        for name in _twice([*dict.fromkeys(c.node for c in self.clamps), *(b.name for b in self.bushings)]):
+            hint = "each bushing needs a name of its own, which no clamped node has"
+            yield f"two supports are called {name!r}: reactions could not be told apart", hint
+        for name in _twice([name for name, _ in self.wheel_speeds]):
+            yield f"two speeds of wheel {name!r}", "one speed [rad/s] for each"
 
     @property
     def spins(self) -> bool:
@@ -265,6 +247,10 @@ class Environment:
                 attach=tuple(held), held=tuple(held.values()), cable_length=cable_length, bounce_hz=bounce_hz
             ),
         )
+
+
+def _twice(names: Sequence[str]) -> list[str]:
+    return [name for name in names if names.count(name) > 1]
 
 
 def hang_along_x(attach: Sequence[str]) -> dict[str, str]:

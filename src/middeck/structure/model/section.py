@@ -187,14 +187,9 @@ def coupled_section(
         whole[np.ix_(RIGID_IN_SHEAR, RIGID_IN_SHEAR)] = stiffness
     else:
         whole = np.array(stiffness)
-    EA, GA_y, GA_z, GJ, EI_y, EI_z = np.diag(whole)
+    diagonal = dict(zip(("EA", "GA_y", "GA_z", "GJ", "EI_y", "EI_z"), np.diag(whole), strict=True))
     return Section(
-        EA=EA,
-        GJ=GJ,
-        EI_y=EI_y,
-        EI_z=EI_z,
-        GA_y=GA_y,
-        GA_z=GA_z,
+        **diagonal,
         rho_A=rho_A,
         rho_I_y=rho_I_y,
         rho_I_z=rho_I_z,

@@ -53,7 +53,7 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
-        found = _newton(model, _Way(config, inner), scale_loads(loads, part), part - done, mass, part < 1.0)
+        found = _newton(model, config, inner, scale_loads(loads, part), part - done, mass, part < 1.0)
         step = (part - done) * min(2.0, max(found.fitting, 0.25) if found.to is None else found.fitting)
         if found.to is None:
             continue
@@ -69,36 +69,38 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     )
 
 
-class _Way(NamedTuple):
-    """Where Newton's method is: the configuration, and the forces inside where they are unknowns."""
-
-    config: Configuration
-    inner: Inner | None
-
-
 class _Newton(NamedTuple):
     """Where Newton's method ended, None where it left the branch, and the residuals of its iterations.
     ``fitting`` times the step of the loads would have made its first step as long as it may be."""
 
     fitting: float
-    to: _Way | None = None
+    to: tuple[Configuration, Inner | None] | None = None
     left: tuple[float, ...] = ()
 
 
-def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_array, rough: bool) -> _Newton:
+def _newton(
+    model: Model,
+    start: Configuration,
+    inner: Inner | None,
+    loads: Loads,
+    part: float,
+    mass: sp.csr_array,
+    rough: bool,
+) -> _Newton:
     """Newton's method from nearby, after a further ``part`` of what is prescribed. Forces inside are unknowns
     (see `unfold`). It ends where the next step would be rounding, whatever the loads are beside the weight;
     on the way a ``rough`` state will do, to which it contracts."""
     scale = imbalance_scale(model, loads)
-    config, moved = displace(model, way.config, loads, part)
-    inner = way.inner if moved is None else moved
+    config, moved = displace(model, start, loads, part)
+    inner = inner if moved is None else moved
     left, longest, before, fitting = [], 0.0, LONGEST_STEP, 0.5
     for _ in range(MAX_NEWTON):
         free = static_freedom(model, config)
         at = assemble_carried(model, config, loads, None, inner)
         left.append(imbalance(at, free, scale))
-        settled = left[-1] < TOLERANCE and _is_settled(left, before, longest)
-        if settled:
+        # The next step would be rounding: nothing is left, the last was short, or it did no good.
+        fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
+        if left[-1] < TOLERANCE and (left[-1] == 0.0 or before < SQUARED * longest or not fell):
             break
         held = holding(free.matrix(at.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
@@ -123,21 +125,15 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
             break
     else:
         return _Newton(0.5)
-    return _Newton(fitting, _Way(config, inner), tuple(left))
-
-
-def _is_settled(left: list[float], step: float, longest: float) -> bool:
-    """Whether Newton's next step is rounding: none is left, the last was short, or it did no good."""
-    fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
-    return left[-1] == 0.0 or step < SQUARED * longest or not fell
+    return _Newton(fitting, (config, inner), tuple(left))
 
 
 def rest_beside(
     model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
 ) -> Configuration | None:
     """The rest state on the branch of ``config``, the forces inside as unknowns; None where it is left."""
-    found = _newton(model, _Way(config, None), loads, 0.0, mass, rough=False)
-    return None if found.to is None else found.to.config
+    found = _newton(model, config, None, loads, 0.0, mass, rough=False)
+    return None if found.to is None else found.to[0]
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import cast
 
 import numpy as np
-import scipy.sparse.csgraph as csgraph
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -175,10 +174,20 @@ def _is_in_a_loop(A: np.ndarray, index: np.ndarray) -> bool:
     others = _others(A, index)
     if not (A[index][:, others].any() and A[others][:, index].any()):
         return False
-    found = cast(
-        "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
-    )
-    return bool(np.isin(found[1][others], found[1][index]).any())
+    own = [np.isin(loop, index) for loop in strong_components(A)]
+    return any(np.any(one) and not np.all(one) for one in own)
+
+
+def natural_hz(plant: Plant) -> dict[str, float]:
+    """The frequency [Hz] of each mode that oscillates, by name."""
+    names, A = np.array(name_states(plant)), remove_delays(plant).system.A
+    found: dict[str, float] = {}
+    for name in dict.fromkeys(names.tolist()):
+        index = np.flatnonzero(names == name)
+        values = np.linalg.eigvals(A[np.ix_(index, index)])
+        if len(index) == 2 and np.any(np.imag(values)):
+            found[name] = float(np.abs(values[0]) / (2.0 * np.pi))
+    return found
 
 
 def scale_inputs(plant: Plant, inputs: tuple[str, ...], factor: float) -> Plant:

@@ -90,9 +90,9 @@ def _of_other_pairs(refined: Refined) -> Iterator[str]:
         yield (
             f"{survey}: the measured mode of {first.measured_hz:.4g} Hz was taken for the model's of "
             f"{first.paired_hz:.4g} Hz and may as well be that of {first.other_hz:.4g} Hz{others}: shapes do "
-            f"not tell them apart, the priors allow either, and if it is, {first.unknown} is off by "
-            f"{first.off:.2g} of its stated deviations. {advice}, modes that are missing, or narrower "
-            "spreads would tell"
+            f"not distinguish them, the priors allow either, and if it is, {first.unknown} is wrong by "
+            f"{first.off:.2g} of its standard deviations. {advice}, the missing modes, or narrower spreads "
+            "would decide"
         )
 
 
@@ -127,9 +127,9 @@ def _of_contradictions(refined: Refined) -> Iterator[str]:
     if by > CONTRADICT:
         means = [f"{name} by {100.0 * off:+.2g} %" for name, off in off_the_rest(refined)]
         yield (
-            f"the surveys contradict one another: their frequencies are {by:.1f} times as far from any one "
-            f"article as they state, in the mean {', '.join(means)}; their deviations were widened by this "
-            "factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
+            "the surveys contradict one another: their frequencies differ from those of any one article by "
+            f"{by:.1f} times their standard deviations, on average {', '.join(means)}; these were widened by "
+            "this factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
         )
 
 
@@ -164,14 +164,14 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
     shown, std = refined.shear
     if -shown > ABOVE * std:
         yield (
-            f"the modes show {shown:.2g} +- {std:.2g} times the effect of the shear and finer mesh that the "
-            "model lacks, a negative amount: another error moves all modes one way"
+            f"the frequencies show {shown:.2g} +- {std:.2g} times the effect of shear flexibility and mesh "
+            "refinement, which the model lacks; it cannot be negative: another error shifts all modes one way"
         )
     if shown > ABOVE * std:
         yield (
-            f"the modes show {shown:.2g} +- {std:.2g} times the effect of the shear and finer mesh that the "
-            "model lacks (1: shear of tubes, infinitely many elements); predictions include it, but members "
-            "with a shear stiffness, or more elements, would be better"
+            f"the frequencies show {shown:.2g} +- {std:.2g} times the effect of shear flexibility and mesh "
+            "refinement, which the model lacks (1: shear of tubes, infinitely many elements); predictions "
+            "include it, but members with a shear stiffness, or more elements, would be better"
         )
     if refined.statics:
         yield from _of_statics(refined, *tau[MODAL : MODAL + len(STATIC)].tolist())
@@ -206,9 +206,9 @@ def _of_damping(refined: Refined) -> Iterator[str]:
     by = max((float(d.std[0] / log_std(d.survey)[d.pairs[0, 1]]) for d in several), default=1.0)
     if by > CONTRADICT:
         yield (
-            f"the surveys contradict one another in damping: their ratios are {by:.1f} times as far from any "
-            "one article as they state; their deviations were widened by this factor. Was one test taken at "
-            "another amplitude? Friction makes damping depend on it"
+            "the surveys contradict one another in damping: their ratios differ from those of any one "
+            f"article by {by:.1f} times their standard deviations; these were widened by this factor. Was "
+            "one test taken at another amplitude? Friction makes damping depend on it"
         )
     for d in refined.damped:
         if d.left_out:

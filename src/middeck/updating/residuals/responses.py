@@ -13,6 +13,7 @@ one, and further by the factor by which they still miss more.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -142,10 +143,7 @@ def _beside(
 
 def with_poles(transfer: ModalTransfer, poles: Poles) -> ModalTransfer:
     """``transfer`` at other poles."""
-    names = ("psi", "phi", "phi_rate", "phi_acceleration")
-    return ModalTransfer(
-        omega=poles.omega, zeta=poles.zeta, **{name: getattr(transfer, name) for name in names}
-    )
+    return dataclasses.replace(transfer, omega=poles.omega, zeta=poles.zeta)
 
 
 def compare_response(

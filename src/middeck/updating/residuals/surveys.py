@@ -85,7 +85,7 @@ class Survey:
         if not np.all(std > 0.0):
             first = hz[np.flatnonzero(~(std > 0.0))[0]]
             raise ConfigError(
-                f"the survey does not state how well it knows the frequency {first:.6g} Hz",
+                f"the survey states no standard deviation of the frequency {first:.6g} Hz",
                 where=self.name,
                 hint="frequency_std_hz with the modes, or frequency_std = 0.001 with the survey",
             )

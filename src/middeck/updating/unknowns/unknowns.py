@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -54,29 +54,23 @@ class Unknown:
     added: bool = False
 
     def __post_init__(self) -> None:
+        for what, hint in self._faults():
+            raise ConfigError(what, where=f"unknown {self.name!r}", hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         if not (0.0 < self.spread < np.inf and np.isfinite(self.mean)):
-            raise ConfigError(
-                f"a spread of {self.spread} and a mean of {self.mean}",
-                where=f"unknown {self.name!r}",
-                hint="a positive standard deviation, e.g. 0.1 for 10 % of a factor",
-            )
+            what = f"a spread of {self.spread} and a mean of {self.mean}"
+            yield what, "a positive standard deviation, e.g. 0.1 for 10 % of a factor"
         if any(name.startswith(LOOP) for name in self.parameters):
-            check_loop_unknown(self.name, self.parameters, self.added)
+            yield from _loop_faults(self.parameters, self.added)
         if self.added and any(name.startswith((DAMPING, FRICTION)) for name in self.parameters):
-            raise ConfigError(
-                "an amount added to damping or friction, which could make it negative",
-                where=f"unknown {self.name!r}",
-                hint="a factor: leave added out; spread = 1.0 is a factor of 2.7, one standard deviation",
-            )
+            what = "an amount added to damping or friction, which could make it negative"
+            yield what, "a factor: leave added out; spread = 1.0 is a factor of 2.7, one standard deviation"
         of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
         if not self.parameters or len(of_environment) > 1:
-            raise ConfigError(
-                "one unknown changes parameters of both the article and the environment"
-                if self.parameters
-                else "no parameter",
-                where=f"unknown {self.name!r}",
-                hint="parameters of the article alone, such as members.E, or of the environment alone",
-            )
+            both = "one unknown changes parameters of both the article and the environment"
+            hint = "parameters of the article alone, such as members.E, or of the environment alone"
+            yield both if self.parameters else "no parameter", hint
 
 
 @record
@@ -157,22 +151,16 @@ LOOP = "loop."
 DELAY, SENSOR, MOTOR = "loop.delay_s", "loop.sensor_gain.", "loop.motor_gain."
 
 
-def check_loop_unknown(name: str, parameters: Sequence[str], added: bool) -> None:
-    """Raise `ConfigError` for a name that no loop has, and a factor where a sum is meant, or a sum."""
-    where = f"unknown {name!r}"
+def _loop_faults(parameters: Sequence[str], added: bool) -> Iterator[tuple[str, str]]:
+    """A name that no loop has, a factor where a sum is meant, or a sum."""
     for parameter in parameters:
         if not parameter.startswith(LOOP):
-            what = "parameters of the loop and of the article together"
-            raise ConfigError(what, where=where, hint="an unknown for each")
+            yield "parameters of the loop and of the article together", "an unknown for each"
         if parameter != DELAY and not parameter.startswith((SENSOR, MOTOR)):
-            raise ConfigError(
-                f"a loop has no {parameter}", where=where, hint=f"{DELAY}, {SENSOR}NAME or {MOTOR}NAME"
-            )
+            yield f"a loop has no {parameter}", f"{DELAY}, {SENSOR}NAME or {MOTOR}NAME"
         if added != (parameter == DELAY):
             what = "is added to, in seconds" if parameter == DELAY else "is a factor"
-            raise ConfigError(
-                f"{parameter} {what}", where=where, hint=f"added = {str(parameter == DELAY).lower()}"
-            )
+            yield f"{parameter} {what}", f"added = {str(parameter == DELAY).lower()}"
 
 
 @record

@@ -17,11 +17,10 @@ from jaxtyping import Float
 from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.problem.robust_compensator import RobustCompensator
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.robust.problem.several_plants import (
     Problem,
+    RobustCompensator,
     law_of,
     pose_problem,
     report_law,

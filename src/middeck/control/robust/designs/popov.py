@@ -17,13 +17,13 @@ from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import LawForm, arrange, pack, scale_states, station_ports, unpack
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem.directions import Directions, shift_directions
-from middeck.control.robust.problem.robust_compensator import Attempt, RobustCompensator
 from middeck.control.robust.problem.several_plants import (
+    Attempt,
     Problem,
+    RobustCompensator,
     law_of,
     models_of,
     pose_problem,

@@ -19,12 +19,17 @@ from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import LawForm
 from middeck.control.h2.nominal_law import solve_lqg
 from middeck.control.law.uncertainty import Uncertainty
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.robust.problem.directions import Directions, stiffness_directions
-from middeck.control.robust.problem.robust_compensator import Attempt, RobustCompensator
-from middeck.control.robust.problem.several_plants import Problem, models_of, pose_problem, report_law
+from middeck.control.robust.problem.several_plants import (
+    Attempt,
+    Problem,
+    RobustCompensator,
+    models_of,
+    pose_problem,
+    report_law,
+)
 from middeck.control.robust.search.smooth_maximum import evaluate_models
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant

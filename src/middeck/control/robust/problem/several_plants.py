@@ -1,4 +1,4 @@
-"""Problem of one law for several plants: the plants at each size of the perturbation and authority."""
+"""One law for several plants: its problem at each size of the perturbation and authority, and its result."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
 from middeck.control.lqg.design_model import append_integrals
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.statespace import StateSpace, series
@@ -201,3 +200,42 @@ def _require_stabilisable(plant: Plant, shaping: Shaping) -> None:
         complaint="no measurement in y sees it",
         hint="measure it, or leave it out of the design if no input reaches it either",
     )
+
+
+@record(kw_only=True)
+class Attempt:
+    """One stage of the search for a design.
+
+    Attributes:
+        size: Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength
+            tried.
+        cost: Cost at the end of the stage.
+    """
+
+    size: float
+    cost: float
+
+
+@record(kw_only=True)
+class RobustCompensator(Compensator):
+    """A compensator made for more than one plant.
+
+    Attributes:
+        authority: 1/rho.
+        order: Number of free states, without those of fixed filters and integrals.
+        cost: Value minimised: the mean or the maximum over the models, a bound, or a weighted cost.
+        costs: E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable.
+            With a `Shaping`, of what its filters and integrals make of them.
+        gradient: Norm of the gradient over the cost where the method descends, in coordinates of unit size;
+            the largest relative residual where it solves Riccati equations.
+        history: Stages of the search.
+        inert: Uncontrollable and unobservable modes of the nominal plant.
+    """
+
+    authority: float
+    order: int
+    cost: float
+    costs: Float[np.ndarray, " model"]
+    gradient: float
+    history: tuple[Attempt, ...]
+    inert: tuple[str, ...]

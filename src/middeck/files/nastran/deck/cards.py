@@ -69,6 +69,8 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
                 continue
         else:
             text = (text.expandtabs(8) if tabs else text).rstrip()
+            if len(text) > 80:
+                faults += [_beyond(line, part) for part in text[80:].split() if _is_number(part)]
             head = text[:8].strip()
             if stars and "*" in head:
                 row = _cut_large(head, text, line)
@@ -176,6 +178,10 @@ def _is_number(text: str) -> bool:
 
 def _no_mark(line: Line, tail: str) -> Fault:
     return _fault(line, f"a number, {tail}, where the mark of a continuation stands", f"{BREAK}; {SEQUENCE}")
+
+
+def _beyond(line: Line, number: str) -> Fault:
+    return _fault(line, f"a number, {number}, behind column 80, where no field is", BREAK)
 
 
 def _are_counted(groups: list[list[Row]]) -> bool:

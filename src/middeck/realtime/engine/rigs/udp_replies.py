@@ -6,11 +6,12 @@ import struct
 
 import numpy as np
 
+from middeck.realtime.engine.interface.checksum import checksum
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
-REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qq")
-"""Magic, sample, alive, then outputs; magic, sample, then sensors."""
+REQUEST, REPLY = struct.Struct("<qq"), struct.Struct("<q")
+"""Behind the check: sample, alive, then outputs; sample, then sensors."""
 END = -1
 """The sample of an engine's last request."""
 HOLD = 2
@@ -37,12 +38,13 @@ class RigSession:
         self.reply = b""
 
     def answer(self, data: bytes, sender: object = None) -> bytes | None:
-        """The reply to a datagram; None where there is none: an end, an old request, or something else."""
-        outputs, rest = divmod(len(data) - REQUEST.size, 8)
-        if outputs < 1 or rest:
+        """The reply; None for an end, and for what is old, changed on the way or of no engine."""
+        body = unseal(data, "ASKED")
+        outputs = (len(body) - REQUEST.size) // 8
+        if outputs < 1:
             return None
-        magic, sample, alive = REQUEST.unpack_from(data)
-        if magic != constants()["MAGIC"] or sample < END:
+        sample, alive = REQUEST.unpack_from(body)
+        if sample < END:
             return None
         if sample == END:
             self.engine = None if sender == self.engine else self.engine
@@ -55,7 +57,7 @@ class RigSession:
         if not self.sample <= sample <= self.sample + LONGEST or outputs != self.outputs:
             return None
         if sample > self.sample:
-            u = np.frombuffer(data, "<f8", outputs, REQUEST.size)
+            u = np.frombuffer(body, "<f8", outputs, REQUEST.size)
             self._follow(sample - self.sample, u if np.isfinite(u).all() else np.zeros(outputs), alive)
             self.sample, self.reply = sample, self._reply(sample)
         return self.reply
@@ -87,4 +89,14 @@ class RigSession:
     def _reply(self, sample: int) -> bytes:
         if self.sensors is None:
             self.sensors = self.rig.readings()
-        return REPLY.pack(constants()["MAGIC"], sample) + np.ascontiguousarray(self.sensors, "<f8").tobytes()
+        return seal(REPLY.pack(sample) + np.ascontiguousarray(self.sensors, "<f8").tobytes(), "ANSWERED")
+
+
+def seal(body: bytes, start: str) -> bytes:
+    """The datagram: a check, begun with the constant ``start`` ("ASKED" or "ANSWERED"), and ``body``."""
+    return struct.pack("<Q", checksum(body, constants()[start])) + body
+
+
+def unseal(data: bytes, start: str) -> bytes:
+    """What stands behind the check; nothing where it does not fit."""
+    return data[8:] if len(data) % 8 == 0 and seal(data[8:], start) == data else b""

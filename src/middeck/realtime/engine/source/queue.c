@@ -1,6 +1,6 @@
 #include "queue.h"
 
-#include <string.h>
+#include "checksum.h"
 
 static whole size_asked(const command *c)
 {
@@ -39,24 +39,11 @@ static int load(queue *q, const shared *f, engine *e, const command *c, enum ans
     return 0;
 }
 
-/* FNV-1a over the words of a command but its check. */
-static whole check_of(const command *c)
-{
-    uint64_t words[sizeof *c / 8], sum = 0xcbf29ce484222325u;
-    size_t k;
-
-    memcpy(words, c, sizeof words);
-    for (k = 0; k < sizeof words / 8 - 1; ++k)
-        sum = (sum ^ words[k]) * 0x100000001b3u;
-    memcpy(words, &sum, sizeof sum);
-    return (whole)words[0];
-}
-
 /* A command of this number, if it is whole: its words may arrive in any order, its check comes out when all are there. */
 static int read_command(const shared *f, whole number, command *c)
 {
     *c = f->commands[number % COMMANDS];
-    return c->number == number && c->check == check_of(c);
+    return c->number == number && (uint64_t)c->check == checksum(0xcbf29ce484222325u, c, sizeof *c / 8 - 1);
 }
 
 static int was_early(const queue *q, whole number)

@@ -109,9 +109,9 @@ def _robust_claims(control: MeasuredControl, robust: MeasuredLoop) -> list[Claim
     where = f"with the pair unshifted and shifted by {control.drifted_percent:+g} %"
     broken = [loop.percent for loop in alone if not loop.stable]
     gain = f"CL3 is stable {where}, with a gain margin of at least {GAIN_DB:g} dB; least margin [dB]"
-    phase = f"CL3 has {where} a phase margin of at least {PHASE_DEG:g} degrees; least margin [deg]"
+    phase = f"CL3 has a phase margin of at least {PHASE_DEG:g} degrees {where}; least margin [deg]"
     first = (
-        f"LQG for the first record alone, at CL3's authority, is not stable {where};"
+        "LQG for the first record alone, at CL3's authority, is not stable on both records;"
         " unstable at a shift of [%]"
     )
     return [

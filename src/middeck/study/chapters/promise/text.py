@@ -39,7 +39,7 @@ def routes(figures: Numbers) -> str:
     """Which way led where."""
     numbers = figures["promise"]
     law, top = numbers["ground_law"], {key: values[-1] for key, values in by_route(numbers).items()}
-    reached = ", ".join(f"{ROUTES[key]}: {_decibel(db)}" for key, db in top.items())
+    reached = ", ".join(f"{ROUTES[key]} {_decibel(db)}" for key, db in top.items())
     pole = f"a pole at {fixed(law['growth_hz'], 2)} Hz" if law["growth_hz"] >= REST_HZ else "a real pole"
     turned = (
         "A compensator for all motors designed on the 1-g record is stable in 1-g, but unstable in orbit with"
