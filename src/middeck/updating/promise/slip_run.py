@@ -36,10 +36,10 @@ from middeck.values import record
 
 RECORDS, ALONE = 2, 16
 """Records of each draw, under other noise each: with a compensator, and without, where friction does most."""
-UNCERTAIN, TIMES = 0.03, 8
+UNCERTAIN, TIMES = 0.02, 4
 """Variance of a draw's decibels without a compensator by the noise of its records [dB^2] from which there are
-more of them, and how many times as many at most: articles differ by a tenth of a decibel, and a spread told
-beside more noise comes out twice too wide."""
+more of them, and how many times as many at most. Articles differ by one or two tenths of a decibel: a spread
+told beside twice that noise comes out a quarter too wide, or by chance twice."""
 TRIED = 400
 """Variances that are weighed, evenly up to four times what draws have."""
 MOST = 15_000_000
