@@ -146,8 +146,19 @@ def _program(*names: str) -> str:
     return found
 
 
+class FewDoctests:
+    """Of two thousand files those without an example are not searched for one, by each worker."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(self, file_path):
+        """The collectors of a file."""
+        found = yield
+        return [c for c in found if type(c).__name__ != "DoctestModule" or b">>>" in file_path.read_bytes()]
+
+
 def pytest_configure(config):
     """Whole files in the long form leave their results, to be committed; some of their tests leave none."""
+    config.pluginmanager.register(FewDoctests())
     some = config.option.keyword or config.option.markexpr or any("::" in a for a in config.args)
     # With several workers (-n), the one process that reports has no `workerinput`.
     if LONG and not some and not hasattr(config, "workerinput"):

@@ -28,7 +28,7 @@ from middeck.values import record
 
 STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging")
 ARTICLE = ("dm", "lab")
-HOLDING, WITHIN, AFTER = 4000, 300, 900
+HOLDING, WITHIN, AFTER = 2500, 300, 900
 """Samples until the hold is verified and stays so, then until the fault may come, then after it."""
 SINGLE, LONG = 1, 1 << 40
 

@@ -49,8 +49,8 @@ from middeck.control.robust.designs.worst_of_many import design_for_worst
 from middeck.control.robust.verification.compare_designs import compare_designs
 from middeck.control.robust.verification.monte_carlo import verify_robustness, worst_db
 from middeck.files.studies.documents import load_study
-from middeck.study.chapters.zero_g_control.computation import control_plant
-from middeck.study.chapters.zero_g_control.disturbance import (
+from middeck.study.chapters.zero_g_control.computation import (
+    control_plant,
     design_weights,
     disturbance_psd,
     performance_under,

@@ -12,8 +12,11 @@ from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.sampled.emulation import emulate
 from middeck.files.studies.documents import load_study
-from middeck.study.chapters.zero_g_control.computation import control_plant, study_zero_g_control
-from middeck.study.chapters.zero_g_control.disturbance import design_weights
+from middeck.study.chapters.zero_g_control.computation import (
+    control_plant,
+    design_weights,
+    study_zero_g_control,
+)
 from middeck.study.shared import compare_environments
 
 STUDY = Path(__file__).resolve().parents[2] / "studies" / "mace-1993.toml"

@@ -25,9 +25,11 @@ def __getattr__(name: str) -> Any:
     try:
         return _load(name)
     except AttributeError:
+        if name.startswith("_"):
+            raise
         rooms = [room for room in __all__ if Path(__file__).with_name(room).is_dir()]
         found = [f"md.{room}.{name}" for room in rooms if name in _load(room).__all__]
         found += ["md.write(path, value)"] if name.startswith("write_") else []
-        if name.startswith("_") or not found:
+        if not found:
             raise
     raise AttributeError(f"middeck has no {name!r}; there is {found[0]}")

@@ -31,7 +31,7 @@ from .control.loop.closed_loop import (
 from .control.loop.performance import Performance as Performance
 from .control.lqg.design import design_lqg as design_lqg
 from .control.lqg.estimator import design_filter as design_filter
-from .control.lqg.shaping import Shaping as Shaping
+from .control.lqg.weights import Shaping as Shaping
 from .control.lqg.weights import LQGWeights as LQGWeights
 from .control.noise import measure_noise_rms as measure_noise_rms
 from .control.qualification import qualify_compensator as qualify_compensator

@@ -9,6 +9,9 @@ from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
+from middeck.structure.elements.beam import beam_properties
+from middeck.structure.elements.beam_inertia import beam_mass
+from middeck.structure.model.section import MemberMass, Section
 from middeck.structure.summary.summary import summarise
 from nastran_decks import random_deck, skew, textbook
 
@@ -52,3 +55,32 @@ def test_modes_and_masses_of_random_decks_are_those_of_the_textbook(tmp_path, ca
             continue  # across its axis the mass of a coupled rod is at its ends, in the summary along it
         about = summary.inertia + summary.mass * skew(summary.centre).T @ skew(summary.centre)
         np.testing.assert_allclose(whole[3:, 3:], about, atol=1e-7 * np.trace(about))
+
+
+def test_coupled_mass_is_that_of_a_bar_rigid_in_shear():
+    """The numbers of subroutine BARD of NASTRAN-95, with K1 and K2 or without."""
+    L, mass = 0.7, 3.0
+    section = Section(
+        EA=1e7,
+        GJ=9.0,
+        EI_y=8e3,
+        EI_z=3e4,
+        rho_A=mass / L,
+        rho_I_y=0.0,
+        rho_I_z=0.0,
+        GA_y=2e5,
+        GA_z=1e5,
+        mass=MemberMass.COUPLED,
+    )
+    expected = np.zeros((12, 12))
+    for places, sign in (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0)):
+        turns = np.array([1.0, sign * L, 1.0, sign * L])
+        block = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+        expected[np.ix_(places, places)] = block * np.outer(turns, turns)
+    expected[np.ix_((0, 6), (0, 6))] = [[175, 35], [35, 175]]
+    found = beam_mass(
+        beam_properties([section], np.array([L])),
+        np.array([[[0.0, 0, 0], [L, 0, 0]]]),
+        np.tile(np.eye(3), (1, 2, 1, 1)),
+    )
+    np.testing.assert_allclose(found[0], expected * mass / 420.0, atol=1e-14)

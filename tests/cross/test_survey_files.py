@@ -107,6 +107,16 @@ def test_a_survey_in_a_universal_file_is_correlated(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[1].evaluation.mac, found[0].evaluation.mac, atol=1e-5)
 
 
+def test_a_file_of_ours_that_is_cut_between_data_sets_is_told(tmp_path: Path) -> None:
+    """Cut there, any universal file looks whole; ours states its number of modes."""
+    md.files.write_measured_modes(tmp_path / "m.unv", virtual())
+    text = (tmp_path / "m.unv").read_text()
+    starts = [m.start() for m in re.finditer(r"^    -1\n    55\n", text, re.M)]
+    (tmp_path / "m.unv").write_text(text[: starts[-2]])
+    with pytest.raises(DataError, match=f"cut: {len(starts) - 2} of the {len(starts)} modes"):
+        md.load_measured_modes(tmp_path / "m.unv")
+
+
 def test_a_2414_is_read_as_a_55(tmp_path: Path) -> None:
     text = (FOLDER / "normal-m.unv").read_text()
 
@@ -222,6 +232,9 @@ def test_a_survey_in_csv(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(found.damping, [0.01, 0.02], rtol=1e-12)
     assert found.channels == ("n1 x", "n2 y")
     np.testing.assert_allclose(found.shape, [[0.5, -0.1], [0.25, 0.0405]], rtol=1e-12)
+    assert found.warnings == ("decimal commas are read as points",) * (
+        name in ("decimals.csv", "counted.csv")
+    )
 
 
 @pytest.mark.parametrize(
@@ -236,6 +249,7 @@ def test_a_survey_in_csv(name: str, tmp_path: Path) -> None:
         ("mode,frequency,damping\n1,1\n", "2 cells for 3"),
         ("mode,frequency,quality\n1,1,1\n", "'quality'"),
         ("frequency;damping\n1.234,5;0,1\n", "no number"),
+        ("frequency;damping\n1,234;0.01\n2,345;0.02\n", "1000 times as much"),
         ("frequency\nx\n", "could not convert"),
         ("frequency\n-1\n", "-1.0 Hz"),
         ("frequency,n1.x\n1,nan\n", "not finite"),
@@ -271,9 +285,10 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
         md.correlate_modes(modes, test, find_profile("orion-well"), rng=np.random.default_rng(0))
     asked = "correlate", str(ROOT / ARTICLE), str(tmp_path / "f.csv")
     assert middeck(capfd, *asked, "--require").code == 1
-    drawn = middeck(capfd, *asked, "--figure", str(tmp_path / "f.svg"))
-    assert drawn.code == 2
-    assert "has none" in drawn.err
+    assert middeck(capfd, *asked, "--figure", str(tmp_path / "f.svg")).code == 0
+    drawn = (tmp_path / "f.svg").read_text()
+    assert drawn.count(">-0.10<") == len(chosen)  # of 1 / 1.001
+    assert drawn.count(" Hz ?: ") == len(found.undecided)
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,7 @@ ELSEWHERE = ("make ", "middeck study ")
 # What `make test` reads instead: the states of a record that are searched elsewhere, fewer random draws.
 SURVEY = "data/virtual-survey/mace-simple-lab.json"
 QUICKER = {
+    "README.md": [("--states 28 --band 1,3000", "--sampled --band 100,1000 --states 8")],
     "docs/tutorials/first-steps.md": [("boom/record.npz", "boom/record.npz --states 10")],
     "docs/how-to/correlate-with-a-test.md": [
         (SURVEY, f"{SURVEY} --runs 50"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import middeck
-from middeck.report import first_screen
+from middeck.report import page
 from middeck.study import mission
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.mission import CHAPTERS, run_chapters, study_numbers
@@ -83,7 +83,7 @@ def toys(monkeypatch):
 
     chapters = (toy("one", 3, (shared,)), toy("two", 0, (shared,)))
     # Both are imported above: one imported later would take these for the paper's, and keep them.
-    for module in (mission, first_screen):
+    for module in (mission, page):
         monkeypatch.setattr(module, "CHAPTERS", chapters)
     return chapters, asked
 
@@ -98,7 +98,7 @@ def test_chapters_run_in_any_order_on_values_computed_once(toys, paper_study):
 
 
 def test_a_new_chapter_is_told_with_no_other_change(toys):
-    from middeck.report.first_screen import came_out, does_not_hold
+    from middeck.report.page import came_out, does_not_hold
 
     chapters, _ = toys
     figures = {key: table for c in chapters for key, table in c.tabulate(None).items()}

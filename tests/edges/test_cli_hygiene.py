@@ -63,9 +63,11 @@ def examples(text: str) -> list[list[str]]:
 
 
 def quicker(arguments: list[str]) -> list[str]:
-    """The example, but it watches the computer for a second, or draws twelve modes."""
+    """The example, but it watches the computer for a second, draws twelve modes, or searches no order."""
     if arguments[0] in ("compare", "modes", "path") and "--figure" in arguments:
         return [*arguments, "--count", "12"]
+    if arguments[0] == "identify" and "--states" not in arguments:
+        return [*arguments, "--states", "8"]
     if arguments[0] != "doctor":
         return arguments
     told = arguments.index("--seconds") if "--seconds" in arguments else len(arguments)

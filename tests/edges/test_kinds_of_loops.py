@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import middeck as md
-from middeck.control.lqg.coloured_plant import colour_disturbances
-from middeck.control.lqg.disturbance_spectra import line_filter
+from middeck.control.lqg.disturbance_spectra import colour_disturbances, line_filter
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port

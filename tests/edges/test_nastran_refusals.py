@@ -83,7 +83,10 @@ def test_the_deck_is_sound(tmp_path):
         ),
         ("CBAR,21,1,1,9,0.,1.,0.", "CBAR 21 field 5 (GB) = 9: there is no grid 9"),
         ("CBAR,21,5,1,4,0.,1.,0.", "there is no PBAR or PBARL 5"),
-        ("CBAR,21,1,1,4,1.,0.,0.", "its orientation vector is zero or along the member"),
+        (
+            "CBAR,21,1,1,4,1.,0.,0.",
+            "its orientation vector is zero or along the member",
+        ),
         ("CBAR,21,1,1,4", "no orientation"),
         ("CBAR,21,1,1,1,0.,1.,0.", "a member of no length"),
         ("CBAR,21,1,1,4,0.,1.,0.\n,7", "no list of components 1 to 6"),
@@ -151,7 +154,9 @@ def test_the_deck_is_sound(tmp_path):
         ),
         ("FORCE,5,9,,1.,1.", "grid 9 has no element or mass"),
         ("FORCE,5,1,7,1.,1.", "there is no coordinate system 7"),
-        ("LOAD,5,1.,1.,8", "no factor and set of loads"),
+        ("LOAD,5,1.,,8", "no factor and set of loads"),
+        ("LOAD,5,1.,1.,8", "load set 8 has no load"),
+        ("LOAD,5,1.,1.,8\nLOAD,8,1.,1.,9\nGRAV,9,,1.,0.,0.,1.", "load set 8 is a LOAD itself"),
         ("GRAV,5,7,9.8,,,-1.", "GRAV 5 field 3 (CID) = 7: there is no rectangular coordinate system 7"),
         ("CQUAD4,20,1,1,2,3,4", "reduce the part"),
         ("CMASS4,20,1.,1", "grid 1 has components, 1 to 6: which? only scalar points have none"),
@@ -173,7 +178,10 @@ def test_the_deck_is_sound(tmp_path):
             "GRID,8,,5.,,,9\nCBAR,20,1,8,1,0.,1.,0.",
             "GRID 8 field 7 (CD) = 9: there is no coordinate system 9",
         ),
-        ("GRID,8,,5.,,,,5\nRBE2,20,1,123456,8", "its components 5 are held and depend on grid 1 too"),
+        (
+            "GRID,8,,5.,,,,5\nRBE2,20,1,123456,8",
+            "its components 5 are held (SPC or its PS) and depend on grid 1 too",
+        ),
         ("CONM1,20,1,,1.,,2.", "no rigid body"),
     ],
 )
@@ -251,7 +259,7 @@ def test_only_selected_clamps_are_converted(tmp_path):
     found = {c["node"]: (c["along"], c["about"]) for c in held.environment["clamp"]}
     assert found == {"g1": ("", "x"), "g2": ("xyz", "xyz")}
     for case, words in (
-        (["SPC = 6"], "GRID 3: its components 13 are held and depend on grid 2 too"),
+        (["SPC = 6"], r"GRID 3: its components 13 are held \(SPC or its PS\) and depend on grid 2 too"),
         (["SUBCASE 1", "SPC = 5", "SUBCASE 2", "SPC = 6"], r"different ones, 5 in 1, 6 in 2"),
         (["SUBCASE 1", "MPC = 5", "SUBCASE 2"], r"different ones, 5 in 1, none in 2"),
         (["SPC = 5", "SUBCASE 1", "SPC = 6", "SUBCASE 2"], r"different ones, 6 in 1, 5 in 2"),
@@ -273,6 +281,8 @@ def test_load_sets_are_converted_whole_or_listed(tmp_path):
     assert [row[0] for row in made.left_out if "load" in row[0]] == ["load set 6", "gravity of load set 7"]
     assert any("load set '7' 9.81 m/s^2 along [0.0, 0.0, -1.0]" in note for note in made.notes)
     assert "load_case" not in convert(write(tmp_path, *cards, case=["LOAD = 6"])).document
+    lost = ("load set 8", 0, "case control selects it, and no load has it")
+    assert lost in convert(write(tmp_path, *cards, case=["LOAD = 8"])).left_out
 
 
 def test_the_word_about_up(tmp_path):

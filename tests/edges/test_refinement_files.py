@@ -327,7 +327,7 @@ def test_the_verb_refines_damping_and_says_how_well_it_knows_it(
     strain, suspension = document["unknowns"][1:]
     assert abs(strain["x"]) < 3.0 * strain["std"] < 0.3
     assert suspension["std"] == pytest.approx(suspension["spread"], rel=1e-6)
-    assert "the tests say nothing about suspension" in document["warnings"]
+    assert "the tests do not determine suspension" in document["warnings"]
     assert document["model_error"].keys() == {"suspension", "flexible", "damping"}
     (told,) = document["damping"]
     np.testing.assert_allclose(told["measured"], 0.01)
@@ -344,7 +344,7 @@ def test_damping_that_cannot_be_is_told_with_its_place(tmp_path: Path, capfd: py
     for changed, what in (
         ({"damping_error = 0.1": "damping_error = 0.0"}, "must be > 0"),
         ({"damping_std = 0.05": "damping_std = -0.05"}, "refine.toml:8"),
-        ({"damping_std = 0.05": ""}, "how well it knows its damping"),
+        ({"damping_std = 0.05": ""}, "no standard deviations of its damping"),
         ({"damping.flexible": "damping.flexibel"}, "damping.flexible"),
     ):
         ended = middeck(capfd, "refine", ARTICLE, damped(tmp_path, **changed))

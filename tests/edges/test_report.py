@@ -30,7 +30,7 @@ from middeck.files.studies.form import RigForm
 from middeck.plot.curves import keep_extremes, wrapped_phase_deg
 from middeck.plot.port_words import port_words
 from middeck.plot.svg import svg_text
-from middeck.report.first_screen import came_out, claim_rows, does_not_hold, warned
+from middeck.report.page import came_out, claim_rows, does_not_hold, warned
 from middeck.report.results_folder import StudyWriter
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.two_sensor_control.text import half_plane
@@ -310,7 +310,7 @@ def test_other_tables_are_those_of_the_numbers(page, numbers):
     assert dict(reactions) == {n: fixed(v, 2) for n, v in lab["reactions_n"].items()}
     torques = page.tables["Holding torques (1-g)"][1:]
     assert dict(torques) == {n: fixed(v, 4) for n, v in lab["holding_torque_nm"].items()}
-    loops = page.tables["Payload rms angle in the band, over the open loop's"][1:]
+    loops = page.tables["Payload rms angle in the band, relative to open loop"][1:]
     assert [row[0] for row in loops] == ["CL1", "CL2", "CL3"]
     for row, name in zip(loops, ("low", "high", "robust"), strict=True):
         loop = numbers["figure_9b"][name]
@@ -330,17 +330,17 @@ def test_other_tables_are_those_of_the_numbers(page, numbers):
 
 def test_loops_on_the_page_are_those_of_the_numbers(page, numbers):
     reach = page.tables[
-        "Last stable authority of each design, with the pair unshifted and shifted to either side"
+        "Highest stable authority of each design, with the pair near 9 Hz unshifted and shifted"
     ][1:]
     assert [row[0] for row in reach] == [r["what"] for r in numbers["figure_11"]["reach"]]
     assert [row[2] for row in reach] == [fixed(r["predicted_db"], 2) for r in numbers["figure_11"]["reach"]]
     for row, key in zip(
-        page.tables["Measured rms in parts of the band, over the open loop's"][1:],
+        page.tables["Measured rms in parts of the band, relative to open loop"][1:],
         ("payload", "both"),
         strict=True,
     ):
         assert row[1] == fixed(numbers["figure_12"]["bus_db_7_to_9_hz"][key], 2)
-    modes = page.tables["Measured peaks over the open loop's, CL1, CL2, CL3"][1:]
+    modes = page.tables["Measured peaks relative to open loop, CL1, CL2, CL3"][1:]
     for k, name in enumerate(("low", "high", "robust")):
         loop = numbers["figure_9b"][name]
         wanted = [fixed(db, 1) for db in (loop["static_db"], *(mode["db"] for mode in loop["modes"]))]
@@ -391,7 +391,7 @@ def test_part_of_a_study_gives_part_of_a_page(tmp_path, study, outcomes):
     name = "figures 4 and 5"
     write(
         tmp_path,
-        dataclasses.replace(study, form=study.form.model_copy(update={"title": "<b>g & g</b>"})),
+        dataclasses.replace(study, title="<b>g & g</b>"),
         {name: outcomes[name]},
     )
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -562,7 +562,10 @@ def test_a_sentence_says_which_shifts_a_loop_survives(page, numbers):
         for loop in of:
             assert held(loop) in page.texts[f"{section}-caption"]
     rig = [{"percent": p, "stable": p != -1.0} for p in (0.0, -1.0, 1.0)]
-    assert held({"rig": rig}) == "stable with the pair at +1 % but unstable with the pair at −1 %"
+    assert (
+        held({"rig": rig})
+        == "stable with the mode pair shifted by +1 % but unstable with the mode pair shifted by −1 %"
+    )
 
 
 def lightness(colour: Any) -> float:

@@ -35,7 +35,7 @@ def play(x, width):
 
 def test_a_pole_that_changes_slowly_is_told(campaign):
     """One frequency of three by 0.2 %, or a damping by 20 %, evenly: 17 to 60 deviations off in silence."""
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         rng = np.random.default_rng([81, seed])
         hz, zeta, phi, delay_s = random_plant(rng)
         one = np.arange(3) == rng.integers(3)
@@ -51,7 +51,7 @@ def test_a_pole_that_changes_slowly_is_told(campaign):
 @pytest.mark.parametrize("of", ["sensor", "actuator"])
 def test_play_is_told(of, campaign):
     """Of a twentieth of the rms: delays 16 to 50 and constants 5 to 27 deviations off, half in silence."""
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         rng = np.random.default_rng([82, seed])
         plant = random_plant(rng)
         size, f = grid(plant[0], plant[1], 2 * COUNT, RATE)
@@ -76,7 +76,7 @@ def test_play_is_told(of, campaign):
 
 def test_outputs_interpolated_between_samples_are_told(campaign):
     """By half a sample: constants 44 to 300 deviations off, one in ten in silence."""
-    for seed in campaign(24, 8):
+    for seed in campaign(24):
         record = shaken_at(random_plant(np.random.default_rng([83, seed])), seed)
         y = 0.5 * (record.y[:, :, 1:] + record.y[:, :, :-1])
         fit = fit_record(dataclasses.replace(record, u=record.u[:, :, :-1], y=y), states=6)
@@ -87,7 +87,7 @@ def test_outputs_interpolated_between_samples_are_told(campaign):
 
 def test_a_mode_that_lacks_is_told_though_little_is_left(campaign):
     """States for two modes of three, the third of a fiftieth of their size."""
-    for seed in campaign(24, 8):
+    for seed in campaign(24):
         hz, zeta, phi, delay_s = random_plant(np.random.default_rng([84, seed]))
         record = shaken_at((hz, zeta, phi * [1.0, 0.02, 1.0], delay_s), seed)
         assert any("correlated with the inputs" in line for line in fit_record(record, states=4).warnings)
@@ -108,7 +108,7 @@ def two_experiments(rng, *plants, drives=(1.0, 1.0)):
 # another gain or another delay.
 @pytest.mark.parametrize("of", repeats(["frequency", "gain", "delay"], 3))
 def test_experiments_that_are_not_of_one_article_are_told(of, campaign):
-    for seed in campaign(20, 10):
+    for seed in campaign(20):
         rng = np.random.default_rng([451, seed])
         hz, zeta, phi, delay_s = random_plant(rng)
         other = {
@@ -121,7 +121,7 @@ def test_experiments_that_are_not_of_one_article_are_told(of, campaign):
 
 
 def test_experiments_of_one_article_are_not_doubted(campaign):
-    for seed in campaign(40, 10):
+    for seed in campaign(40):
         rng = np.random.default_rng([452, seed])
         plant = random_plant(rng)
         record = two_experiments(rng, plant, plant, drives=(1.0, rng.choice([0.3, 1.0])))

@@ -17,7 +17,7 @@ from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.law.uncertainty import without_delays
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.weights import Shaping
 from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
 from middeck.control.reduction.separation import subtract
@@ -32,8 +32,7 @@ from middeck.control.shaping.leads_and_notches import second_order_section, shap
 from middeck.errors import ConfigError
 from middeck.files.studies.documents import load_study
 from middeck.signals.ports import Port
-from middeck.study.chapters.zero_g_control.computation import control_plant
-from middeck.study.chapters.zero_g_control.disturbance import design_weights
+from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
 from middeck.study.shared import find_modes
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.mode_shift import shift_modes

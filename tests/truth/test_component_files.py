@@ -104,7 +104,8 @@ def punch(name, matrix, points):
     return lines
 
 
-def test_punched_matrices(tmp_path, component):
+@pytest.mark.parametrize("in_one_file", [True, False])
+def test_punched_matrices(tmp_path, component, in_one_file):
     """In the component's own units, and with a grid whose coordinates are turned (CD)."""
     x = component.positions[1] * 1e3
     points = [(g, c) for g in (7, 9) for c in range(1, 7)] + [(100 + k, 0) for k in range(component.modal)]
@@ -117,11 +118,13 @@ def test_punched_matrices(tmp_path, component):
         "GRID,7,,0.,0.,0.",
         f"GRID*,9,,{x[0]:.9f},{x[1]:.9f}\n*,{x[2]:.9f},4",
         "CORD2R,4,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.",
-        *punch("KAAX", K, points),
-        *punch("MAAX", M, points),
     ]
-    (tmp_path / "part.pch").write_text("\n".join(["BEGIN SUPER=3", *cards, ""]))
-    back = read_external([tmp_path / "part.pch"], None, parse_units("mm-kg-s-mN"))
+    matrices = [*punch("KAAX", K, points), *punch("MAAX", M, points)]
+    apart = [] if in_one_file else matrices
+    (tmp_path / "part.dat").write_text("\n".join([*apart, ""]))
+    (tmp_path / "part.pch").write_text("\n".join(["BEGIN SUPER=3", *cards, *matrices[len(apart) :], ""]))
+    files = [tmp_path / "part.dat", tmp_path / "part.pch"]
+    back = read_external(files, None, parse_units("mm-kg-s-mN"))
     assert (back.grids, back.modal) == (("7", "9"), component.modal)
     size = np.sqrt(np.diagonal(component.stiffness))
     assert np.abs((back.stiffness - component.stiffness) / np.outer(size, size)).max() < 1e-8

@@ -9,9 +9,8 @@ import pytest
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import close_inner_loop
-from middeck.control.loop.authority import find_first_instability, sweep_authority
+from middeck.control.loop.authority import find_first_instability, find_participation, sweep_authority
 from middeck.control.loop.closed_loop import close_loop, leave_open
-from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance, loop_metric, loop_rms
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter

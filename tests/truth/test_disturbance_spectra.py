@@ -8,11 +8,14 @@ import scipy.linalg as sla
 
 from middeck.control.loop.closed_loop import close_loop, leave_open
 from middeck.control.loop.performance import Performance, loop_rms
-from middeck.control.lqg.coloured_plant import colour_disturbances
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.disturbance_spectra import fit_spectrum, line_filter, sum_spectra
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.disturbance_spectra import (
+    colour_disturbances,
+    fit_spectrum,
+    line_filter,
+    sum_spectra,
+)
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms

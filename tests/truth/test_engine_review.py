@@ -173,7 +173,7 @@ def test_outputs_that_do_not_arrive_trip(tmp_path, answer, trip):
     """And the event stands in the file before the record of its sample: otherwise this engine aborts."""
     driver = tmp_path / "losing.c"
     driver.write_text(LOSING.replace("ANSWER", answer))
-    program = build_engine(driver=driver, flags=("-Wl,--wrap=publish_record",))
+    program = build_engine(driver=driver, flags=("-O0", "-Wl,--wrap=publish_record"))
     with Supervisor(plain_settings(), DriverRig(), program=program) as engine:
         engine.reset()
         engine.run(20, keep=False)

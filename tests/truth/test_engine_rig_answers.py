@@ -19,7 +19,7 @@ from middeck.realtime.engine.process.launch import DriverRig, UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
-from middeck.realtime.engine.rigs.udp_replies import REPLY, REQUEST
+from middeck.realtime.engine.rigs.udp_replies import REPLY, REQUEST, seal, unseal
 from middeck.realtime.engine.trials.trial import Stage, run_trial
 from middeck.realtime.engine.trials.udp_client import RigClient
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("compiler")
 
 @contextlib.contextmanager
 def answering(reply):
-    """A rig whose ``reply(magic, sample)`` gives the datagrams for a request."""
+    """A rig whose ``reply(sample)`` gives the datagrams for a request."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
         opened.bind((LOOPBACK, 0))
         opened.settimeout(0.1)
@@ -40,8 +40,8 @@ def answering(reply):
                     data, sender = opened.recvfrom(1 << 16)
                 except OSError:
                     continue
-                magic, sample, _ = REQUEST.unpack_from(data)
-                for datagram in reply(magic, sample):
+                sample, _ = REQUEST.unpack_from(unseal(data, "ASKED"))
+                for datagram in reply(sample):
                     opened.sendto(datagram, sender)
 
         thread = threading.Thread(target=serve)
@@ -53,9 +53,9 @@ def answering(reply):
             thread.join()
 
 
-def sensors_of(magic, sample):
+def sensors_of(sample):
     y = 0.01 * np.sin(sample + np.arange(SENSORS))
-    return REPLY.pack(magic, sample) + y.astype("<f8").tobytes()
+    return seal(REPLY.pack(sample) + y.astype("<f8").tobytes(), "ANSWERED")
 
 
 def test_a_missed_answer_is_borne_as_a_late_sample_is():
@@ -63,7 +63,7 @@ def test_a_missed_answer_is_borne_as_a_late_sample_is():
     lost = {10, 15, 16, 25, 26, 27}
     settings = plain_settings(period_s=0.04, late_s=1e3, late_most=2)
     with (
-        answering(lambda magic, sample: [] if sample in lost else [sensors_of(magic, sample)]) as rig,
+        answering(lambda sample: [] if sample in lost else [sensors_of(sample)]) as rig,
         Supervisor(settings, rig, real_time=True) as engine,
     ):
         engine.run(3)
@@ -80,7 +80,7 @@ def test_a_missed_answer_is_borne_as_a_late_sample_is():
 def test_before_the_first_answer_nothing_is_borne():
     """There is no last sample to stand for it: a rig that is silent from the start trips at once."""
     settings = plain_settings(period_s=0.02, late_s=1e3, late_most=5)
-    with answering(lambda magic, sample: []) as rig, Supervisor(settings, rig, real_time=True) as engine:
+    with answering(lambda sample: []) as rig, Supervisor(settings, rig, real_time=True) as engine:
         engine.reset()
         engine.run(3)
         assert engine.state == "safe"
@@ -98,7 +98,7 @@ def test_a_rig_that_is_lost_is_not_taken_for_one_whose_outputs_did_not_arrive(tm
         text = text.replace(was, becomes)
     source = tmp_path / "driver.c"
     source.write_text(text)
-    program = build_engine(driver=source, folder=tmp_path)
+    program = build_engine(driver=source, flags=("-O0",), folder=tmp_path)
     settings = plain_settings(period_s=0.02, late_s=1e3, late_most=5)
     with Supervisor(settings, DriverRig(), real_time=True, program=program) as engine:
         engine.reset()
@@ -109,11 +109,11 @@ def test_a_rig_that_is_lost_is_not_taken_for_one_whose_outputs_did_not_arrive(tm
 @pytest.mark.parametrize("others", [30, 5000])
 def test_datagrams_that_are_no_answers_are_not_read_for_ever(others):
     """A few are passed over; whoever sends nothing else is a rig that will not answer."""
-    foreign = [b"no answer", bytes(REPLY.size + 8 * SENSORS)]
+    foreign = [b"no answer", bytes(8 + REPLY.size + 8 * SENSORS)]
 
-    def reply(magic, sample):
+    def reply(sample):
         spoilt = (foreign * others)[:others]
-        return [*spoilt, sensors_of(magic, sample)] if others < 64 else spoilt
+        return [*spoilt, sensors_of(sample)] if others < 64 else spoilt
 
     settings = plain_settings(answer_s=2.0)
     with answering(reply) as rig:
@@ -205,7 +205,7 @@ def test_a_rig_that_reads_complex_numbers_is_refused(computer, capfd):
 def test_a_rig_that_answers_again_is_heard_again():
     """After it was lost, as soon as an answer comes at once."""
     with (
-        answering(lambda magic, sample: [] if 5 <= sample < 50 else [sensors_of(magic, sample)]) as rig,
+        answering(lambda sample: [] if 5 <= sample < 50 else [sensors_of(sample)]) as rig,
         Supervisor(plain_settings(answer_s=0.2), rig) as engine,
     ):
         engine.reset()
@@ -218,9 +218,9 @@ def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
     """Patience begins anew with each sample."""
     monkeypatch.setattr(commanded_engine, "PATIENCE_S", 0.5)
 
-    def slowly(magic, sample):
+    def slowly(sample):
         time.sleep(0.05)
-        return [sensors_of(magic, sample)]
+        return [sensors_of(sample)]
 
     with answering(slowly) as rig, Supervisor(plain_settings(answer_s=1.0), rig) as engine:
         engine.reset()
@@ -231,9 +231,9 @@ def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
 def test_a_slow_rig_that_was_lost_is_waited_for_after_a_reset():
     """It was silent once; SAFE asks it in passing, but a reset is taken only where it was just heard."""
 
-    def slowly(magic, sample):
+    def slowly(sample):
         time.sleep(0.005)
-        return [] if 5 <= sample < 40 else [sensors_of(magic, sample)]
+        return [] if 5 <= sample < 40 else [sensors_of(sample)]
 
     with answering(slowly) as rig, Supervisor(plain_settings(answer_s=1.0), rig) as engine:
         engine.reset()

@@ -22,6 +22,7 @@ from engine_cases import (
 )
 from middeck.control.law.compensator import Compensator
 from middeck.errors import DataError
+from middeck.realtime.engine.interface.commands import check_of
 from middeck.realtime.engine.interface.settings import Drive, time_to_rest
 from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.supervisor import Supervisor
@@ -282,6 +283,25 @@ def test_half_a_command_is_none():
         engine.run(30)
         assert int(engine.file.status["acknowledged"]) == number - 1
         assert not engine.run(30)["u"].any()
+
+
+def test_a_command_that_arrives_after_what_withdraws_it_is_withdrawn():
+    """Its words may become visible after the disengage that was sent later."""
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.load(random_package())
+        engine.reset()
+        first = engine.send("engage", values=[1.0], at=1 << 40)
+        commands = engine.file.commands
+        row = commands[first % len(commands)].copy()
+        commands[first % len(commands)] = np.zeros((), row.dtype)
+        assert engine.command("disengage").done
+        row["at"] = 0
+        row["check"] = check_of(row)
+        commands[first % len(commands)] = row
+        engine.run(5)
+        assert engine.answer(first).word == "withdrawn"
+        assert engine.state == "ready"
+        assert engine.command("engage", values=[1.0]).done  # a later one is not
 
 
 def test_an_article_at_rest_ends_at_once():

@@ -55,7 +55,7 @@ def test_force_that_saturates_behind_its_measurement_is_told_of(soft, campaign):
     def force(u):
         return np.tanh(0.3 * u / u.std()) * u.std() if soft else np.clip(u, -2.2 * u.std(), 2.2 * u.std())
 
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         rng = np.random.default_rng([421, seed])
         plant = article(rng)
         fit = fit_record(shaken(plant, rng, force), states=2 * len(plant[0]))
@@ -90,7 +90,7 @@ def test_force_that_saturates_is_told_of_where_it_repeats_too(campaign):
 # Frequencies were up to 56 deviations off where what is left was laid to poles beyond the band.
 @pytest.mark.parametrize("share", repeats([0.003, 0.01], 1))
 def test_dry_friction_on_the_article_is_told_of(share, campaign):
-    for seed in campaign(12, 6):
+    for seed in campaign(12):
         rng = np.random.default_rng([422, seed])
         plant = article(rng)[:2]
         plant = *plant, np.abs(8.0 * plant[0] ** 2), 0.0  # friction acts where the force does

@@ -13,10 +13,12 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_law, linear_law
 from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_recovery
+from middeck.realtime.gate.steps_on_rig import GateTrials
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
@@ -24,6 +26,7 @@ from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, ports, random_law
 from plant_builders import unit_weights
@@ -93,6 +96,24 @@ def test_one_model_of_several_is_enough_to_refuse():
     late = examine_package(package, {"late": delay_plant(plant_of(good), 0.004)}, GateMargins(gain_db=200.0))
     assert not late.passed
     assert "margin" in late.steps[-1].said
+
+
+def test_a_sampled_model_is_judged_as_the_continuous_one_that_it_was_sampled_from():
+    """Other programs give sampled plants; with the delays among their states."""
+    w = 2.0 * np.pi * 7.0
+    mode = StateSpace([[0.0, 1.0], [-w * w, -0.02 * w]], [[0.0], [w * w]], [[1.0, 0.0]], [[0.0]])
+    plant = delay_plant(one_port(mode), 0.003)
+    gain = AdaptiveGain(maximum=1.0, rate=1.0, minimum=0.2, sensor="y0", band_hz=(1.0, 5.0),
+                        quiet_rms=0.1, loud_rms=0.2)  # fmt: skip
+    for size, passes in ((-1e-3, True), (-0.5, False)):
+        continuous, sampled = (
+            examine_package(gain_package(size), {"mode": one}, ANY, gain=gain, trials=GateTrials(dry_s=0.1))
+            for one in (plant, sample_plant(plant, PERIOD_S))
+        )
+        assert sampled.steps == continuous.steps
+        assert sampled.passed == passes
+    other = examine_package(gain_package(-1e-3), {"mode": sample_plant(plant, 2.0 * PERIOD_S)})
+    assert "is sampled at 0.004 s, the package at 0.002 s" in other.steps[1].said
 
 
 def gain_package(gain):
@@ -464,3 +485,16 @@ def test_a_law_must_recover_from_its_limit_of_slew(pole, recovers):
     motor = Drive(port=u[0], lower=-100.0, upper=100.0, slew_rate=5.0)
     engine = EngineSettings(period_s=PERIOD_S, sensors=(SensorTest(port=y[0], range=100.0),), drives=(motor,))
     assert examine_package(quick, {"mode": plant}, settings=engine).passed == recovers
+
+
+@pytest.mark.parametrize(
+    ("reach", "rate", "passes"), [(2.0, 5.0, False), (0.05, 5.0, True), (100.0, 1e5, True)]
+)
+def test_a_limit_of_slew_that_no_sensor_s_range_reaches_is_none(reach, rate, passes):
+    """The truth is the loop let go from the end of the range, beyond which the engine trips."""
+    w = 4.0 * np.pi
+    system = StateSpace([[0.0, w], [-w, -0.004 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    package = package_law(lead(0.5, 3.0, 60.0), "law", input_range=reach, limit=300.0, slew_rate=rate)
+    plant = one_port(system)
+    assert (swings_on(plant, package, reach, seconds=20.0) < 0.7) == passes
+    assert check_recovery(package, "mode", plant, held=False).passed == passes

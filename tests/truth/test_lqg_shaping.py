@@ -12,8 +12,7 @@ from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

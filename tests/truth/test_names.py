@@ -354,3 +354,24 @@ def test_shares_of_a_beams_motion_turn_with_the_article(degrees: float) -> None:
         found.append(np.column_stack([moved.share[:, :2], moved.share[:, 2:].sum(axis=1), moved.fit]))
     assert np.allclose(*found, atol=0.03)
     assert found[0][:, 1].max() > 0.8
+
+
+def test_names_do_not_hang_on_the_mesh():
+    """A stout tube of a telescope on four feet."""
+    tube = Section(EA=67e6, GJ=21e3, EI_y=27e3, EI_z=27e3, rho_A=0.86, rho_I_y=0.0, rho_I_z=0.0)
+    low, high = (
+        ((0.46, 0.46), (-0.46, 0.46), (-0.46, -0.46), (0.46, -0.46)),
+        ((0.6, 0), (0, 0.6), (-0.6, 0), (0, -0.6)),
+    )
+    nodes = [node(f"foot{i}", (x, y, 0.0)) for i, (x, y) in enumerate(low)]
+    nodes += [node(f"top{i}", (x, y, 1.9), body(9.0)) for i, (x, y) in enumerate(high)]
+    ends = [(f"foot{i}", f"top{k % 4}") for i in range(4) for k in (i, i + 1)]
+    ends += [(f"top{i}", f"top{(i + 1) % 4}") for i in range(4)]
+    ring = dataclasses.replace(tube, EI_y=5e5, EI_z=5e5, GJ=5e5)
+    bars = [bar(f"bar {k}", *p, tube if k < 8 else ring, (0.0, 0.1, 1.0)) for k, p in enumerate(ends)]
+    names = []
+    for elements in (1, 4):
+        article = structure(nodes, [dataclasses.replace(b, elements=elements) for b in bars])
+        names.append(solved(article, clamped=True, count=3).name)
+    assert names[0] == names[1]
+    assert sorted(names[0]) == ["first bending x-z", "first bending y-z", "first torsion"]

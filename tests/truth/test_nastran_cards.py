@@ -152,10 +152,24 @@ def test_few_lines_may_be_numbered_too(numbers):
         f"{'GRID    1               1.':72}20\n{'GRID    2               2.':72}10",
         f"{'GRID    1               1.':72}20\nGRID,2,,2.,,,,,,30\n{'GRID    3               2.':72}40",
         f"{'PBAR           1       2      3.':72}1.5\n+              .5",
+        "RBE3           1               2  123456      1.     123       3       4       5\n+              6",
+        "SPC1           1     123       3       4       5       6       7       8       9+\n              10",
+        f"{'GRID*                 12               0':56}{'3.':>16}      12\n*",
     ],
 )
 def test_a_number_that_may_be_a_field_too_many_is_told(text):
     assert "where the mark of a continuation stands" in refused(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [f"{'CBAR           3       1       3       4      0.      0.      1.     GGG':80}     456",
+     "CBAR\t3\t1\t3\t4\t0.\t0.\t1.\tGGG\t\t456",
+     f"{'GRID*                 12               0              1.':80}2."],
+)  # fmt: skip
+def test_a_number_behind_the_last_column_is_told(text):
+    assert "behind column 80, where no field is" in refused(text)
+    assert entries(f"{'GRID    1               1.':80}  as drawn").of("GRID")
 
 
 def test_a_fixed_field_reaches_to_the_next_one():

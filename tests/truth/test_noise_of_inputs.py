@@ -64,7 +64,7 @@ def told(fit):
 @pytest.mark.parametrize(("share", "count"), repeats([(0.09, 3000), (0.0, 3000), (0.05, 12000)], 2))
 def test_deviations_of_gains_count_noise_of_a_measured_force(share, count, campaign):
     z, said = [], []
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         record, plant = measured(seed, share, count)
         fit = fit_record(record, states=2 * len(plant[0]))
         z += off(fit, plant)
@@ -77,7 +77,7 @@ def test_deviations_of_gains_count_noise_of_a_measured_force(share, count, campa
 def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
     """A force up to half the rate has no floor that tells; the mean of its periods leaves little noise."""
     z = []
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         record, plant = repeated(seed, 0.09)
         fit = fit_record(record, states=2 * len(plant[0]), band_hz=(1.0, 45.0), sampled=False)
         z += off(fit, plant)
@@ -90,7 +90,7 @@ def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(sai
     """The mean of four periods has noise on driven lines alone, of which a narrow mode has one or two."""
     hz, zeta, samples, rate, off = np.array([7.3, 17.5, 24.8]), np.array([0.034, 0.014, 0.01]), 512, 256.0, []
     f = np.fft.rfftfreq(samples, 1.0 / rate)
-    for seed in campaign(40, 10):
+    for seed in campaign(40):
         rng = np.random.default_rng([313, seed])
         U = np.where((f >= 0.5) & (f <= 60.0), np.exp(2j * np.pi * rng.uniform(size=len(f))), 0.0)
         phi = rng.choice([-1, 1], 3) * rng.uniform(0.4, 1.0, 3) * hz**2
@@ -110,7 +110,7 @@ def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(sai
 
 
 def test_a_response_that_noise_of_the_force_makes_too_small_says_so(campaign):
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         for share in (0.0, 0.09):
             with warnings.catch_warnings(record=True) as said:
                 warnings.simplefilter("always")

@@ -19,9 +19,11 @@ from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.performance import Performance
-from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.shaping import Shaping
+from middeck.control.lqg.design import LQGCompensator, design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.weights import Shaping
 from middeck.control.noise import measure_noise_rms
+from middeck.control.sampled.design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import NotStabilisableError, NumericalError
@@ -95,7 +97,7 @@ def test_no_number_that_rounding_moves_is_silent(name: str, campaign) -> None:
     """At 1e6 margins were wrong by more than a thousandth on one loop of twenty-five, at 1e7 on three of
     seven; the rms of sampled loops from 1e5 on."""
     numbers, wrong, known = NUMBERS[name], 0, 0
-    for seed in campaign(80, share=10):
+    for seed in campaign(80):
         rng = np.random.default_rng([78, seed])
         plant, law = _loop(rng, free=0)
         own, told = _found(numbers, plant, law)
@@ -213,33 +215,48 @@ def test_the_rms_of_a_sampled_loop_beside_what_does_not_decay_is_right_or_said(s
             assert "infinite" in str(heard[0].message)
 
 
-def test_no_law_designed_in_mixed_states_is_silently_another(campaign) -> None:
+DESIGNS: dict[str, Callable[..., LQGCompensator | SampledLQG]] = {
+    "continuous": design_lqg,
+    "filter first": lambda plant, weights, authority: design_lqg(
+        plant, weights, authority, kalman=design_filter(plant, weights)
+    ),
+    "predictor": lambda *case: design_sampled_lqg(*case, 0.02),
+    "current": lambda *case: design_sampled_lqg(*case, 0.02, "current"),
+}
+
+
+@pytest.mark.parametrize("kind", DESIGNS)
+def test_no_law_designed_in_mixed_states_is_silently_another(kind: str, campaign) -> None:
     """Between 1e5 and 1e6 four of sixty were off by up to 13 %: the law's response and the cost do not depend
-    on the states."""
+    on the states. Of sampled ones five of eight were off by up to 1 % at 1e5. Of those in states of condition
+    1e3 at most one in fifty warns."""
+    design = DESIGNS[kind]
     omega, known, warned = np.geomspace(0.05, 50.0, 40), 0, 0
-    for seed in campaign(60, share=10):
+    clean_warned, seeds = 0, campaign(60)
+    for seed in seeds:
         rng = np.random.default_rng([91, seed])
         plant, weights = _sharp(rng)[0], unit_weights(("force",), 10.0 ** rng.uniform(-8.0, 0.0))
         authority = 10.0 ** rng.uniform(-2.0, 6.0)
-        own = design_lqg(plant, weights, authority)
-        for condition in (1e2, 1e3, 1e5, 1e6, 1e7, 1e8):
+        own = design(plant, weights, authority)
+        for condition in (1e2, 1e3, 3e4, 1e5, 1e6, 1e7, 1e8):
             mixed = dataclasses.replace(plant, dynamics=_mixed(plant.system, condition, rng))
             with warnings.catch_warnings(record=True) as heard:
                 warnings.simplefilter("always")
                 try:
-                    law = design_lqg(mixed, weights, authority)
+                    law = design(mixed, weights, authority)
                 except (NumericalError, NotStabilisableError):
                     assert condition > 1e3, seed
                     continue
             if heard:
                 warned += 1
-                assert condition > 1e3, seed
+                clean_warned += condition <= 1e3
                 continue
             known += 1
-            one, other = (statespace_response(each.system, omega).ravel() for each in (own, law))
+            one, other = (statespace_response(each.dynamics, omega).ravel() for each in (own, law))
             assert other == pytest.approx(one, rel=TOLD, abs=TOLD * np.abs(one).max()), (seed, condition)
             assert law.cost == pytest.approx(own.cost, rel=TOLD), (seed, condition)
     assert known > 0 < warned
+    assert clean_warned <= 2 * len(seeds) / 50
 
 
 def test_a_number_that_rounding_takes_away_is_not_silent() -> None:
@@ -282,7 +299,7 @@ def test_integral_action_and_what_is_zero_by_rounding_are_no_doubt_of_a_law() ->
 def test_modes_named_by_their_frequency_have_their_names_when_entries_move() -> None:
     omega = 2.0 * np.pi * 0.15925
     mode = StateSpace([[0.0, omega], [-omega, -0.02 * omega]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    for seed in range(6):
+    for seed in repeats(range(6), 3):
         mixed = _mixed(mode, 3e4, np.random.default_rng([93, seed]))
         ports = {"w": ["f"], "u": ["f"], "z": ["y"], "y": ["y"]}
         plant = make_plant(mixed.A, mixed.B, mixed.C, inputs=["f"], outputs=["y"], **ports)
@@ -297,7 +314,7 @@ def test_modes_named_by_their_frequency_have_their_names_when_entries_move() -> 
 def test_a_limit_of_the_search_beside_the_shift_itself_is_no_doubt_of_it() -> None:
     """A shift found just below ``most`` for one plant and just above it for the moved one is the same."""
     tried = 0
-    for seed in range(12):
+    for seed in repeats(range(12), 6):
         rng = np.random.default_rng([85, seed])
         plant, law = _sharp(rng)
         mixed = dataclasses.replace(law, dynamics=_mixed(law.system, 3e3, rng))

@@ -214,7 +214,7 @@ def test_a_ladder_ends_below_the_first_that_is_not_promised():
 
 def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     """Its covariance, although some unknowns keep nearly all of their spread."""
-    draws = 100 if LONG else 40
+    draws = 100 if LONG else 30
     asked = case.plan([1.0], draws)
     drawn = draw_plants(
         refined, Environment.orbit(), lambda modes: plant_of(asked, modes), draws=draws,

@@ -21,8 +21,7 @@ from middeck.control.law.uncertainty import (
 )
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted

@@ -38,7 +38,7 @@ from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.compare_designs import compare_designs
 from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.monte_carlo import outcomes_on, stable_share, verify_robustness
-from middeck.control.sampled.antialias import filter_measurements
+from middeck.control.sampled.aliases import filter_measurements
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.control.shaping.leads_and_notches import roll_off

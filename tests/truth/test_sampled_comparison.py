@@ -10,8 +10,7 @@ from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
-from middeck.control.sampled.aliases import find_aliases
-from middeck.control.sampled.antialias import filter_measurements
+from middeck.control.sampled.aliases import filter_measurements, find_aliases
 from middeck.control.sampled.compare_sampling import compare_sampling
 from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop

@@ -19,13 +19,12 @@ from middeck.laboratory.rig.plant.drifting_modes import Drift
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.ticks.simulate_rig import cut_blocks, simulate_rig, switch_on
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
-from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
-from middeck.realtime.engine.rigs.udp_replies import HOLD, LONGEST, REPLY, REQUEST, RigSession
+from middeck.realtime.engine.rigs.udp_replies import HOLD, LONGEST, REPLY, REQUEST, RigSession, seal, unseal
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
@@ -152,10 +151,11 @@ def test_a_package_through_the_engine_is_the_law_in_the_simulation(kind):
 
 
 class Wire:
-    """Between engine and rig: loses, doubles and delays datagrams of both by a seed."""
+    """Between engine and rig: loses, doubles, delays and changes datagrams of both by a seed."""
 
     def __init__(self, there: int, seed: int) -> None:
-        self.rng, self.there, self.lost, self.doubled = np.random.default_rng(seed), there, 0, 0
+        self.rng, self.there, self.before = np.random.default_rng(seed), there, b""
+        self.lost = self.doubled = self.changed = self.late = 0
         self.near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.near.bind((LOOPBACK, 0))
@@ -176,28 +176,38 @@ class Wire:
         self.near.close()
         self.far.close()
 
-    def _times(self) -> int:
-        draw = self.rng.uniform()
+    def _passed(self, data: bytes) -> list[bytes]:
+        draw, before = self.rng.uniform(), self.before
         self.lost, self.doubled = self.lost + (draw < 0.04), self.doubled + (draw > 0.9)
-        return 0 if draw < 0.04 else 2 if draw > 0.9 else 1
+        self.changed, self.late = self.changed + (0.04 <= draw < 0.06), self.late + (0.06 <= draw < 0.16)
+        if draw < 0.04:
+            return []
+        if draw < 0.06:
+            spoilt = bytearray(data)
+            spoilt[int(self.rng.integers(len(data)))] ^= 1 << int(self.rng.integers(8))
+            return [bytes(spoilt)]
+        if draw < 0.16:
+            return [data, before]
+        self.before = data
+        return [data, data] if draw > 0.9 else [data]
 
     def _out(self) -> None:
         while True:
             data, self.sender = self.near.recvfrom(4096)
             if not data:
                 return
-            for _ in range(self._times()):
-                self.far.send(data)
+            for one in self._passed(data):
+                self.far.send(one)
 
     def _back(self) -> None:
         while data := self.far.recv(4096):
-            for _ in range(self._times()):
-                self.near.sendto(data, self.sender)
+            for one in self._passed(data):
+                self.near.sendto(one, self.sender)
 
 
 @pytest.mark.usefixtures("compiler")
 def test_a_bad_wire_changes_nothing_in_lockstep():
-    """The same bytes for the same seed, however many datagrams are lost or come twice."""
+    """The same bytes for the same seed, whatever is lost, changed, late, doubled or echoed."""
     taken = []
     for bad in (False, True):
         with served_by_thread(SteppedRig(whole_rig(), np.random.default_rng(SEED))) as served:
@@ -209,6 +219,8 @@ def test_a_bad_wire_changes_nothing_in_lockstep():
                 taken.append(run_engine(served, 220))
     assert wire.lost > 10
     assert wire.doubled > 10
+    assert wire.changed > 3
+    assert wire.late > 10
     names = [name for name in taken[0].dtype.names if name not in ("late_ns", "step_ns")]
     assert all(taken[0][name].tobytes() == taken[1][name].tobytes() for name in names)
 
@@ -243,12 +255,13 @@ class Counter(EngineRig):
 
 
 def ask(session: RigSession, sample: int, u: float, alive: int, sender: object = "engine") -> list[float]:
-    data = REQUEST.pack(constants()["MAGIC"], sample, alive) + np.array([u]).tobytes()
+    data = seal(REQUEST.pack(sample, alive) + np.array([u]).tobytes(), "ASKED")
     reply = session.answer(data, sender)
     if reply is None:
         return []
-    assert REPLY.unpack_from(reply) == (constants()["MAGIC"], sample)
-    return np.frombuffer(reply, "<f8", offset=REPLY.size).tolist()
+    body = unseal(reply, "ANSWERED")
+    assert REPLY.unpack_from(body) == (sample,)
+    return np.frombuffer(body, "<f8", offset=REPLY.size).tolist()
 
 
 def test_a_session_counts_samples_and_watches_the_alive_number():
@@ -270,7 +283,7 @@ def test_a_session_counts_samples_and_watches_the_alive_number():
     assert ask(session, 1, 2.0, 1, "another engine") == [12.0, 2.0]
     session.alone()
     assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # moved on by itself, at zero
-    for junk in (b"", b"x" * 24, REQUEST.pack(1, 3, 3) + bytes(8), bytes(33)):
+    for junk in (b"", b"x" * 24, bytes(8) + REQUEST.pack(3, 3) + bytes(8), bytes(33)):
         assert session.answer(junk, "another engine") is None
     assert ask(session, -1, 0.0, 3, "stranger") == []
     assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # none of its business
@@ -279,6 +292,36 @@ def test_a_session_counts_samples_and_watches_the_alive_number():
     session.end()
     assert rig.told[-1] == 0.0
     assert HOLD == 2
+
+
+def test_a_datagram_that_was_changed_is_none():
+    """No bit of a request moves the article otherwise, or takes the rig to another sample."""
+    rig = Counter()
+    session = RigSession(rig)
+    assert ask(session, 0, 0.0, 0) == [0.0, 0.0]
+    data = seal(REQUEST.pack(1, 1) + np.array([0.5]).tobytes(), "ASKED")
+    for bit in range(8 * len(data)):
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        assert session.answer(bytes(changed), "engine") is None
+    assert rig.told == []
+    assert ask(session, 1, 0.5, 1) == [1.0, 0.5]
+
+
+def test_a_rig_follows_one_engine():
+    """Requests of one that was relieved, or that come late, neither move the article nor are answered."""
+    rig = Counter()
+    session = RigSession(rig)
+    for k in range(501):
+        assert ask(session, k, 1.0, k, "first")[0] == k
+    assert ask(session, 0, 0.0, 0, "second") == [500.0, 1.0]
+    for k in range(1, 21):
+        assert ask(session, 500 + k, 1.0, 500 + k, "first") == []
+        assert ask(session, k, 2.0, k, "second") == [500.0 + k, 2.0]
+    assert rig.told == [1.0] * 500 + [2.0] * 20
+    ask(session, -1, 0.0, 21, "second")
+    assert ask(session, 530, 3.0, 530, "first") == [520.0, 2.0]  # it joins again: the rig stands as it is
+    assert ask(session, 531, 3.0, 531, "first") == [521.0, 3.0]
 
 
 def test_a_rig_with_its_own_time_goes_on_without_an_engine():
@@ -296,11 +339,11 @@ def test_a_rig_with_its_own_time_goes_on_without_an_engine():
         thread = threading.Thread(target=serve_rig, args=(rig, here), kwargs=given)
         thread.start()
         for k in (0, 1):
-            engine.send(REQUEST.pack(constants()["MAGIC"], k, k) + np.array([3.0]).tobytes())
+            engine.send(seal(REQUEST.pack(k, k) + np.array([3.0]).tobytes(), "ASKED"))
             engine.recv(1024)
         while len(rig.told) < 6:
             thread.join(0.01)
-        engine.send(REQUEST.pack(constants()["MAGIC"], -1, 2) + np.zeros(1).tobytes())
+        engine.send(seal(REQUEST.pack(-1, 2) + np.zeros(1).tobytes(), "ASKED"))
         done.set()
         thread.join(5.0)
         assert not thread.is_alive()

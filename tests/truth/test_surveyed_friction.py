@@ -131,7 +131,7 @@ def refined(seed: int) -> tuple[np.ndarray, Refined]:
 def test_slip_torque_and_slip_angle_are_recovered_beside_damping():
     """Both to a per cent or two, from frequencies above all; 95 % intervals of all unknowns hold."""
     errors = []
-    for seed in repeats(range(SEEDS), 2):
+    for seed in repeats(range(SEEDS)):
         true, found = refined(seed)
         assert found.converged
         assert np.all(found.estimate.x_std[-2:] < 0.05)
@@ -179,7 +179,7 @@ def test_slopes_of_modes_that_a_stuck_joint_makes(stiffness: float):
             np.testing.assert_allclose(at.slope[: case.MODES, k], slope, atol=2e-3)
 
 
-@pytest.mark.parametrize("stiffness", repeats([50.0, 20.0, 300.0], 2))
+@pytest.mark.parametrize("stiffness", repeats([50.0, 20.0, 300.0]))
 def test_a_joint_that_sticks_hides_no_mode_and_loses_no_accuracy(stiffness: float):
     """Every mode is paired; the modulus is as well known as without friction, within what is stated."""
     rng = np.random.default_rng([7, 29])
@@ -242,7 +242,7 @@ def test_friction_that_a_survey_does_not_see_is_named():
     rng = np.random.default_rng(4)
     survey = rubbed(np.zeros(len(case.SPREAD)), np.zeros(2), rng, 0.3)
     found = refine(case.article(), [survey], [*case.UNKNOWNS, *SLIPS])
-    assert any("say nothing about" in line and "slip angle" in line for line in findings(found))
+    assert any("the tests do not determine" in line and "slip angle" in line for line in findings(found))
 
 
 def test_frequencies_alone_tell_friction():

@@ -15,8 +15,8 @@ from middeck.control.analysis.shifts.worst_case import find_worst_case
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, finished_plants
+from middeck.control.loop.authority import find_participation
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.participation import find_participation
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.sampled.emulation import emulate

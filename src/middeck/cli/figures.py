@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SHAPES = (*FIGURES, ".html")
 MODES = (*SHAPES, ".vtu")
 MOVES = "Also draw the shapes; .html is an animated page"
-figure = written("--figure", "figure_file", endings=FIGURES, help="Also draw it.")
+figure = written("--figure", "figure_file", endings=FIGURES, help="Also draw a figure of the result.")
 shapes = written("--figure", "figure_file", endings=SHAPES, help=f"{MOVES}.")
 mode_shapes = written("--figure", "figure_file", endings=MODES, help=f"{MOVES}, .vtu is for ParaView.")
 up = click.option(

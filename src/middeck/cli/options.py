@@ -24,7 +24,8 @@ COMMANDS = (".csv", ".npz")
 RECORDS = (".npz", ".csv", ".h5", ".hdf5", ".mat", ".uff", ".unv", ".uf", ".58")
 RESPONSES = (".uff", ".unv", ".uf", ".58")
 # Help of options that `design` and `qualify` share.
-SENSOR_NOISE, INPUT_NOISE = "Sensor noise, output unit/sqrt(Hz).", "Noise at the inputs, unit/sqrt(Hz)."
+SENSOR_NOISE = "Sensor noise, two-sided, output unit/sqrt(Hz)."
+INPUT_NOISE = "Noise at the inputs, two-sided, unit/sqrt(Hz)."
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
 COMPONENTS = (".npz", ".mat")
@@ -186,11 +187,19 @@ def printing(command: F) -> F:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")(show(command))
 
 
+def defaulted(*flags: str, default: Any, help: str, **settings: Any) -> Callable[[F], F]:
+    """An option whose default the help shows."""
+    return click.option(*flags, default=default, show_default=True, help=help, **settings)
+
+
+def several(*flags: str, metavar: str, help: str, **settings: Any) -> Callable[[F], F]:
+    """An option that may be repeated."""
+    return click.option(*flags, multiple=True, metavar=metavar, help=help, **settings)
+
+
 def common(command: F) -> F:
     """``--set``, ``--json`` and ``--debug``, of every verb that reads something."""
-    change = click.option(
-        "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override an input value."
-    )
+    change = several("--set", "overrides", metavar="KEY=VALUE", help="Override an input value.")
     return change(printing(command))
 
 
@@ -205,12 +214,8 @@ def day(given: str | None) -> str:
 
 
 article = click.argument("article")
-environment = click.option(
-    "--environment",
-    default="lab",
-    show_default=True,
-    metavar="NAME|PATH",
-    help="orbit, lab, or an environment file.",
+environment = defaulted(
+    "--environment", default="lab", metavar="NAME|PATH", help="orbit, lab, or an environment file."
 )
 load_case = click.option(
     "--load-case", metavar="NAME", help="Apply a load case of the article.  [default: none]"
@@ -246,29 +251,27 @@ def _as_one(name: str, kind: Any, *asked: Callable[[Command], Command]) -> Calla
 case = _as_one("case", Case, article, environment, load_case)
 
 
-count = click.option(
-    "--count", type=click.IntRange(min=1), default=26, show_default=True, help="How many of the lowest modes."
-)
-_environments = click.option(
+count = defaulted("--count", default=26, type=click.IntRange(min=1), help="Number of modes, lowest first.")
+_environments = several(
     "--environment",
     "environments",
-    multiple=True,
     metavar="NAME|PATH",
     help="Environment of the articles; may be repeated.  [default: lab]",
 )
-_shifts = click.option(
+_shifts = several(
     "--shift",
     "shifts",
     type=(str, Real(0.0, 100.0, min_open=True, max_open=True)),
-    multiple=True,
     metavar="MODES PERCENT",
-    help="Modes by name or LO:HI in Hz, moved together down and up.",
+    help="Shift the frequencies of MODES, a name or LO:HI in Hz, together by -PERCENT and +PERCENT.",
 )
-_delay_ms = click.option("--delay-ms", type=Real(0.0, 1e6), default=0.0, help="Delay added to each plant.")
+_delay_ms = click.option(
+    "--delay-ms", type=Real(0.0, 1e6), default=0.0, help="Delay added to each plant [ms]."
+)
 _sweep = click.option(
     "--sweep",
     is_flag=True,
-    help="Also with first bending shifted by 10 % and other flexible modes by 20 %, alone and together.",
+    help="Shift first bending by 10 % and other flexible modes by 20 %, down and up, alone and together.",
 )
 _first_bending = click.option(
     "--first-bending",
@@ -304,7 +307,7 @@ band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", h
 periods = click.option(
     "--periods",
     type=click.IntRange(min=1),
-    help="Whole steady periods in each RECORD.  [default: as its file says]",
+    help="Number of whole steady periods in each RECORD.  [default: as its file says]",
 )
 states = click.option(
     "--states", type=click.IntRange(min=1), help="Order of the fit.  [default: recommended]"
@@ -325,9 +328,12 @@ def written(
     return click.option(*flags, cls=cls, metavar=named, callback=check, help=help)
 
 
-model_file = written(
-    "-o", "--output", "model_file", endings=SYSTEMS, metavar="MODEL.json|mat", help="Write the model."
-)
+def output(name: str, endings: Sequence[str], help: str, metavar: str = "") -> Callable[[F], F]:
+    """The option ``-o`` for the file of the result."""
+    return written("-o", "--output", name, endings=endings, metavar=metavar, help=help)
+
+
+model_file = output("model_file", SYSTEMS, "Write the model.", "MODEL.json|mat")
 
 
 def require_writable(path: str, endings: Sequence[str], option: str) -> None:
@@ -394,15 +400,12 @@ class ColumnsTyped(NamedTuple):
         return name_columns(u, y, sample_hz=self.sample_hz, variable=self.variable)
 
 
-def _named(option: str, help: str) -> Callable[[F], F]:
-    return click.option(option, multiple=True, metavar="COLUMNS", help=help)
-
-
+_named = functools.partial(several, metavar="COLUMNS")
 columns = _as_one(
     "columns",
     ColumnsTyped,
-    _named("--inputs", 'Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
-    _named("--outputs", 'Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
+    _named("--inputs", help='Input columns: "torque [N m]", "2=torque [N m]"; may be repeated.'),
+    _named("--outputs", help='Output columns: "angle [rad]", "3=angle [rad]"; may be repeated.'),
     click.option("--sample-hz", type=RATE, metavar="HZ", help="Sampling rate, if the file has none."),
-    click.option("--variable", default="", metavar="NAME", help="The matrix in a MAT or HDF5 file."),
+    click.option("--variable", default="", metavar="NAME", help="Name of the matrix in a MAT or HDF5 file."),
 )

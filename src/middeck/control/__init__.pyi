@@ -10,7 +10,7 @@ from .loop.pointing import (
     PointingWindow as PointingWindow,
     budget_pointing as budget_pointing,
 )
-from .lqg.coloured_plant import colour_disturbances as colour_disturbances
+from .lqg.disturbance_spectra import colour_disturbances as colour_disturbances
 from .lqg.disturbance_spectra import (
     fit_spectrum as fit_spectrum,
     line_filter as line_filter,
@@ -26,7 +26,7 @@ from .robust.verification.many_loops import (
 )
 from .robust.verification.monte_carlo import verify_robustness as verify_robustness
 from .sampled.aliases import find_aliases as find_aliases
-from .sampled.antialias import filter_measurements as filter_measurements
+from .sampled.aliases import filter_measurements as filter_measurements
 from .sampled.compare_sampling import compare_sampling as compare_sampling
 from .shaping.leads_and_notches import roll_off as roll_off
 

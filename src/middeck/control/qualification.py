@@ -106,15 +106,16 @@ def _try(name: str, plant: Plant, compensator: Compensator, weights: LQGWeights)
 def align_plant(plant: Plant, compensator: Compensator) -> Plant:
     """The plant whose groups u and y are the compensator's ports, in its own order where it has them.
 
-    Inert modes are left out. Raises `ConfigError` as `locate_ports`.
+    Inert modes are left out, but of a sampled plant. Raises `ConfigError` as `locate_ports`.
     """
     locate_ports(compensator, plant.inputs, plant.outputs)
     u, y = (tuple(port.name for port in side) for side in (compensator.outputs, compensator.inputs))
     # Weights go by the plant's own groups where these are the compensator's ports.
     u = plant.u if sorted(plant.u) == sorted(u) else u
     y = plant.y if sorted(plant.y) == sorted(y) else y
+    grouped = dataclasses.replace(plant, u=u, y=y)
     # Before delays are approximated: the modes of what comes of that are no longer told apart.
-    return partition_modes(dataclasses.replace(plant, u=u, y=y)).active
+    return grouped if grouped.period_s else partition_modes(grouped).active
 
 
 def sampled_forms(compensator: Compensator, rates_hz: Sequence[float]) -> tuple[Compensator, ...]:

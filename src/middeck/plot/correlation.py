@@ -5,10 +5,14 @@ from __future__ import annotations
 from textwrap import fill
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from middeck.plot.style import COLOUR, new_figure, note, styled
+from middeck.plot.style import COLOUR, draw_stems, new_figure, styled
 from middeck.structure.correlation.correlate import Correlation
+from middeck.structure.correlation.evaluation import Evaluation
+from middeck.structure.correlation.frequencies import FrequencyComparison
+from middeck.structure.modes.solve import Modes
 
 # Above this number of columns the values are not written into their squares.
 WRITTEN = 14
@@ -43,20 +47,35 @@ def correlation_figure(found: Correlation) -> Figure:
     left.set_title("MAC; circles: pairs")
     left.grid(visible=False)
     figure.colorbar(image, ax=left, fraction=0.05, pad=0.02)
-    error, rows = 100.0 * found.evaluation.frequency_error, np.arange(len(pairs))
-    right.hlines(rows, 0.0, error, color=COLOUR["lab"], linewidth=1.6)
-    right.plot(error, rows, "o", color=COLOUR["lab"])
-    for row, value in zip(rows, error, strict=True):
-        note(right, f"{value:+.2f}", (max(value, 0.0), row), (6, 0), va="center")
-    right.set_yticks(rows, [f"{measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs])
-    right.tick_params(axis="y", labelright=True, labelleft=False, length=0)
-    span = max(float(np.abs(error).max(initial=0.0)), 0.1)
-    right.set_xlim(-1.15 * span, 1.7 * span)
-    right.set_ylim(len(rows) - 0.4, -0.6)
-    right.axvline(0.0, color="black", linewidth=0.7)
-    right.set_xlabel("model over measured frequency, less one [%]")
-    right.set_title("frequencies of the pairs")
+    _draw_errors(right, [f"{measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs], found.evaluation)
     verdict = "passes" if found.passed else "does not pass"
-    title = f"{modes.equilibrium.model.structure.title} in {modes.equilibrium.environment.title}"
-    figure.suptitle(f"{fill(title, 100)}\n{verdict} {found.profile.name}", fontsize=9.5)
+    figure.suptitle(f"{_heading(modes)}\n{verdict} {found.profile.name}", fontsize=9.5)
     return figure
+
+
+@styled
+def frequencies_figure(found: FrequencyComparison) -> Figure:
+    """Frequency errors of the pairs; a question mark where another mode of the model fits too."""
+    measured, names = found.measured.frequency_hz, found.modes.name
+    figure = new_figure(1.6 + 0.3 * len(found.pairs), 6.5)
+    rows = [f"{measured[j]:.4g} Hz{' ?' * (j in found.undecided)}: {names[i]}" for i, j in found.pairs]
+    _draw_errors(figure.subplots(), rows, found)
+    doubt = "\n?: another mode of the model fits too" if found.undecided else ""
+    figure.suptitle(f"{_heading(found.modes)}{doubt}", fontsize=9.5)
+    return figure
+
+
+def _heading(modes: Modes) -> str:
+    return fill(f"{modes.equilibrium.model.structure.title} in {modes.equilibrium.environment.title}", 100)
+
+
+def _draw_errors(axes: Axes, names: list[str], found: Evaluation | FrequencyComparison) -> None:
+    """Frequency errors of pairs, one a row, whose name is beside it."""
+    error = 100.0 * found.frequency_error
+    draw_stems(axes, error, 0.0, names, "{:+.2f}")
+    axes.tick_params(axis="y", labelright=True, labelleft=False)
+    span = max(float(np.abs(error).max(initial=0.0)), 0.1)
+    axes.set_xlim(-1.15 * span, 1.7 * span)
+    axes.axvline(0.0, color="black", linewidth=0.7)
+    axes.set_xlabel("model over measured frequency, less one [%]")
+    axes.set_title("frequencies of the pairs")

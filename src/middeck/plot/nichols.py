@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from middeck.control.analysis.margins.margins import LoopMargins, Margins
 from middeck.control.analysis.margins.return_ratio import ReturnRatio
 from middeck.plot.curves import decibels
-from middeck.plot.nyquist import draw_critical_point, title_of
-from middeck.plot.style import COLOUR, legend_below, square_pictures, styled
+from middeck.plot.nyquist import draw_critical_point, draw_loops, title_of
+from middeck.plot.style import COLOUR, styled
 
 CONTOURS_DB = (0.0, 3.0, 6.0, 12.0)
 REACH_DB = 40.0
@@ -23,11 +23,7 @@ def draw_nichols(ratio: ReturnRatio, margins: Margins) -> Figure:
     The critical point is at -180 degrees and 0 dB; grey are contours of |L/(1 + L)|. Dots are unit gain,
     squares -180 degrees.
     """
-    figure, pictures = square_pictures(len(ratio.channels))
-    for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
-        _draw(axes, L, loop, stable=margins.stable)
-    legend_below(figure, pictures)
-    return figure
+    return draw_loops(ratio, margins, _draw)
 
 
 def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool) -> None:

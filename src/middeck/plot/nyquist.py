@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,7 @@ def draw_nyquist(ratio: ReturnRatio, margins: Margins) -> Figure:
     Shaded is the disk of the channel's own disk margin: the curve touches it, and no more. Dots are unit gain
     (phase margins), squares the negative real axis (gain margins).
     """
-    figure, pictures = square_pictures(len(ratio.channels))
-    for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
-        _draw(axes, L, loop, stable=margins.stable)
-    legend_below(figure, pictures)
-    return figure
+    return draw_loops(ratio, margins, _draw)
 
 
 def _draw(axes: Axes, L: np.ndarray, margins: LoopMargins, *, stable: bool) -> None:
@@ -60,6 +57,15 @@ def _near(L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The curve with gaps where it is far outside the picture."""
     inside = np.abs(L) < 4.0 * REACH
     return np.where(inside, np.real(L), np.nan), np.where(inside, np.imag(L), np.nan)
+
+
+def draw_loops(ratio: ReturnRatio, margins: Margins, draw: Callable[..., None]) -> Figure:
+    """One picture a channel: ``draw(axes, L, loop, stable=...)``; the legend below all."""
+    figure, pictures = square_pictures(len(ratio.channels))
+    for axes, L, loop in zip(pictures, ratio.L.T, margins.loops, strict=True):
+        draw(axes, L, loop, stable=margins.stable)
+    legend_below(figure, pictures)
+    return figure
 
 
 def draw_critical_point(axes: Axes, at: float) -> None:

@@ -45,7 +45,7 @@ MARKS: dict[str, dict[str, Any]] = {
 WORDS = {"ground": "bushing to the ground", "support": "support of some directions"}
 BOX = "body, as the uniform box of its size or inertia"
 PART = "component, from its centre of mass to its grids"
-LINKED = "link that leaves some motion free"
+LINKED = "link that leaves some motion free, or average"
 BOXED: dict[str, Any] = {
     "linestyle": "", "marker": "s", "markersize": 6.0, "color": COLOUR["ink"], "markerfacecolor": "none",
 }  # fmt: skip
@@ -173,10 +173,13 @@ def shapes_figure(
 
 
 def _over(drawing: Drawing, shown: Shown, titles: Sequence[str], wide_in: float) -> str:
-    """The lines over a panel, no longer than it is wide."""
-    side = f"{titles[shown.drawing]}  " if titles else ""
-    lines = f"{side}{label_of(drawing, shown.shape)}".split("\n")
-    return "\n".join(fill(line, int(wide_in / LETTER_IN)) for line in lines)
+    """The lines over a panel, no longer than it is wide; a long title has one of its own."""
+    first, *others = label_of(drawing, shown.shape).split("\n")
+    room = int(wide_in / LETTER_IN)
+    if titles:
+        apart = "  " if len(titles[shown.drawing]) + 2 + len(first) <= room else "\n"
+        first = f"{titles[shown.drawing]}{apart}{first}"
+    return "\n".join(fill(line, room) for line in [*first.split("\n"), *others])
 
 
 def _size_of_panel(columns: int, shown: np.ndarray) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from functools import wraps
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
@@ -144,3 +145,16 @@ def phase_axis(axes: Axes) -> None:
     axes.set_ylim(-180.0, 180.0)
     axes.set_yticks([-180, -90, 0, 90, 180])
     axes.set_ylabel("phase [deg]")
+
+
+def draw_stems(axes: Axes, values: np.ndarray, base: float, names: Sequence[str], form: str) -> None:
+    """Horizontal stems from ``base``, the first on top, each with its value beside it."""
+    rows = np.arange(len(values))
+    axes.hlines(rows, base, values, color=COLOUR["lab"], linewidth=1.6)
+    axes.plot(values, rows, "o", color=COLOUR["lab"])
+    for row, value in zip(rows, values, strict=True):
+        note(axes, form.format(value), (max(value, base), row), (6, 0), va="center")
+    axes.set_yticks(rows, names)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(values) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")

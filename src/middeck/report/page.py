@@ -1,14 +1,16 @@
-"""The page: claims first, then each figure beside its sentence with the numbers under it."""
+"""The page: results and what does not hold on one screen, then each figure with its sentence and numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from middeck.report.first_screen import came_out, chapters_of, claim_rows, does_not_hold, warned
-from middeck.study.words import Numbers
+from middeck.study.chapter import Chapter
+from middeck.study.mission import CHAPTERS
+from middeck.study.words import Line, Numbers, significant
 
 
 def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, account: str | None) -> str:
@@ -47,3 +49,85 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, ac
         overrides=overrides,
         seed=seed,
     )
+
+
+class ClaimRow(NamedTuple):
+    """One row of the claims: where it is shown, what is claimed, whether it holds, its number and limit."""
+
+    section: str
+    claim: str
+    holds: bool
+    number: str
+    asked: str
+
+
+def chapters_of(figures: Numbers) -> list[Chapter[Any]]:
+    """The chapters whose numbers are in ``figures``."""
+    return [chapter for chapter in CHAPTERS if all(e.key in figures for e in chapter.entries)]
+
+
+def claim_rows(figures: Numbers) -> list[ClaimRow]:
+    """Every claim that a chapter judges."""
+    return [
+        ClaimRow(
+            entry.claims_at,
+            row["claim"],
+            row["holds"],
+            with_unit(row["number"], row["unit"]),
+            with_unit(row["asked"], row["unit"]),
+        )
+        for chapter in chapters_of(figures)
+        for entry in chapter.entries
+        for row in entry.claims(figures[entry.key])
+    ]
+
+
+def warned(figures: Numbers) -> list[Line]:
+    """Every warning that stands anywhere in ``figures``; one that several entries share, once."""
+    found: dict[str, str] = {}
+    for entry in (e for chapter in chapters_of(figures) for e in chapter.entries):
+        for text in _warnings(figures[entry.key]):
+            found.setdefault(text, entry.warnings_at)
+    return [Line(text, section) for text, section in found.items()]
+
+
+def _warnings(numbers: object) -> Iterator[str]:
+    if isinstance(numbers, dict):
+        for key, value in numbers.items():
+            yield from value if key == "warnings" else _warnings(value)
+    elif isinstance(numbers, list):
+        for value in numbers:
+            yield from _warnings(value)
+
+
+def came_out(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
+    """The result of each chapter that was run."""
+    held = [Line(f"{sum(row.holds for row in claims)} of {len(claims)} claims hold.", "claims")]
+    results = [c.result(figures) for c in chapters_of(figures) if c.result is not None]
+    return [*(held if claims else []), *results]
+
+
+def does_not_hold(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
+    """Claims that fail, what else the chapters report, and what warns."""
+    lines = [
+        Line(f"{row.claim.partition(' [')[0]}: {row.number}, required {row.asked}.", row.section)
+        for row in claims
+        if not row.holds
+    ]
+    for chapter in chapters_of(figures):
+        lines += chapter.shortfalls(figures)
+    warnings = warned(figures)
+    if warnings:
+        many = "s" if len(warnings) > 1 else ""
+        text = f"{len(warnings)} warning{many}, listed below the figures."
+        lines.append(Line(text, warnings[0].section))
+    return lines
+
+
+def with_unit(value: float | str | None, unit: str) -> str:
+    """A number of a claim and its unit.
+
+    >>> with_unit(-4.4861, "dB"), with_unit(None, "dB"), with_unit(3.0, "")
+    ('−4.486 dB', '–', '3')
+    """
+    return significant(value) if value in (None, "") else f"{significant(value)} {unit}".rstrip()

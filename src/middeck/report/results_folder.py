@@ -35,7 +35,7 @@ class StudyWriter:
         """Draw the figures of the chapter of this name and write each to ``figures``."""
         self._outcomes[name] = outcome
         (chapter,) = (c for c in CHAPTERS if c.name == name)
-        drawings = draw_chapter(chapter, outcome, numbered=self._study.form.account is not None)
+        drawings = draw_chapter(chapter, outcome, numbered=self._study.account is not None)
         self._drawings |= drawings
         for key, svg in drawings.items():
             write_text(self._out / "figures" / f"{key}.svg", svg)
@@ -45,9 +45,9 @@ class StudyWriter:
         numbers = cast("Numbers", plain(study_numbers(self._study, self._outcomes)))
         write_json(self._out / "numbers.json", numbers)
         title = self._study.title
-        page = render_page(title, numbers, self._drawings, account=self._study.form.account)
+        page = render_page(title, numbers, self._drawings, account=self._study.account)
         write_text(self._out / "report.html", page)
-        figure = picture.draw_picture(self._outcomes) if self._study.form.account else None
+        figure = picture.draw_picture(self._outcomes) if self._study.account else None
         if figure is not None:
             svg = svg_text(figure, key=picture.KEY, title=title, description=picture.WORDS)
             write_text(self._out / "figures" / f"{picture.KEY}.svg", svg)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -27,7 +27,7 @@ def claims_within(entry: Numbers) -> list[Claim]:
     return entry.get("claims", [])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Entry(Generic[T]):
     """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand.
 
@@ -36,6 +36,7 @@ class Entry(Generic[T]):
 
     key: str
     numbers: Callable[[T], Numbers]
+    _: KW_ONLY
     claims_at: str = ""
     warnings_at: str = ""
     claims: Callable[[Numbers], list[Claim]] = claims_within
@@ -45,7 +46,7 @@ class Entry(Generic[T]):
             object.__setattr__(self, place, getattr(self, place) or self.key.replace("_", "-"))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Drawing(Generic[T]):
     """One drawing, the one sentence that it is there to show, and what stands under it on the page.
 
@@ -56,6 +57,7 @@ class Drawing(Generic[T]):
     key: str
     title: str | Callable[[Numbers], str]
     draw: Callable[[T], Figure]
+    _: KW_ONLY
     sentence: Callable[[Numbers], str]
     tables: Callable[[Numbers], list[Table]] = nothing
     note: str = ""

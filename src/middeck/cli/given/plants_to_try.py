@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,13 +27,12 @@ from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.systems.plants.dispersed_frequencies import DispersedModes
-from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.mode_shift import natural_hz, shift_modes
 from middeck.systems.plants.plant import (
     Plant,
     delay_plant,
     group_ports,
     name_states,
-    remove_delays,
     select_ports,
 )
 from middeck.values import record
@@ -56,14 +56,6 @@ class Gathered:
     hold_unknown: tuple[str, ...]
     dispersed: dict[str, DispersedModes]
     promises: tuple[PromisedPlants, ...]
-
-
-@record
-class Shift:
-    """Modes moved together by so many per cent of their frequency, down and up: names, or "7:10" Hz."""
-
-    modes: str
-    percent: float
 
 
 def gather_plants(tried: Tried, law: Law) -> Gathered:
@@ -145,6 +137,21 @@ def _model(source: str, model: MeasurementModel | Plant, law: Law) -> Plant:
         return measured_plant(model, w=u, u=u, z=y, y=y)
 
 
+def also_held(gathered: Gathered, law: Law, delay_s: float) -> Gathered:
+    """Also each model that may have been held at the rate of ``law``, with half a period of delay less.
+
+    The sampled loop adds that half period, which is then among its delays already; what is not known is tried
+    both ways. ``delay_s`` is what was added to the delays.
+    """
+    half_s = 0.5 * law.sampled.period_s
+    held = {
+        f"{name}, if held": delay_plant(gathered.plants[name], -half_s)
+        for name in gathered.hold_unknown
+        if np.min(gathered.plants[name].delay_s) - delay_s >= half_s
+    }
+    return dataclasses.replace(gathered, plants=gathered.plants | held)
+
+
 def say_hold(
     gathered: Gathered, law: Law, weights: LQGWeights, rates_hz: Sequence[float], delay_s: float
 ) -> list[str]:
@@ -180,18 +187,18 @@ def _held_or_not(name: str, plant: Plant, law: Compensator, weights: LQGWeights,
     )
 
 
-def shifted_plants(plants: Mapping[str, Plant], shifts: Sequence[Shift]) -> dict[str, Plant]:
-    """Each plant as it is, then each shift alone, down and up."""
+def shifted_plants(plants: Mapping[str, Plant], shifts: Sequence[tuple[str, float]]) -> dict[str, Plant]:
+    """Each plant as it is, then each shift alone, down and up: modes by `chosen_modes`, and per cent."""
     found: dict[str, Plant] = {}
     for name, plant in plants.items():
         found[name] = plant
-        for shift in shifts:
+        for modes, percent in shifts:
             with reading(name):
-                moved = chosen_modes(plant, shift.modes)
+                moved = chosen_modes(plant, modes)
                 for sign in (-1.0, 1.0):
-                    by = sign * shift.percent
+                    by = sign * percent
                     moved_plant = shift_modes(plant, dict.fromkeys(moved, 1.0 + 0.01 * by))
-                    found[f"{name}, {shift.modes} {by:+g} %"] = moved_plant
+                    found[f"{name}, {modes} {by:+g} %"] = moved_plant
     return found
 
 
@@ -241,15 +248,3 @@ def chosen_modes(plant: Plant, text: str) -> tuple[str, ...]:
         there = ", ".join(f"{name} {f:.4g} Hz" for name, f in hz.items())
         raise ConfigError(f"no mode between {band[0]:g} and {band[1]:g} Hz", hint=f"there are {there}")
     return within
-
-
-def natural_hz(plant: Plant) -> dict[str, float]:
-    """The frequency [Hz] of each mode that oscillates, by name."""
-    names, A = np.array(name_states(plant)), remove_delays(plant).system.A
-    found: dict[str, float] = {}
-    for name in dict.fromkeys(names.tolist()):
-        index = np.flatnonzero(names == name)
-        values = np.linalg.eigvals(A[np.ix_(index, index)])
-        if len(index) == 2 and np.any(np.imag(values)):
-            found[name] = float(np.abs(values[0]) / (2.0 * np.pi))
-    return found

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from middeck.cli.given.plants_to_try import Gathered, Law, Shift, chosen_modes, natural_hz, shifted_plants
+from middeck.cli.given.plants_to_try import Gathered, Law, chosen_modes, shifted_plants
 from middeck.cli.options import Tried
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError
 from middeck.systems.plants.dispersed_frequencies import DispersedModes, dispersed_factors
-from middeck.systems.plants.mode_shift import shift_modes
+from middeck.systems.plants.mode_shift import natural_hz, shift_modes
 from middeck.systems.plants.plant import Plant, name_states
 
 
@@ -17,7 +17,7 @@ def all_plants(gathered: Gathered, law: Law, tried: Tried) -> dict[str, Plant]:
 
     Raises `ConfigError` for ``--first-bending`` without a sweep.
     """
-    plants = shifted_plants(gathered.plants, [Shift(*shift) for shift in tried.shifts])
+    plants = shifted_plants(gathered.plants, tried.shifts)
     if tried.sweep:
         return plants | swept_plants(gathered, law, tried.first_bending)
     if tried.first_bending is not None:

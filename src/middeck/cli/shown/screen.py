@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import Any, TextIO
 
 import click
@@ -110,6 +111,41 @@ def cells(row: Mapping[str, Any], *forms: str) -> list[str]:
     """
     split = (form.partition(":") for form in forms)
     return ["-" if row[key] is None else format(row[key], form) for key, _, form in split]
+
+
+def number(value: float | None, form: str, none: str = "-") -> str:
+    """A number in its format; ``none`` for what is not there."""
+    return none if value is None else format(value, form)
+
+
+def rows_of(columns: Mapping[str, Any], *forms: str) -> list[list[str]]:
+    """Rows of parallel columns: keys, each with its format, as for `cells`.
+
+    >>> rows_of({"hz": [1.0, 2.5], "name": ["a", "b"]}, "name", "hz:.2f")
+    [['a', '1.00'], ['b', '2.50']]
+    """
+    keys = [form.partition(":")[0] for form in forms]
+    rows = zip(*(columns[key] for key in keys), strict=True)
+    return [cells(dict(zip(keys, row, strict=True)), *forms) for row in rows]
+
+
+def mode_rows(document: Mapping[str, Any]) -> list[list[str]]:
+    """Frequency and damping of fitted modes, each with its deviation, and what is to be said of them."""
+    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
+    rows = sorted(zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2))
+    return [
+        [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing.replace("sound", "")]
+        for f, df, z, dz, standing in rows
+    ]
+
+
+def delay_cells(document: Mapping[str, Any], output: str) -> list[str]:
+    """The delay in ms, with deviation and standing."""
+    return [
+        f"{document['delay_s'][output] * 1e3:.4f}",
+        deviation_words(document["delay_std_s"][output], 1e-3),
+        document["delay_standing"][output].replace("sound", ""),
+    ]
 
 
 def deviation_words(deviation: float | None, unit: float = 1.0) -> str:

@@ -11,6 +11,7 @@ import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.budget import GravityBudget
@@ -27,7 +28,7 @@ EXAMPLES = """\
 @figures.figure
 @options.common
 def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool) -> None:
-    """Effects of gravity on each mode of ARTICLE.
+    """Frequency shift of each mode by each effect of gravity.
 
     Between orbit and an environment, three effects are switched on one at a time, in all six orders:
     suspension, stiffness from internal forces and weight, and static pre-deformation. Prints the mean
@@ -78,10 +79,7 @@ def describe(found: GravityBudget) -> dict[str, Any]:
         "pairs": found.pairs,
         "name": [lab.name[j] for j in found.pairs[:, 1]],
         "kind_in_orbit": [found.orbit.kind[i] for i in found.pairs[:, 0]],
-        "frequency_hz": found.frequency_hz,
-        "shift_hz": found.shift_hz,
-        "share_hz": found.share_hz,
-        "range_hz": found.range_hz,
+        **fields(found, "frequency_hz", "shift_hz", "share_hz", "range_hz"),
         "by_order_omega2": found.by_order,
         "omega2": found.corner,
         "match": found.match,

@@ -10,6 +10,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.updating.candidates.candidates import Ranking
@@ -57,10 +58,7 @@ def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:
     return {
         "schema": "middeck.candidates-ranked/1",
         "article": refined.structure.title,
-        "promised": [
-            {"where": p.where, "name": p.name, "value": p.value, "unit": p.unit, "std": p.std}
-            for p in ranking.promised
-        ],
+        "promised": [{**fields(p, "where", "name", "value", "unit", "std")} for p in ranking.promised],
         "widest": ranking.widest,
         "candidates": [
             {

@@ -11,6 +11,7 @@ from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import show
 from middeck.errors import NumericalError
+from middeck.study.words import fields
 
 EXAMPLES = """\
   middeck check articles/mace-simple.toml
@@ -107,7 +108,7 @@ def _in_environment(
         modes = md.solve_modes(rest, COUNT, standstill=True)
         found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:
-        found.append({"grade": "fault", "where": error.where, "what": error.what, "hint": error.hint})
+        found.append({"grade": "fault", **fields(error, "where", "what", "hint")})
     return numbers, found
 
 

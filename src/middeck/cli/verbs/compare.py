@@ -30,7 +30,8 @@ def verb(case: options.Case, count: int, figure_file: str | None, up: str | None
 
     Pairs of flexible modes with their frequency ratios, cross-orthogonality, MAC, and the angles between
     the rigid-body and the suspension modes. A load case is part of the environment: in orbit the article has
-    neither its loads nor its masses.
+    neither its loads nor its masses. Nor has it clamps there: `middeck budget` shows modes of an article that
+    is held with gravity and without.
     """
     from middeck.cli.given.cases import apply_case, read_case, solve_in
 

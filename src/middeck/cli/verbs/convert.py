@@ -48,9 +48,7 @@ EXAMPLES = """\
     metavar="NUMBER",
     help="Subcase of case control; needed if subcases hold or load the deck differently.",
 )
-@options.written(
-    "-o", "--output", "target", endings=options.ARTICLES, metavar="ARTICLE", help="Write the article."
-)
+@options.output("target", options.ARTICLES, "Write the article.", "ARTICLE")
 @options.written(
     "--environment",
     "held_target",
@@ -154,13 +152,21 @@ def _no_units_of_superelements(deck: str) -> Exception:
     return ConfigError(what, where=deck, hint="--units, such as mm-kg-s-mN")
 
 
+SHOWN = 5  # materials in a message
+
+
 def _no_units(source: Deck) -> Exception:
-    from middeck.files.nastran.article.convert import likely_units
+    from middeck.files.nastran.article.convert import likely_units, materials_and_size
 
     found = [units.name for units in likely_units(source)]
     if not found:
+        materials, size = materials_and_size(source)
+        known = ", ".join(
+            f"E {E:g} with density {rho:g}" for E, rho in list(dict.fromkeys(materials))[:SHOWN]
+        )
         return ConfigError(
-            "a deck does not state its units, and moduli and size of this one fit no common set",
+            "a deck does not state its units, and no common set fits this one: "
+            f"{f'{known}, ' if known else ''}size {size:g}",
             where=source.path,
             hint="--units with a length, a mass or a force, and a time, such as mm-kg-s",
         )

@@ -11,6 +11,7 @@ import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
@@ -45,27 +46,24 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
 @click.command("correlate", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @click.argument("test", metavar="MODES")
-@click.option(
+@options.defaulted(
     "--profile",
-    type=click.Choice(PROFILES),
     default=PROFILES[0],
-    show_default=True,
+    type=click.Choice(PROFILES),
     metavar="NAME",
     help=f"Criteria: {', '.join(PROFILES)}.",
 )
-@click.option(
+@options.several(
     "--limit",
     "limits",
-    type=(click.Choice(QUANTITIES), options.Real(0.0, 1.0)),
-    multiple=True,
     metavar="QUANTITY VALUE",
+    type=(click.Choice(QUANTITIES), options.Real(0.0, 1.0)),
     help=f"Another limit than the profile's, repeatable: {', '.join(QUANTITIES)}.",
 )
-@click.option(
+@options.defaulted(
     "--reduction",
-    type=click.Choice(REDUCTIONS),
     default=REDUCTIONS[0],
-    show_default=True,
+    type=click.Choice(REDUCTIONS),
     help="Reduction of the mass matrix to the sensors.",
 )
 @click.option(
@@ -74,14 +72,8 @@ it where the article hangs, the rigid-body modes all of it where it is free."""
     metavar="F,S",
     help="Standard deviations of frequencies and shapes, relative.  [default: as the test states]",
 )
-@click.option(
-    "--runs",
-    type=click.IntRange(min=1),
-    default=1000,
-    show_default=True,
-    help="Noisy tests of a correct model.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the noise.")
+@options.defaulted("--runs", default=1000, type=click.IntRange(min=1), help="Noisy tests of a correct model.")
+@options.defaulted("--seed", default=0, type=click.IntRange(min=0), help="Seed of the noise.")
 @click.option("--require", is_flag=True, help="End with exit code 1 if the model does not pass.")
 @figures.figure
 @options.common
@@ -110,8 +102,6 @@ def verb(
     from middeck.cli.given.cases import solve_case
 
     measured = md.load_measured_modes(test)
-    if figure_file is not None and not measured.node:
-        raise click.UsageError("--figure draws shapes, and a survey of frequencies alone has none")
     given = None if noise is None else md.structure.MeasurementNoise(*noise)
     criteria = _criteria(profile, limits)
     top = NEAR * float(measured.frequency_hz.max())
@@ -128,8 +118,8 @@ def verb(
             )  # fmt: skip
             document = {**describe(found), "seed": seed, "test": test}
             blocks = _tables(document)
-            if figure_file is not None:
-                _draw(found, figure_file, test)
+        if figure_file is not None:
+            _draw(found, figure_file, test)
     show(as_json, document, *blocks)
     if require and not found.passed:
         click.get_current_context().exit(1)
@@ -144,15 +134,18 @@ def _criteria(profile: str, limits: tuple[tuple[str, float], ...]) -> Profile:
     return criteria
 
 
-def _draw(found: Correlation, file: str, test: str) -> None:
-    from middeck.plot.correlation import correlation_figure
+def _draw(found: Correlation | FrequencyComparison, file: str, test: str) -> None:
+    from middeck.plot.correlation import correlation_figure, frequencies_figure
+    from middeck.structure.correlation.correlate import Correlation
 
+    shapes = isinstance(found, Correlation)
+    errors = f"requency errors of {len(found.pairs)} pairs."
     figures.write_figure(
-        correlation_figure(found),
+        correlation_figure(found) if shapes else frequencies_figure(found),
         file,
         key="correlation",
         title=f"Correlation of {found.modes.equilibrium.model.structure.title} with {test}",
-        description=f"MAC of the modes, and frequency errors of {len(found.pairs)} pairs.",
+        description=f"{'MAC of the modes, and f' if shapes else 'F'}{errors}",
     )
 
 
@@ -167,9 +160,7 @@ def describe(found: Correlation) -> dict[str, Any]:
         "criteria": [_criterion(f) for f in found.findings],
         "frequency_error": judged.frequency_error,
         "pair_mac": judged.mac[judged.pairs[:, 0], theirs],
-        "cross_orthogonality": judged.cross_orthogonality,
-        "self_orthogonality": judged.self_orthogonality,
-        "mac": judged.mac,
+        **fields(judged, "cross_orthogonality", "self_orthogonality", "mac"),
         "mac_modes": found.candidates,
         "comac": dict(zip(found.measured.channels, judged.comac, strict=True)),
         "phase_collinearity": found.phase_collinearity,
@@ -188,9 +179,7 @@ def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
         **_common(found),
         "criteria": [
             {
-                "quantity": f.criterion.quantity,
-                "group": f.criterion.group,
-                "limit": f.criterion.limit,
+                **fields(f.criterion, "quantity", "group", "limit"),
                 "worst": f.worst,
                 "met": f.met,
             }
@@ -262,17 +251,10 @@ def _probability(probability: Any) -> dict[str, Any]:
 def _criterion(finding: Finding) -> dict[str, Any]:
     criterion = finding.criterion
     return {
-        "quantity": criterion.quantity,
-        "group": criterion.group,
-        "limit": criterion.limit,
+        **fields(criterion, "quantity", "group", "limit"),
         "limit_is": "largest" if criterion.quantity.has_upper_limit else "smallest",
-        "source": criterion.source,
-        "status": criterion.status,
-        "recalled": criterion.recalled,
-        "items": finding.items,
-        "values": finding.values,
-        "worst": finding.worst,
-        "passed": finding.passed,
+        **fields(criterion, "source", "status", "recalled"),
+        **fields(finding, "items", "values", "worst", "passed"),
         "probability_of_a_correct_model": _probability(finding.probability),
         "expected_of_a_correct_model": finding.expected,
     }
@@ -304,7 +286,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _condition(condition: float | None) -> str:
-    return "too few to tell the modes apart" if condition is None else f"condition {condition:.3g}"
+    return "too few to distinguish the modes" if condition is None else f"condition {condition:.3g}"
 
 
 def _interval(p: dict[str, Any]) -> str:

@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, number, rows_of, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -34,17 +34,15 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.environment
 @options.load_case
 @options.count
-@click.option("--control", multiple=True, metavar="PORT", help="Input to drive; may be repeated.")
+@options.several("--control", metavar="PORT", help="Input to drive; may be repeated.")
+@options.several("--measure", metavar="PORT", help="Output to measure and keep small; may be repeated.")
 @click.option(
-    "--measure", multiple=True, metavar="PORT", help="Output to measure and keep small; may be repeated."
+    "--authority", type=options.POSITIVE, help="1/rho, rho the factor on the control weights.  [default: 10]"
 )
-@click.option(
-    "--authority", type=options.POSITIVE, help="1/rho, the inverse weight of control.  [default: 10]"
-)
-@click.option("--log10-authority", type=float, help="Logarithm of --authority instead.")
-@click.option("--angle-noise", default=2e-5, show_default=True, help=options.SENSOR_NOISE)
-@click.option("--disturbance", default=1e-2, show_default=True, help=options.INPUT_NOISE)
-@click.option("--pade-order", default=3, show_default=True, help="States for each delay of a fitted model.")
+@click.option("--log10-authority", type=float, help="log10 of the authority, in place of --authority.")
+@options.defaulted("--angle-noise", default=2e-5, help=options.SENSOR_NOISE)
+@options.defaulted("--disturbance", default=1e-2, help=options.INPUT_NOISE)
+@options.defaulted("--pade-order", default=3, help="Padé order of each delay of a fitted model.")
 @click.option(
     "--band",
     "band_hz",
@@ -55,16 +53,13 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.periods
 @options.states
 @click.option(
-    "--fit-band", "fit_band_hz", type=options.Frequencies(2), metavar="LO,HI", help="Band to fit a RECORD in."
+    "--fit-band",
+    "fit_band_hz",
+    type=options.Frequencies(2),
+    metavar="LO,HI",
+    help="Band to fit a RECORD in [Hz].",
 )
-@options.written(
-    "-o",
-    "--output",
-    "law_file",
-    endings=options.SYSTEMS,
-    metavar="LAW.json|mat",
-    help="Write the compensator.",
-)
+@options.output("law_file", options.SYSTEMS, "Write the compensator.", "LAW.json|mat")
 @figures.figure
 @options.common
 def verb(
@@ -84,10 +79,10 @@ def verb(
 ) -> None:
     """LQG design for a plant, and its predicted closed loop.
 
-    The disturbance enters at the control inputs; every measured output is kept small. The plant of a fitted
-    model is that between --control and --measure; delays that the fit cannot distinguish are merged.
-    --set takes the article's and the environment's keys, or for a fitted plant log10_authority, angle_noise,
-    disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
+    The disturbance enters at the control inputs; every measured output is kept small. A fitted model is
+    reduced to the paths from --control to --measure; delays whose difference is within their uncertainty
+    become one. --set takes the article's and the environment's keys, or for a fitted plant log10_authority,
+    angle_noise, disturbance, pade_order, band_hz, states, fit_band_hz, sampled and periods.
     """
     from middeck.cli.given.checked_options import LoopSettings, settle
     from middeck.cli.given.design_plants import Wanted
@@ -232,15 +227,12 @@ def _rigid_below(plant: md.Plant, low_hz: float) -> list[str]:
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    def number(value: float | None, form: str) -> str:
-        return "-" if value is None else format(value, form)
-
     low, high = document["band_hz"]
     rows = [
         [name, *(number(document[k][name], ".4e") for k in ("rms_open", "rms_closed")), number(db, ".2f")]
         for name, db in document["db"].items()
     ]
-    pairs = zip(document["frequency_hz"], document["damping"], strict=True)
+
     stable = "stable" if document["stable"] else "UNSTABLE"
     law = "stable" if document["compensator_stable"] else "unstable by itself"
     return [
@@ -248,5 +240,5 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"compensator  {document['order']} states, {law}, for a plant of {document['plant_order']}",
         f"from         {', '.join(document['measure'])} to {', '.join(document['control'])}",
         Table(f"rms in {low:g}-{high:g} Hz", ["output", "open", "closed", "dB"], rows),
-        Table("poles of the loop", ["Hz", "damping"], [[f"{f:.5f}", f"{z:.5f}"] for f, z in pairs]),
+        Table("poles of the loop", ["Hz", "damping"], rows_of(document, "frequency_hz:.5f", "damping:.5f")),
     ]

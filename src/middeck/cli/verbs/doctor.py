@@ -21,24 +21,12 @@ EXAMPLES = """\
 
 @click.command("doctor", cls=options.Verb, examples=EXAMPLES)
 @click.option("--realtime", is_flag=True, help="Run the engine in real time and report its lateness.")
-@click.option(
-    "--rate", type=options.Real(1.0, 1e5), default=500.0, show_default=True, help="Samples a second."
-)
-@click.option(
-    "--seconds", type=options.Real(0.1, 86400.0), default=10.0, show_default=True, help="Time to run."
-)
-@click.option(
-    "--states", type=click.IntRange(0, 1024), default=60, show_default=True, help="States of a random law."
-)
-@click.option(
-    "--inputs", type=click.IntRange(1, 64), default=14, show_default=True, help="Inputs of that law."
-)
-@click.option(
-    "--outputs", type=click.IntRange(1, 64), default=5, show_default=True, help="Outputs of that law."
-)
-@click.option(
-    "--priority", type=click.IntRange(0, 99), default=80, show_default=True, help="FIFO priority; 0: none."
-)
+@options.defaulted("--rate", default=500.0, type=options.Real(1.0, 1e5), help="Samples a second.")
+@options.defaulted("--seconds", default=10.0, type=options.Real(0.1, 86400.0), help="Time to run.")
+@options.defaulted("--states", default=60, type=click.IntRange(0, 1024), help="States of a random law.")
+@options.defaulted("--inputs", default=14, type=click.IntRange(1, 64), help="Inputs of that law.")
+@options.defaulted("--outputs", default=5, type=click.IntRange(1, 64), help="Outputs of that law.")
+@options.defaulted("--priority", default=80, type=click.IntRange(0, 99), help="FIFO priority; 0: none.")
 @click.option("--processor", type=click.IntRange(min=0), default=None, help="Processor to stay on.")
 @options.common
 def verb(
@@ -53,7 +41,7 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Timing of the engine on this machine.
+    """Timing of the real-time engine on this machine.
 
     A random stable law runs in the engine in real time. The report gives lateness, samples delayed by more
     than a period, the time, operations and bytes of a step, the granted priority, memory lock and processor,

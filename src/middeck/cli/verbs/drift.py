@@ -11,6 +11,7 @@ from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.given.checked_options import FitSettings
@@ -41,13 +42,12 @@ EXACT = (
 @click.option(
     "--sampled/--continuous",
     default=None,
-    help="Kind of models.  [default: sampled if the band passes 1/8 of the sampling rate]",
+    help="Kind of models.  [default: sampled if the band extends above 1/8 of the sampling rate]",
 )
-@click.option(
+@options.defaulted(
     "--level",
-    type=options.Real(0.0, 1.0, min_open=True, max_open=True),
     default=0.05,
-    show_default=True,
+    type=options.Real(0.0, 1.0, min_open=True, max_open=True),
     help="Probability that the fits, or the responses, raise any false alarm.",
 )
 @click.option("--require", is_flag=True, help="End with exit code 1 if anything has drifted.")
@@ -147,9 +147,7 @@ def describe(
         "sentence": found.sentence,
         "response_sentence": None if lines is None else lines.sentence,
         "response_inflation": None if lines is None else lines.inflation,
-        "p_overall": found.p_overall,
-        "modes": found.modes,
-        "delays": found.delays,
+        **fields(found, "p_overall", "modes", "delays"),
         "only_before_hz": found.only_before,
         "only_after_hz": found.only_after,
         "bands": None if lines is None else lines.bands,

@@ -8,8 +8,9 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, rows_of, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.work.design_excitation import ExciteSettings
@@ -51,16 +52,9 @@ EXAMPLES = """\
     callback=options.chained,
     help="Rms of each output's noise, with --model.",
 )
-@click.option("--name", "names", multiple=True, metavar="NAME", help="Name of each input: repeat it, or A,B.")
-@click.option("--unit", default="N m", show_default=True, help="Unit of the inputs.")
-@options.written(
-    "-o",
-    "--output",
-    "command_file",
-    endings=options.COMMANDS,
-    metavar="COMMAND.csv|npz",
-    help="Write the samples.",
-)
+@options.several("--name", "names", metavar="NAME", help="Name of each input: repeat it, or A,B.")
+@options.defaulted("--unit", default="N m", help="Unit of the inputs.")
+@options.output("command_file", options.COMMANDS, "Write the samples.", "COMMAND.csv|npz")
 @options.common
 def verb(
     model_file: str | None,
@@ -114,20 +108,14 @@ def describe(made: Excitation, settings: ExciteSettings, expected: ExpectedAccur
     experiments, samples, _ = made.u.shape
     return {
         "schema": "middeck.excite/1",
-        "kind": made.kind,
-        "what": made.what,
-        "sample_hz": made.sample_hz,
-        "period_s": made.period_s,
+        **fields(made, "kind", "what", "sample_hz", "period_s"),
         "samples": samples,
         "experiments": experiments,
         "periods": settings.periods,
         "duration_s": experiments * settings.periods * made.period_s,
         "lines": len(made.lines),
         "band_hz": [made.frequency_hz[0], made.frequency_hz[-1]],
-        "rms": made.rms,
-        "peak": made.peak,
-        "crest_factor": made.crest_factor,
-        "slew": made.slew,
+        **fields(made, "rms", "peak", "crest_factor", "slew"),
         "expected": None if expected is None else _accuracy(expected),
     }
 
@@ -165,17 +153,13 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
     expected = document["expected"]
     if expected is not None:
-        keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
-        modes = [
-            [f"{f:.5f}", f"{df:.1e}", f"{z:.5f}", f"{dz:.1e}"]
-            for f, df, z, dz in zip(*(expected[k] for k in keys), strict=True)
-        ]
+        forms = ("frequency_hz:.5f", "frequency_std_hz:.1e", "damping:.5f", "damping_std:.1e")
         outputs = [
             [name, f"{expected['delay_std_s'][name] * 1e3:.2g}", f"{error:.3%}"]
             for name, error in expected["error"].items()
         ]
         blocks += [
-            Table("expected of a fit", ["mode Hz", "+- Hz", "damping", "+-"], modes),
+            Table("expected of a fit", ["mode Hz", "+- Hz", "damping", "+-"], rows_of(expected, *forms)),
             Table("expected of outputs", ["output", "delay +- ms", "error of response"], outputs),
         ]
     return blocks

@@ -11,6 +11,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.realtime.gate.gate import GateVerdict
@@ -25,29 +26,21 @@ EXAMPLES = """\
 @click.command("gate", cls=options.Verb, examples=EXAMPLES)
 @click.argument("package_file", metavar="PACKAGE.mdk|json")
 @options.tried
-@click.option(
-    "--gain-db", type=options.NOT_NEGATIVE, default=6.0, show_default=True, help="Least gain margin."
-)
-@click.option(
-    "--phase-deg",
-    type=options.Real(0.0, 180.0, max_open=True),
-    default=30.0,
-    show_default=True,
-    help="Least phase margin.",
+@options.defaulted("--gain-db", default=6.0, type=options.NOT_NEGATIVE, help="Least gain margin.")
+@options.defaulted(
+    "--phase-deg", default=30.0, type=options.Real(0.0, 180.0, max_open=True), help="Least phase margin."
 )
 @click.option("--paper", is_flag=True, help="Steps on paper only: no dry run.")
-@click.option(
+@options.defaulted(
     "--disturbance",
-    type=options.NOT_NEGATIVE,
     default=0.01,
-    show_default=True,
+    type=options.NOT_NEGATIVE,
     help="Noise at each output in a dry run: rms as a share of its limit.",
 )
-@click.option(
+@options.defaulted(
     "--noise",
-    type=options.NOT_NEGATIVE,
     default=1e-4,
-    show_default=True,
+    type=options.NOT_NEGATIVE,
     help="Noise at each input in a dry run: rms as a share of its range.",
 )
 @click.option(
@@ -55,21 +48,23 @@ EXAMPLES = """\
     type=click.IntRange(1, 65535),
     help="Shadow run and engagement on the rig that answers at this UDP port of this machine.",
 )
-@click.option("--driver", metavar="DRIVER.c", help="The same on converters, in real time.")
 @click.option(
-    "--share",
-    type=options.Real(0.0, 1.0, min_open=True),
-    default=0.25,
-    show_default=True,
-    help="Share of full authority at which it engages first.",
+    "--driver",
+    metavar="DRIVER.c",
+    help="Shadow run and engagement on hardware, in real time, by this driver of its converters.",
 )
-@click.option(
+@options.defaulted(
+    "--share",
+    default=0.25,
+    type=options.Real(0.0, 1.0, min_open=True),
+    help="Share of full authority at which the package engages first.",
+)
+@options.several(
     "--hold",
     "paths",
-    type=(str, str, options.Real()),
-    multiple=True,
     metavar="SENSOR OUTPUT GAIN",
-    help="A path of the engine's hold, closed on every PLANT; may be repeated.",
+    type=(str, str, options.Real()),
+    help="Gain of the engine's hold (its PD loops), closed on every PLANT; may be repeated.",
 )
 @click.option(
     "--engaged",
@@ -89,24 +84,31 @@ EXAMPLES = """\
     "--adaptive",
     type=(str, options.POSITIVE, options.POSITIVE),
     metavar="SENSOR MAXIMUM RATE",
-    help="Prove an adaptive gain up to MAXIMUM that moves by RATE 1/s with the band rms of SENSOR.",
+    help="Prove stability for a gain up to MAXIMUM that changes by at most RATE [1/s], as the rms of SENSOR "
+    "in a band demands.",
 )
 @click.option(
-    "--adaptive-band", "band_hz", type=options.Frequencies(2), metavar="HZ,HZ", help="Band of that rms."
+    "--adaptive-band",
+    "band_hz",
+    type=options.Frequencies(2),
+    metavar="HZ,HZ",
+    help="Band of the rms that controls the adaptive gain.",
 )
 @click.option(
     "--adaptive-rms",
     "rms",
     type=options.Numbers(2),
     metavar="QUIET,LOUD",
-    help="Rms below which the gain rises, and above which it falls.",
+    help="Rms below which the adaptive gain rises, and above which it falls.",
 )
 @click.option(
-    "--adaptive-least", "least", type=options.NOT_NEGATIVE, metavar="GAIN", help="Least gain.  [default: 0]"
+    "--adaptive-least",
+    "least",
+    type=options.NOT_NEGATIVE,
+    metavar="GAIN",
+    help="Least adaptive gain.  [default: 0]",
 )
-@options.written(
-    "-o", "--output", "verdict_file", endings=(".json",), metavar="VERDICT.json", help="Write the verdict."
-)
+@options.output("verdict_file", (".json",), "Write the verdict.", "VERDICT.json")
 @options.common
 def verb(
     package_file: str,
@@ -119,18 +121,17 @@ def verb(
 ) -> None:
     """Test a controller package before it may run.
 
-    On paper: blacklist, interface, poles, test vectors and error bound. The loop with each PLANT must be
-    stable with margins at eleven values of the fade, and must not grow while motors are limited. A PLANT is
-    an article in each environment, a fitted model.json, or a promise.json with its drawn plants, with and
-    without shifted modes. --engaged also tests the cross-fade from that package. --adaptive also proves that
-    each loop decays at every gain and for every change within the rate. --hold closes the engine's hold
-    beside the package.
+    Steps on paper: blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT. The
+    loop must be stable with margins at eleven shares of full authority, and must decay while motors are
+    limited. A PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
+    plants, with and without shifted modes. --engaged adds the cross-fade from the package that runs so far,
+    --adaptive a proof of stability with an adaptive gain.
 
-    Then follow a dry run with noise on each PLANT and, on a rig, a shadow run and engagement at a share of
-    authority and at full authority. They run on the engine or, without a C compiler, on the reference law.
-    The exit code is 1 if a step fails. --set takes the keys of articles and environments.
+    Runs: a dry run with noise on each PLANT and, on a rig, a shadow run (outputs discarded) and engagement at
+    a share of authority, then at full authority. They use the engine or, without a C compiler, the reference
+    law in Python. The exit code is 1 if a step fails. --set takes the keys of articles and environments.
     """
-    from middeck.cli.given.plants_to_try import gather_plants
+    from middeck.cli.given.plants_to_try import also_held, gather_plants
     from middeck.cli.given.shifted_plants import all_plants
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
@@ -143,7 +144,7 @@ def verb(
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else md.files.load_blacklist(blacklist_file)
     linear = faded_laws(beside)([1.0] * len(beside))
-    gathered = gather_plants(tried, linear)
+    gathered = also_held(gather_plants(tried, linear), linear, tried.delay_s)
     closed = [(output, "--hold") for _, output, _ in given["paths"]]
     closed += [(p.outputs[path.output].name, f"package {p.name}") for p in beside for path in p.paths]
     for output, where in closed:
@@ -242,16 +243,10 @@ def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     return {
         "schema": VERDICT,
         "package": verdict.sha256,
-        "law": verdict.law,
-        "hold": verdict.hold,
-        "engaged": verdict.engaged,
-        "name": verdict.name,
-        "models": verdict.models,
+        **fields(verdict, "law", "hold", "engaged", "name", "models"),
         "least": margins,
         "trials": trials,
-        "steps": verdict.steps,
-        "left_out": verdict.left_out,
-        "tripped": verdict.tripped,
+        **fields(verdict, "steps", "left_out", "tripped"),
         "adaptive": verdict.gain,
         "proofs": verdict.proofs,
         "passed": verdict.passed,

@@ -10,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, number, show
 from middeck.errors import ConfigError
 
 EXAMPLES = """\
@@ -34,14 +34,13 @@ def _each(flag: str, name: str, help: str) -> Any:
 
 @click.command("generate", cls=options.Verb, examples=EXAMPLES)
 @click.argument("law_file", metavar="LAW.json|mat|mdk")
-@click.option(
+@options.several(
     "-o",
     "--output",
     "target",
-    cls=options.Target,
-    multiple=True,
-    callback=_writable,
     metavar="FILE.mdk|json|c|h",
+    cls=options.Target,
+    callback=_writable,
     help="Write the package, its JSON twin, its C source with the header, or the header; may be repeated.",
 )
 @click.option("--rate", type=options.RATE, metavar="HZ", help="Sampling rate of a continuous law.")
@@ -178,9 +177,6 @@ def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    def number(value: float | None) -> str:
-        return "-" if value is None else f"{value:g}"
-
     stable = "UNSTABLE by itself, declared" if document["unstable"] else "stable"
     sees = "the torque really applied" if document["applied"] else "the torque asked for"
     ranges = zip(document["inputs"], document["input_range"], strict=True)
@@ -194,11 +190,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"rate         {1.0 / document['period_s']:g} Hz, ramp of {document['ramp_samples']} samples",
         f"estimates    from {sees}",
         f"tested by    {document['samples']} samples, to the last bit",
-        Table("inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r)] for p, r in ranges]),
+        Table("inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r, "g")] for p, r in ranges]),
         Table(
             "outputs",
             ["output", "unit", "from", "to", "slew a sample", "error of single"],
-            [[p.name, p.unit, *map(number, numbers)] for p, *numbers in outputs],
+            [[p.name, p.unit, *(number(x, "g") for x in numbers)] for p, *numbers in outputs],
         ),
         *(f"wrote        {file}" for file in document["files"]),
     ]

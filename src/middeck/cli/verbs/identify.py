@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,8 +9,9 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, deviation_words, show
+from middeck.cli.shown.screen import Table, delay_cells, deviation_words, mode_rows, show
 from middeck.errors import NumericalError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.work.fit_records import Identified
@@ -37,13 +37,13 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--sampled/--continuous",
     default=None,
-    help="Kind of model.  [default: sampled if the band passes 1/8 of the sampling rate and no option is "
-    "given that only a continuous model has]",
+    help="Kind of model.  [default: sampled if the band extends above 1/8 of the sampling rate and no option "
+    "is given that only a continuous model has]",
 )
 @click.option(
     "--held/--not-held",
     default=None,
-    help="Whether a computer held the inputs between samples: a continuous model then excludes the hold.  "
+    help="Whether inputs were held between samples; if so, a continuous model excludes the hold.  "
     "[default: as the record says]",
 )
 @click.option(
@@ -51,11 +51,10 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     type=click.Choice(METHODS),
     help="Fit the samples, or a response estimated by this method.  [default: steady periods, else samples]",
 )
-@click.option(
+@options.several(
     "--reference",
-    multiple=True,
-    callback=options.listed,
     metavar="CHANNEL,...",
+    callback=options.listed,
     help="External reference channels of a record taken in closed loop.",
 )
 @click.option(
@@ -73,28 +72,27 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     type=click.Choice(["none", "output", "path", "common"]),
     help="Delays to fit.  [default: one for each output; none with complex constants]",
 )
-@click.option("--rigid", type=click.IntRange(0, 6), help="Free rigid-body modes, 1/s^2, among the states.")
-@click.option("--integrators", type=click.IntRange(0, 6), help="Single poles at zero, 1/s, among the states.")
-@click.option("--residuals", is_flag=True, default=None, help="Terms for the modes outside the band.")
-@click.option("--full-rank", is_flag=True, default=None, help="Residues of any rank.")
+@click.option("--rigid", type=click.IntRange(0, 6), help="Number of free rigid-body modes (1/s^2).")
+@click.option("--integrators", type=click.IntRange(0, 6), help="Number of single poles at zero (1/s).")
+@click.option("--residuals", is_flag=True, default=None, help="Fit terms for the modes outside the band.")
+@click.option("--full-rank", is_flag=True, default=None, help="Residue matrices of any rank, not one.")
 @click.option(
     "--relative-degree", type=click.IntRange(0, 2), help="Relative degree of a model with complex constants."
 )
-@click.option(
+@options.several(
     "--friction",
-    multiple=True,
-    callback=options.listed,
     metavar="JOINT,...",
+    callback=options.listed,
     help="Joints whose friction is estimated and removed: MOTOR=ANGLE, or one name that both have.",
 )
-@click.option("--validate", multiple=True, metavar="RECORD", help="Held-out record; may be repeated.")
+@options.several("--validate", metavar="RECORD", help="Held-out record; may be repeated.")
 @options.model_file
 @figures.figure
 @options.written(
     "--stabilisation",
     "stabilisation_file",
     endings=options.FIGURES,
-    help="Draw poles of rising orders, as SVG.",
+    help="Also draw the stabilisation diagram (poles of rising orders).",
 )
 @options.common
 def verb(
@@ -111,10 +109,10 @@ def verb(
     """Fit poles, residues and delays to measured records.
 
     RECORDs are .npz, .h5, .mat, .csv, .npy or universal files; several are experiments of one test. If the
-    record has whole steady periods (recognised from the input, or given by --periods), the response is fitted
-    line by line. Otherwise the samples are fitted, with a transient that shares the poles. --set takes the
-    names of the options: states, band_hz, sampled, held, method, reference, cost, constants, delay, rigid,
-    integrators, residuals, full_rank, relative_degree, friction and periods.
+    record has whole steady periods (recognised from the input, or given by --periods), the frequency response
+    is estimated and fitted. Otherwise the samples are fitted, with a transient that shares the poles. --set
+    takes the names of the options: states, band_hz, sampled, held, method, reference, cost, constants, delay,
+    rigid, integrators, residuals, full_rank, relative_degree, friction and periods.
     """
     from middeck.cli.given.checked_options import FitSettings, settle
     from middeck.cli.shown.progress import status
@@ -203,9 +201,7 @@ def describe(found: Identified) -> dict[str, Any]:
     _, periods, samples, _ = found.record.u.shape
     return {
         "schema": "middeck.identify/1",
-        "inputs": model.inputs,
-        "outputs": model.outputs,
-        "states": model.states,
+        **fields(model, "inputs", "outputs", "states"),
         "order_reason": fit.order_reason,
         "sample_hz": found.record.sample_hz,
         "sampled": model.sample_hz is not None,
@@ -240,11 +236,7 @@ def _friction(found: JointFriction | None) -> dict[str, Any] | None:
     return {
         "input": found.inputs,
         "output": found.outputs,
-        "slip_torque": found.slip_torque,
-        "slip_torque_std": found.slip_torque_std,
-        "slip_angle": found.slip_angle,
-        "slip_angle_std": found.slip_angle_std,
-        "delay_s": found.delay_s,
+        **fields(found, "slip_torque", "slip_torque_std", "slip_angle", "slip_angle_std", "delay_s"),
         "variance_before": found.before,
         "variance_after": found.after,
     }
@@ -267,35 +259,25 @@ def _zeros(model: md.MeasurementModel) -> list[dict[str, Any]]:
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
-    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
-    rows = sorted(zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2))
-    poles = [
-        [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing.replace("sound", "")]
-        for f, df, z, dz, standing in rows
-    ]
     held_out = document["held_out_nrmse"] or {}
     outputs = [
-        [port.name, port.unit, *_delay(document, port.name), f"{document['error'][port.name]:.2%}"]
+        [port.name, port.unit]
+        # A sampled model has no delays.
+        + (["-", "-", ""] if document["sampled"] else delay_cells(document, port.name))
+        + [f"{document['error'][port.name]:.2%}"]
         + ([f"{held_out[port.name]:.2%}"] if held_out else [])
         for port in document["outputs"]
     ]
     kind = "sampled" if document["sampled"] else "continuous"
     low, high = document["band_hz"]
     fitted = f"{document['lines']} lines" if document["lines"] else f"{document['samples']} samples"
-    heads = [
-        "output",
-        "unit",
-        "delay ms",
-        "+-",
-        "",
-        "error of fit",
-        *(["held-out NRMSE"] if held_out else []),
-    ]
+    heads = ["output", "unit", "delay ms", "+-", "", "error of fit"]
+    heads += ["held-out NRMSE"] if held_out else []
     return [
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
         *_hold(document["hold_s"]),
-        Table("poles", ["Hz", "+-", "damping", "+-", ""], poles),
+        Table("poles", ["Hz", "+-", "damping", "+-", ""], mode_rows(document)),
         *_no_modes(document),
         *_friction_table(document["friction"]),
         Table("outputs", heads, outputs),
@@ -332,17 +314,6 @@ def _no_modes(document: dict[str, Any]) -> list[str]:
     where = ", ".join(f"{z:.3g}" if z.imag else f"{z.real:.3g}" for z in found)
     stands = "stand for a delay, a filter or what is beyond half the rate"
     return [f"no modes: {len(found)} poles at z = {where} {stands}"]
-
-
-def _delay(document: dict[str, Any], output: str) -> list[str]:
-    """The delay in ms, with deviation and standing; dashes for a sampled model, which has none."""
-    if document["sampled"]:
-        return ["-", "-", ""]
-    return [
-        f"{document['delay_s'][output] * 1e3:.4f}",
-        deviation_words(document["delay_std_s"][output], 1e-3),
-        document["delay_standing"][output].replace("sound", ""),
-    ]
 
 
 def _zero_rows(document: dict[str, Any]) -> list[list[str]]:

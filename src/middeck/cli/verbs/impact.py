@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,7 +9,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, cells, deviation_words, show
+from middeck.cli.shown.screen import Table, cells, delay_cells, mode_rows, show
 
 if TYPE_CHECKING:
     from middeck.identification.impact.averaged_blows import ImpactTest
@@ -138,19 +137,10 @@ def describe(test: ImpactTest, fit: md.identification.FitResult) -> dict[str, An
 def _blocks(document: dict[str, Any]) -> list[str | Table]:
     keys = ("experiment", "struck_s:.4g", "block_s:.3g", "peak:.4g", "rejected")
     blows = [cells(blow, *keys) for blow in document["blows"]]
-    keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
-    modes = [
-        [f"{f:.5f}", deviation_words(df), f"{z:.5f}", deviation_words(dz), standing]
-        for f, df, z, dz, standing in sorted(
-            zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2)
-        )
-    ]
     outputs = [
-        [name, f"{document['coherence'][name]:.4f}", f"{1e3 * document['delay_s'][name]:.4f}",
-         deviation_words(document["delay_std_s"][name], 1e-3), document["delay_standing"][name],
-         f"{document['error'][name]:.2%}"]
-        for name in document["coherence"]
-    ]  # fmt: skip
+        [name, f"{coherence:.4f}", *delay_cells(document, name), f"{document['error'][name]:.2%}"]
+        for name, coherence in document["coherence"].items()
+    ]
     low, high = document["band_hz"]
     window = document["window_s"]
     return [
@@ -158,6 +148,6 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"band {low:.4g}-{high:.4g} Hz; exponential window of the average: "
         + ("none" if window is None else f"time constant {window:.4g} s"),
         f"order: {document['order_reason']}",
-        Table("modes", ["Hz", "+-", "damping", "+-", ""], modes),
+        Table("modes", ["Hz", "+-", "damping", "+-", ""], mode_rows(document)),
         Table("outputs", ["output", "coherence", "delay ms", "+-", "", "error of fit"], outputs),
     ]

@@ -25,24 +25,18 @@ EXAMPLES = """\
 
 @click.command("level", cls=options.Verb, examples=EXAMPLES)
 @options.case
-@click.option(
+@options.several(
     "--free",
     "offsets",
-    multiple=True,
-    required=True,
     metavar="ATTACH.AXIS",
+    required=True,
     help="Offset that may change, in the axes of its frame; may be repeated.",
 )
-@click.option(
-    "--about",
-    multiple=True,
-    metavar="AXES",
-    help="Axes of the tilts to remove, of x, y, z.  [default: both level axes]",
+@options.several(
+    "--about", metavar="AXES", help="Axes of the tilts to remove, of x, y, z.  [default: both level axes]"
 )
 @click.option("--node", metavar="NAME", help="Level this node.  [default: the best-fit rigid body]")
-@click.option(
-    "--limit", type=options.POSITIVE, default=0.1, show_default=True, help="Largest change of an offset [m]."
-)
+@options.defaulted("--limit", default=0.1, type=options.POSITIVE, help="Largest change of an offset [m].")
 @figures.figure
 @options.common
 def verb(

@@ -11,6 +11,7 @@ from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.structure.plants.whirl_modes import GyroscopicModes
@@ -35,13 +36,11 @@ SETTLED = "nothing"  # a hinge, which is a sprung joint without stiffness
 @options.count
 @figures.mode_shapes
 @figures.up
-@options.written(
-    "-o",
-    "--output",
+@options.output(
     "shapes_file",
-    endings=options.SURVEYS,
-    metavar="SHAPES.unv|json",
-    help="Write the flexible shapes at every node, as a survey that correlate reads.",
+    options.SURVEYS,
+    "Write the flexible shapes at every node, as a survey that correlate reads.",
+    "SHAPES.unv|json",
 )
 @options.common
 def verb(
@@ -152,10 +151,7 @@ def _at_speed(document: dict[str, Any], modes: md.Modes, count: int) -> dict[str
         **{key: value for key, value in document.items() if key not in OF_MODES},
         "frequency_hz": found.frequency_hz,
         "damping": found.zeta.tolist() if damped else [None] * len(found.zeta),
-        "sense": found.sense,
-        "whirl": found.whirl,
-        "kind": found.kind,
-        "name": found.name,
+        **fields(found, "sense", "whirl", "kind", "name"),
         "mode_residual": found.residual,
         "residual": float(found.residual.max()),
         "wheel_speed_rpm": {

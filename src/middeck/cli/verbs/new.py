@@ -28,10 +28,10 @@ NOISE = (2.0e-5, 2.0e-4)  # rms, of the angles of the tip and of the paddle [rad
 @click.argument("folder", metavar="NAME", type=click.Path(path_type=Path))
 @options.printing
 def verb(folder: Path, as_json: bool) -> None:
-    """Make the folder NAME to begin with.
+    """Make the folder NAME with an article, a record and a study.
 
-    It holds an article (a bus of tubes with torque wheels and a paddle), its environments, a record (a test
-    of it, simulated) and a study, which all run. NAME must not exist yet.
+    The article is a bus of tubes with torque wheels and a paddle; the record is a simulated test of it. Both
+    environments (laboratory and orbit) are there too. NAME must not exist yet.
     """
     from middeck.files.disk.atomic import making_folder
     from middeck.files.records import write_record

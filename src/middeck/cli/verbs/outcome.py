@@ -9,7 +9,7 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, cells, number, show
 from middeck.errors import ConfigError
 
 EXAMPLES = """\
@@ -75,9 +75,6 @@ def _compare(
 
 
 def _scores(document: dict[str, Any]) -> list[str | Table]:
-    def number(value: float | None, form: str) -> str:
-        return "-" if value is None else format(value, form)
-
     scored = {**document["by_kind"], "all": document["score"]}
     rows = [
         [
@@ -85,9 +82,7 @@ def _scores(document: dict[str, Any]) -> list[str | Table]:
             str(s["count"]),
             f"{100.0 * s['coverage']:.1f}",
             "{:.1f} to {:.1f}".format(*(100.0 * end for end in s["coverage_interval_95"])),
-            number(s["brier"], ".4f"),
-            number(s["pessimism_db"], ".2f"),
-            str(s["lost"]),
+            *cells(s, "brier:.4f", "pessimism_db:.2f", "lost"),
         ]
         for kind, s in scored.items()
     ]
@@ -96,17 +91,14 @@ def _scores(document: dict[str, Any]) -> list[str | Table]:
 
 
 def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
-    def number(value: float | None) -> str:
-        return "unstable" if value is None else f"{value:.5g}"
-
     rows = [
         [
             f"{v['name']}, {v['mode']}" if v["kind"] == "mode" else v["name"],
             _pairing(v),
-            " to ".join(map(number, v["promised"])),
-            number(v["value"]),
+            " to ".join(number(end, ".5g", "unstable") for end in v["promised"]),
+            number(v["value"], ".5g", "unstable"),
             "yes" if v["inside"] else "NO",
-            "-" if v["pessimism_db"] is None else f"{v['pessimism_db']:.2f}",
+            number(v["pessimism_db"], ".2f"),
         ]
         for v in document["verdicts"]
     ]

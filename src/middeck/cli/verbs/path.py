@@ -11,6 +11,7 @@ from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.structure.gravity.gravity_levels import GravityLevel
@@ -26,11 +27,10 @@ RULES = ("kept", "retuned")  # as in structure/gravity/gravity_levels.py, which 
 @click.command("path", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
-@click.option(
+@options.several(
     "--through",
-    multiple=True,
-    callback=options.listed,
     metavar="PLACES",
+    callback=options.listed,
     help="earth, mars, moon, orbit or m/s^2, with commas.  [default: the environment's own gravity,orbit]",
 )
 @click.option(
@@ -39,11 +39,10 @@ RULES = ("kept", "retuned")  # as in structure/gravity/gravity_levels.py, which 
     metavar="DEG,X,Y,Z",
     help="Instead: tilt the floor by an angle about an axis.",
 )
-@click.option(
+@options.defaulted(
     "--devices",
-    type=click.Choice(RULES),
     default=RULES[0],
-    show_default=True,
+    type=click.Choice(RULES),
     help="Keep the devices as tuned and scale their force, or tune them again in each gravity.",
 )
 @click.option("--require", is_flag=True, help="End with exit code 1 if the path ends early.")
@@ -119,15 +118,9 @@ def describe(found: GravityPath) -> dict[str, Any]:
         "devices": found.rule.value if released else "none",
         "complete": found.complete,
         "places": [{"name": p.name, "gravity_m_s2": p.gravity} for p in found.places],
-        "reached": found.reached,
-        "name": found.name,
-        "kind": found.kind,
-        "s": found.s,
+        **fields(found, "reached", "name", "kind", "s"),
         "gravity_m_s2": found.gravity,
-        "frequency_hz": found.frequency_hz,
-        "match": found.match,
-        "exchanged": found.exchanged,
-        "doubtful": found.doubtful,
+        **fields(found, "frequency_hz", "match", "exchanged", "doubtful"),
         "events": [
             {
                 "what": e.kind.value,
@@ -136,9 +129,7 @@ def describe(found: GravityPath) -> dict[str, Any]:
                 "gravity_m_s2": e.gravity,
                 "modes": e.name,
                 "branches": e.branch,
-                "frequency_hz": e.frequency_hz,
-                "gap_hz": e.gap_hz,
-                "sentence": e.sentence,
+                **fields(e, "frequency_hz", "gap_hz", "sentence"),
             }
             for e in found.events
         ],

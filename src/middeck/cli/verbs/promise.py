@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, number, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ EXAMPLES = """\
 @click.argument("plan", metavar="[PLAN]", required=False)
 @click.option("--load-cases", metavar="FILE", help="Promise what gauges read under these load cases.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the document.  [default: today]")
-@options.written("-o", "--output", "target", endings=(".json",), help="Write the sealed document.")
+@options.written("-o", "--output", "target", endings=(".json",), help="Write the document, with a hash.")
 @options.written(
     "--plants",
     "plants_file",
@@ -65,7 +65,7 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Promise what compensators will do in orbit.
+    """Predict, with probabilities, what compensators do in orbit.
 
     ARTICLE is refined on the surveys that PLAN names (docs/reference/files.md). Plants are drawn within the
     remaining uncertainty, and every compensator is tried on all of them. The document gives the probability
@@ -192,8 +192,8 @@ def _modes(place: dict[str, Any]) -> Table:
         ]
         for k, m in enumerate(place["modes"], start=1)
     ]
-    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen [%]", "on the ground [Hz]",
-               "from there [%]"]  # fmt: skip
+    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "measured [%]", "on the ground [Hz]",
+               "change from the ground [%]"]  # fmt: skip
     return Table(f"promised in {place['name']}: modes", headers, rows)
 
 
@@ -207,7 +207,7 @@ def _removed(place: dict[str, Any]) -> Table:
         ]
         for k, (mode, shares) in enumerate(zip(place["modes"], removed["share_hz"], strict=True), start=1)
     ]
-    title = f"promised in {place['name']}: taken out of what {removed['survey']} has [Hz]"
+    title = f"promised in {place['name']}: effects on the ground, in survey {removed['survey']} [Hz]"
     return Table(title, ["mode", *removed["effects"], "together"], rows)
 
 
@@ -232,8 +232,7 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
     at = {share: k for k, share in enumerate(document["shares"])}
 
     def level(db: Sequence[float | None], share: float) -> str:
-        value = db[at[share]]
-        return "unstable" if value is None else f"{value:.2f}"
+        return number(db[at[share]], ".2f", "unstable")
 
     def distance(bound: dict[str, float | None]) -> str:
         worst, least = bound["worst_db"], bound["no_linear_law_below_db"]
@@ -262,16 +261,13 @@ def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Tabl
         return []
     middle = document["shares"].index(0.5)
 
-    def decibel(value: float | None) -> str:
-        return "-" if value is None else f"{value:.2f}"
-
     rows: list[list[str]] = []
     for c in place["compensators"]:
         with_it, without = c["db"][middle], c["without_friction_db"][middle]
         cost = None if with_it is None or without is None else with_it - without
-        moves = ", ".join(f"{n} {decibel(t)}" for n, t in c["travel_over_slip_angle"].items())
+        moves = ", ".join(f"{n} {number(t, '.2f')}" for n, t in c["travel_over_slip_angle"].items())
         stable = f"{100.0 * c['stable_while_sticking']:.1f}"
-        row = [decibel(x) for x in (with_it, without, cost, c["simulation_error_db"])]
+        row = [number(x, ".2f") for x in (with_it, without, cost, c["simulation_error_db"])]
         rows.append([c["name"], *row, stable, moves])
     headers = ["compensator", "median [dB]", "without friction [dB]", "cost [dB]", "error of a draw [dB]",
                "stable while sticking [%]", "rms angle over slip angle"]  # fmt: skip
@@ -290,7 +286,7 @@ def _sweep(place: dict[str, Any]) -> Table:
         f"promised in {place['name']}: sweep of {first:g} % on {', '.join(swept['first_bending']) or 'none'} "
         f"and {others:g} % on {len(swept['others'])} others"
     )
-    return Table(title, ["compensator", "stable", "lost"], rows)
+    return Table(title, ["compensator", "stable", "unstable cases"], rows)
 
 
 def _few(lost: Sequence[str]) -> str:

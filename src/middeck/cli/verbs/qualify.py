@@ -11,6 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, cells, show
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.given.plants_to_try import Law
@@ -30,21 +31,19 @@ AT_MOST = ("db", "control_rms")
 @click.command("qualify", cls=options.Verb, examples=EXAMPLES)
 @click.argument("law_file", metavar="LAW.json|mat")
 @options.tried
-@click.option(
+@options.several(
     "--rate",
     "rates_hz",
-    type=options.Frequencies(),
-    multiple=True,
     metavar="HZ,HZ",
-    help="Also at these sampling rates.",
+    type=options.Frequencies(),
+    help="Test the loop at these sampling rates too.",
 )
-@click.option("--limits", is_flag=True, help="Largest stable shift of each mode, up to 20 %.")
-@click.option("--angle-noise", type=POSITIVE, default=2e-5, show_default=True, help=options.SENSOR_NOISE)
-@click.option("--disturbance", type=POSITIVE, default=1e-2, show_default=True, help=options.INPUT_NOISE)
-@click.option(
+@click.option("--limits", is_flag=True, help="Find the largest stable shift of each mode, up to 20 %.")
+@options.defaulted("--angle-noise", default=2e-5, type=POSITIVE, help=options.SENSOR_NOISE)
+@options.defaulted("--disturbance", default=1e-2, type=POSITIVE, help=options.INPUT_NOISE)
+@options.several(
     "--require",
     "required",
-    multiple=True,
     metavar="LIMIT",
     help="stable, gain_db=6, phase_deg=30, delay_ms=1, disk=0.5, damping=0.01, db=-20 or control_rms=1: "
     "exit code 1 if a row fails.",
@@ -63,10 +62,10 @@ def verb(
 
     Each PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
     plants. Each is tried with and without shifted modes, in continuous time and at each rate. The table gives
-    stability by eigenvalues, margins at the plant's inputs, and the rms of the measured outputs under
-    disturbance and noise over all frequencies, relative to that without control (dB, less is better). Delays
-    of a model are exact. A rate adds a hold, so a model must say whether its data had one. --set takes the
-    keys of articles and environments.
+    stability with exact delays, margins at the plant's inputs, and the rms of the measured outputs under
+    disturbance and noise over all frequencies, relative to that without control (dB, less is better). --rate
+    adds a sample and hold; a warning follows if the delays of a model may include one already. --set takes
+    the keys of articles and environments.
     """
     requirements = read_requirements(required, AT_LEAST, AT_MOST)
     law, found, allowed, said = _qualify(law_file, tried, given)
@@ -122,9 +121,7 @@ def _row(found: Qualified) -> dict[str, Any]:
 
     weakest = min(loops, key=lambda loop: loop.disk.alpha, default=None)
     return {
-        "plant": found.plant,
-        "setting": found.setting,
-        "stable": found.stable,
+        **fields(found, "plant", "setting", "stable"),
         "pole_hz": known.frequency_hz if known else None,
         "decay_per_s": known.margin if known else None,
         "damping": known.damping if known else None,
@@ -133,9 +130,7 @@ def _row(found: Qualified) -> dict[str, Any]:
         "delay_ms": least(1e3 * loop.delay_limit_s for loop in loops),
         "disk": least(loop.disk.alpha for loop in loops),
         "weakest_loop": None if weakest is None else weakest.channel,
-        "unheld": found.unheld,
-        "undecided": found.undecided,
-        "rms": found.rms,
+        **fields(found, "unheld", "undecided", "rms"),
         # Without an rms of its own to compare with there are no decibels.
         "db": found.db if math.isfinite(found.db) else None,
         "control_rms": found.control_rms if found.stable else None,

@@ -12,8 +12,9 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import Table, number, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
@@ -36,9 +37,7 @@ EXAMPLES = """\
     metavar="MODEL.json|RESPONSE.uff",
     help="Expected response: checks signs, gains, swapped channels and delays.",
 )
-@options.written(
-    "-o", "--output", "target", endings=options.RECORDS, metavar="RECORD", help="Write the record too."
-)
+@options.output("target", options.RECORDS, "Write the record too.", "RECORD")
 @click.option("--ascii", is_flag=True, help="Write universal files as text (58), not binary (58b).")
 @click.option("--stream", is_flag=True, help="Only write, block by block: for records longer than memory.")
 @click.option("--require", is_flag=True, help="End with exit code 1 if the faults are more than notes.")
@@ -210,27 +209,16 @@ def _runs(files: tuple[str, ...]) -> dict[str, Any]:
     if not runs:
         return {}
 
-    found = []
-    for path in runs:
-        run = md.realtime.read_run(path)
-        found.append(
-            {
-                "record": path,
-                "start": run.start,
-                "real_time": run.real_time,
-                "settings_sha256": run.settings_sha256,
-                "packages": run.packages,
-                "events": run.events,
-            }
-        )
-    return {"runs": found}
+    keys = ("start", "real_time", "settings_sha256", "packages", "events")
+    return {"runs": [{"record": path, **fields(md.realtime.read_run(path), *keys)} for path in runs]}
 
 
 def _events(document: dict[str, Any]) -> list[str | Table]:
     shown: list[str | Table] = []
     for run in document.get("runs", ()):
         rows = [
-            [str(e.sample), "TRIP" if e.trips else "", e.kind, e.channel, _short(e.value), _short(e.limit)]
+            [str(e.sample), "TRIP" if e.trips else "", e.kind, e.channel]
+            + [number(x, ".4g", "") for x in (e.value, e.limit)]
             for e in run["events"]
         ]
         clock = "real time" if run["real_time"] else "lockstep"
@@ -247,13 +235,16 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     rows = [
         [
             *(c[key] for key in ("side", "name", "unit", "node", "direction", "role")),
-            *(_short(c[key]) for key in ("mean", "rms", "peak", "crest_factor")),
+            *(number(c[key], ".4g", "") for key in ("mean", "rms", "peak", "crest_factor")),
             _calibration(c),
         ]
         for c in document["channels"]
     ]
     heads = ["", "channel", "unit", "node", "axis", "role", "mean", "rms", "peak", "crest", "calibration"]
-    faults = [[f.severity, f.kind, f"{f.side} {f.channel}", _at(f), f.what] for f in document["faults"]]
+    faults = [
+        [f.severity, f.kind, f"{f.side} {f.channel}", number(f.experiment, "", ""), f.what]
+        for f in document["faults"]
+    ]
     told = Table("faults", ["", "kind", "channel", "experiment", "what"], faults)
     hints = [f"  {h}" for h in dict.fromkeys(f"{f.kind}: {f.hint}" for f in document["faults"])]
     lines = [f"{size} at {document['sample_hz']:g} Hz, {document['duration_s']:.4g} s an experiment"]
@@ -269,14 +260,6 @@ def _cut_by(excitation: dict[str, Any]) -> str:
     """The option that states the periods, if the record holds nothing else."""
     told = excitation["period"] is not None and excitation["periods"] > 1 and not excitation["offset"]
     return f"; --periods {excitation['periods']} takes them as steady" if told else ""
-
-
-def _at(fault: Fault) -> str:
-    return "" if fault.experiment is None else str(fault.experiment)
-
-
-def _short(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
 
 
 def _calibration(channel: dict[str, Any]) -> str:

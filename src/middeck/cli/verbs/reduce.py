@@ -25,25 +25,16 @@ EXAMPLES = """\
 
 @click.command("reduce", cls=options.Verb, examples=EXAMPLES)
 @options.article
-@click.option("--boundary", multiple=True, metavar="NODES", help="Nodes that remain; may be repeated.")
+@options.several("--boundary", metavar="NODES", help="Nodes that remain; may be repeated.")
 @click.option("--modes", "count", type=click.IntRange(min=0), help="How many fixed-interface modes.")
 @click.option("--upto-hz", type=options.POSITIVE, help="Or all up to this frequency.")
-@click.option(
-    "--residual",
-    multiple=True,
-    metavar="NODES",
-    help="Nodes with residual attachment modes; may be repeated.",
-)
-@click.option(
-    "--recover", multiple=True, metavar="NODES", help="Nodes whose motion can be recovered from the file."
-)
-@options.written(
-    "-o",
-    "--output",
+@options.several("--residual", metavar="NODES", help="Nodes with residual attachment modes; may be repeated.")
+@options.several("--recover", metavar="NODES", help="Nodes whose motion can be recovered from the file.")
+@options.output(
     "target",
-    endings=options.COMPONENTS,
-    metavar="COMPONENT.npz|mat",
-    help="Write the component; beside it OUTPUT4 and cards, .op4, .pch and .asm.",
+    options.COMPONENTS,
+    "Write the component; beside it OUTPUT4 and cards, .op4, .pch and .asm.",
+    "COMPONENT.npz|mat",
 )
 @options.common
 def verb(

@@ -12,6 +12,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, cells, show
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.updating.orbit.frequencies import Prediction
@@ -30,17 +31,14 @@ EXAMPLES = """\
 @click.command("refine", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @click.argument("refinement", metavar="REFINEMENT")
-@click.option(
+@options.defaulted(
     "--predict",
     "environment",
     default="orbit",
-    show_default=True,
     metavar="NAME|PATH",
     help="Predict modes in this environment.",
 )
-@click.option(
-    "--count", type=click.IntRange(min=1), default=10, show_default=True, help="How many modes to predict."
-)
+@options.defaulted("--count", default=10, type=click.IntRange(min=1), help="How many modes to predict.")
 @click.option(
     "--choose",
     is_flag=True,
@@ -57,7 +55,7 @@ def verb(
     target: str | None,
     as_json: bool,
 ) -> None:
-    """Refine ARTICLE on ground tests; predict orbit.
+    """Refine ARTICLE on ground tests; predict its modes in orbit.
 
     REFINEMENT names the surveys, the parameters that may change, and their standard deviations before the
     tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
@@ -99,11 +97,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
         "steps": refined.history,
         "unknowns": [
             {
-                "name": u.name,
-                "parameters": u.parameters,
-                "added": u.added,
-                "mean": u.mean,
-                "spread": u.spread,
+                **fields(u, "name", "parameters", "added", "mean", "spread"),
                 "x": x,
                 "std": std,
             }
@@ -112,11 +106,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
         "surveys": [_survey(refined, k) for k in range(len(refined.compared))],
         "responses": [
             {
-                "survey": r.survey,
-                "lines": r.lines,
-                "magnitude_db": r.magnitude_db,
-                "phase_deg": r.phase_deg,
-                "miss": r.miss,
+                **fields(r, "survey", "lines", "magnitude_db", "phase_deg", "miss"),
                 "lost_hz": [zero.frequency_hz for zero in r.lost],
             }
             for r in refined.responses

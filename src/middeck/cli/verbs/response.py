@@ -27,25 +27,17 @@ EXAMPLES = """\
 
 @click.command("response", cls=options.Verb, examples=EXAMPLES)
 @options.case
-@click.option(
-    "--input", "inputs", multiple=True, required=True, metavar="PORT", help="Actuator; may be repeated."
+@options.several("--input", "inputs", metavar="PORT", required=True, help="Actuator; may be repeated.")
+@options.several(
+    "--output", "outputs", metavar="PORT", required=True, help="Sensor, or its _rate; may be repeated."
 )
-@click.option(
-    "--output",
-    "outputs",
-    multiple=True,
-    required=True,
-    metavar="PORT",
-    help="Sensor, or its _rate; may be repeated.",
-)
-@click.option(
+@options.several(
     "--at",
     "frequency_hz",
+    metavar="HZ,HZ",
     type=options.Frequencies(),
     required=True,
-    multiple=True,
     callback=options.chained,
-    metavar="HZ,HZ",
     help="Frequencies.",
 )
 @options.count

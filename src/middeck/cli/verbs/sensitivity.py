@@ -12,6 +12,7 @@ from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.structure.sensitivity.frequencies import FrequencySensitivities
@@ -30,21 +31,17 @@ SMALL = 5e-5  # of dlnf/dlnp: four decimals would say zero
 
 @click.command("sensitivity", cls=options.Verb, examples=EXAMPLES)
 @options.case
-@click.option(
+@options.several(
     "--parameter",
     "patterns",
-    multiple=True,
-    required=True,
     metavar="NAME",
+    required=True,
     help="Parameter to differentiate by, * for any text; may be repeated.",
 )
-@click.option(
-    "--count", type=click.IntRange(min=1), default=12, show_default=True, help="How many of the lowest modes."
-)
-@click.option(
+@options.defaulted("--count", default=12, type=click.IntRange(min=1), help="How many of the lowest modes.")
+@options.several(
     "--mode",
     "wanted",
-    multiple=True,
     metavar="NAME|NUMBER",
     help="Print this mode only, as `middeck modes` names it; may be repeated.",
 )
@@ -117,9 +114,7 @@ def describe(modes: md.Modes, found: FrequencySensitivities, rest: RestSensitivi
 
     parameters = [
         {
-            "name": p.name,
-            "unit": p.unit,
-            "value": p.value,
+            **fields(p, "name", "unit", "value"),
             "d_lambda": found.d_lambda[i],
             "d_hz": [float(d) if np.isfinite(d) else None for d in found.d_hz[i]],
             "relative": [float(d) if np.isfinite(d) else None for d in relative[i]],

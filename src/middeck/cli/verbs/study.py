@@ -55,7 +55,7 @@ def _run(study: Study, out: Path) -> dict[str, float]:
     from middeck.study.mission import chapters_in, run_chapters
 
     writer, times, chapters = StudyWriter(out, study), {}, chapters_in(study)
-    called = {c.name: c.name if study.form.account else c.topic for c in chapters}
+    called = {c.name: c.name if study.account else c.topic for c in chapters}
     with follow({called[c.name]: c.share for c in chapters}) as (begin, end):
         for name, compute in run_chapters(study):
             start, told = time.monotonic(), called[name]

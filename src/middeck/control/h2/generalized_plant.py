@@ -16,8 +16,7 @@ from jaxtyping import Float
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.design_model import LQGProblem, pose_problem, require_finite_cost, weigh_effort
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
 from middeck.systems.norms.rms import square_root
 from middeck.systems.plants.plant import Plant

@@ -8,8 +8,9 @@ import scipy.linalg as sla
 from middeck.control.h2.closed_cost import Law
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import decouple
-from middeck.control.lqg.design_model import append_integrals
+from middeck.control.lqg.design_model import append_integrals, join_estimator
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
+from middeck.systems.state_space.statespace import StateSpace
 
 
 def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
@@ -24,13 +25,8 @@ def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSol
         model.A.T, model.C2.T, model.B1 @ model.B1.T, model.D21 @ model.D21.T, model.B1 @ model.D21.T
     )
     K, L = regulator.gain, estimator.gain.T
-    inside = -(model.B2 - L @ model.D22) @ K
-    inside[:, :n] += model.A - L @ model.C2
-    law = Law(
-        np.vstack([inside, np.zeros((len(rows), n + len(rows)))]),
-        np.vstack([L, np.eye(len(model.C2))[rows]]),
-        -K,
-    )
+    joined = join_estimator(StateSpace(model.A, model.B2, model.C2, model.D22), K, L, rows)
+    law = Law(joined.A, joined.B, joined.C)
     drive = np.vstack([model.B1, model.D21[rows]])
     cost = np.sum(regulator.X * (drive @ drive.T)) + np.sum((K[:, :n] @ estimator.X) * (price @ K[:, :n]))
     return decouple(law, len(rows)), regulator, estimator, float(cost)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import cast
 
 import numpy as np
+import scipy.linalg as sla
 from jaxtyping import Bool, Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.participation import find_participation
+from middeck.control.loop.closed_loop import ClosedLoop, close_loop
 from middeck.control.loop.performance import Performance, loop_metric
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.verdict import is_stable
 from middeck.values import record
@@ -121,3 +122,45 @@ def _describe(design: Design, plant: Plant, log10_authority: float) -> FirstInst
         participation=float(part.shares[lead] / part.shares.sum()),
         compensator_share=part.compensator,
     )
+
+
+@record
+class Participation:
+    """Shares in one eigenvalue of a closed loop.
+
+    Attributes:
+        pole: The eigenvalue [rad/s], imaginary part not negative.
+        names: The modes (or other parts) of the plant, in its order.
+        shares: |left * right eigenvector|, summed over each mode's states; ``shares`` and ``compensator`` sum
+            to one.
+        compensator: Share of all compensator states together.
+    """
+
+    pole: complex
+    names: tuple[str, ...]
+    shares: Float[np.ndarray, " mode"]
+    compensator: float
+
+
+def find_participation(loop: ClosedLoop) -> Participation:
+    """Participation in the eigenvalue of largest real part (Pérez-Arriaga et al. 1982).
+
+    For a plant built from modes the states are the modal ones, position and rate, with or without static
+    feedback around it. Raises `NumericalError` for a defective eigenvalue, where shares do not exist.
+    """
+    form = sla.eig(loop.system.A, left=True, right=True)
+    values, left, right = cast("tuple[np.ndarray, np.ndarray, np.ndarray]", form)
+    lead = int(np.argmax(np.real(values)))
+    pole, left, right = complex(values[lead]), left[:, lead], right[:, lead]
+    if abs(np.vdot(left, right)) < 1e-12:
+        raise NumericalError(
+            f"the eigenvalue {pole:.3g} is defective: participation does not exist",
+            hint="move a pole apart: change the authority or the PD gains a little",
+        )
+    product = np.abs(left.conj() * right)
+    product /= product.sum()
+    names = tuple(dict.fromkeys(loop.state_names))
+    index = np.array([names.index(name) for name in loop.state_names], dtype=int)
+    shares = np.bincount(index, weights=product[: len(index)], minlength=len(names))
+    pole = complex(pole.real, abs(pole.imag))
+    return Participation(pole, names, shares, float(product[len(index) :].sum()))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
 from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.errors import ConfigError
-from middeck.signals.ports import Port
 from middeck.systems.norms.rms import band_rms
 from middeck.values import record
 
@@ -37,7 +38,7 @@ def loop_rms(loop: ClosedLoop, performance: Performance) -> Float[np.ndarray, " 
 
     Raises `ConfigError` for an intensity that does not fit the loop's disturbances.
     """
-    require_one_each("intensities", len(performance.intensity), loop.inputs)
+    require_one_each("intensities", len(performance.intensity), [p.name for p in loop.inputs])
     if not loop.stable:
         return np.full(len(loop.outputs), np.inf)
     return band_rms(loop.system, performance.intensity, performance.band_hz)
@@ -48,18 +49,17 @@ def loop_metric(loop: ClosedLoop, performance: Performance) -> float:
 
     Raises `ConfigError` for weights and intensities that do not fit the loop's ports.
     """
-    require_one_each("weights", len(performance.weights), loop.outputs)
+    require_one_each("weights", len(performance.weights), [p.name for p in loop.outputs])
     if not loop.stable:
         return float(np.inf)
     return float(np.linalg.norm(performance.weights * loop_rms(loop, performance)))
 
 
-def require_one_each(what: str, count: int, ports: tuple[Port, ...]) -> None:
-    """Raise `ConfigError` unless there are as many as ``ports``."""
+def require_one_each(what: str, count: int, ports: Sequence[str]) -> None:
+    """Raise `ConfigError` unless there are as many as names of ``ports``."""
     if count != len(ports):
-        names = ", ".join(port.name for port in ports)
         raise ConfigError(
-            f"{count} {what} for {len(ports)} ports ({names})", hint="one for each, in their order"
+            f"{count} {what} for {len(ports)} ports ({', '.join(ports)})", hint="one for each, in their order"
         )
 
 

@@ -3,44 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
+from middeck.control.law.known_design import DesignView, design_known
 from middeck.control.law.partition import partition_modes
-from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
     LQGProblem,
     append_integrals,
+    join_estimator,
+    moves_estimate,
     pose_problem,
     require_finite_cost,
     weigh_effort,
 )
-from middeck.control.lqg.estimator import KalmanFilter, design_filter
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.estimator import KalmanFilter, find_filter
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
-from middeck.systems.plants.response import statespace_response
-from middeck.systems.state_space.statespace import StateSpace, poles
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 AUTHORITY = "1/rho > 0, as 10"
-SCALINGS = 4
-"""Rounds in which sizes of outputs and inputs settle."""
 
 
-@record
-class Regulator:
-    """Gain and Riccati solution on the states of the model, then its integrals; ``R`` weights u."""
-
-    solution: RiccatiSolution
-    R: Float[np.ndarray, "u u"]
-
-
-def design_regulator(model: LQGProblem, authority: float) -> Regulator:
-    """Minimise E[z'z + u'Ru] on the states of ``model`` and its integrals."""
+def design_regulator(model: LQGProblem, authority: float) -> tuple[RiccatiSolution, np.ndarray]:
+    """Minimise E[z'z + u'Ru] on the states of ``model``, then its integrals; and R."""
     require_finite_cost(model)
     A, B = append_integrals(model.A, model.control, model.C2, model.D22, model.integral)
     C, D, plain = weigh_effort(model, authority)
@@ -58,7 +47,7 @@ def design_regulator(model: LQGProblem, authority: float) -> Regulator:
         names=(*model.names, *model.integral_names),
         complaint="no control input in u reaches it",
     )
-    return Regulator(solution, R)
+    return solution, R
 
 
 @record(kw_only=True)
@@ -97,41 +86,19 @@ def design_lqg(
     ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
     the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
-    (`measure_known`).
+    (`design_known`).
     """
     if not 0.0 < authority < np.inf:
         raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
-    first: list[LQGCompensator] = []
-
-    def numbers(found: LQGCompensator) -> Float[np.ndarray, " number"]:
-        first.append(found)
-        at = np.concatenate([poles(first[0].system), first[0].regulator.poles, first[0].estimator.poles])
-        # Integral action and noise of one frequency have poles on the axis: there is no response there.
-        far = np.abs(at) > 1e-9 * np.abs(at).max(initial=0.0)
-        lines = np.abs(at[far & (np.abs(np.real(at)) > 1e-6 * np.abs(at))])
-        here, there = (statespace_response(law.system, lines) for law in (first[0], found))
-        apart = (there / _sizes(here)).ravel()
-        return np.concatenate([np.real(apart), np.imag(apart), np.log([found.cost])])
 
     def design(plant: Plant) -> LQGCompensator:
         return _design(plant, weights, authority, kalman, shaping or Shaping())
 
-    return measure_known("law and cost", design, numbers, plant)
+    return design_known("law and cost", design, _view, plant)
 
 
-def _sizes(H: Complex[np.ndarray, "line output input"]) -> Float[np.ndarray, "line output input"]:
-    """Bounds of the entries on each line as products of a size of the output and one of the input.
-
-    An entry far below its bound is rounding of the others, in whatever units.
-    """
-    size = np.abs(H)
-    of_output = size.max(axis=2, keepdims=True, initial=0.0)
-    for _ in range(SCALINGS):
-        of_output = np.where(of_output > 0.0, of_output, 1.0)
-        of_input = (size / of_output).max(axis=1, keepdims=True, initial=0.0)
-        of_input = np.where(of_input > 0.0, of_input, 1.0)
-        of_output = (size / of_input).max(axis=2, keepdims=True, initial=0.0)
-    return np.where(of_output > 0.0, of_output, 1.0) * of_input
+def _view(law: LQGCompensator) -> DesignView:
+    return DesignView(law.system, np.concatenate([law.regulator.poles, law.estimator.poles]), law.cost)
 
 
 def _design(
@@ -142,8 +109,8 @@ def _design(
     active = part.active
     model = pose_problem(active, weights, shaping)
     try:
-        kalman = design_filter(plant, weights, shaping) if kalman is None else kalman
-        regulator = design_regulator(model, authority)
+        kalman = find_filter(plant, weights, shaping)[0] if kalman is None else kalman
+        regulator, R = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)
         raise
@@ -156,8 +123,10 @@ def _design(
         raise ConfigError(
             "the filter was designed for other noise intensities", hint="design it with the same weights"
         )
-    law = _join(model, regulator.solution.gain, kalman.gain)
-    cost = _cost(model, regulator, kalman.solution.X)
+    inside = StateSpace(model.A, model.control, model.C2, model.D22)
+    moved = moves_estimate(inside, kalman.gain)
+    law = join_estimator(inside, regulator.gain, kalman.gain, model.integral)
+    cost = _cost(model, regulator, R, kalman.solution.X)
     ports = measured_ports(active), driven_ports(active)
     names = (*model.names, *model.integral_names)
     return LQGCompensator(
@@ -165,12 +134,12 @@ def _design(
         inputs=ports[0],
         outputs=ports[1],
         authority=authority,
-        regulator=regulator.solution,
+        regulator=regulator,
         estimator=kalman.solution,
         cost=cost,
         inert=part.inert,
         state_names=names,
-        applied=np.vstack([_driven(model, kalman.gain), np.zeros((len(model.integral), len(ports[1])))]),
+        applied=np.vstack([moved, np.zeros((len(model.integral), moved.shape[1]))]),
     )
 
 
@@ -180,28 +149,12 @@ def _require_ports(model: LQGProblem) -> None:
     require_reachable(model.A.T, model.C2.T, model.names, complaint="no measurement in y sees it")
 
 
-def _join(model: LQGProblem, gain: np.ndarray, injection: np.ndarray) -> StateSpace:
-    """u = -K (xhat, integrals); the integrals are of the measurements, hence known exactly."""
-    n, rows = len(model.A), list(model.integral)
-    driven = _driven(model, injection)
-    A = np.zeros((n + len(rows), n + len(rows)))
-    A[:n] = -driven @ gain
-    A[:n, :n] += model.A - injection @ model.C2
-    B = np.vstack([injection, np.eye(len(model.C2))[rows]])
-    return StateSpace(A, B, -gain, np.zeros((len(gain), len(model.C2))))
-
-
-def _driven(model: LQGProblem, injection: np.ndarray) -> np.ndarray:
-    """How a command moves the estimate: by the plant's input, and by the answer that is expected at once."""
-    return model.control - injection @ model.D22
-
-
-def _cost(model: LQGProblem, regulator: Regulator, error: np.ndarray) -> float:
+def _cost(model: LQGProblem, regulator: RiccatiSolution, R: np.ndarray, error: np.ndarray) -> float:
     """tr(X N) + tr(R K Sigma K'): cost of noise on states and integrals, plus cost of estimation errors."""
     n, rows = len(model.A), list(model.integral)
     joint = np.block([[model.process, model.cross], [model.cross.T, np.diag(model.sensor)]])
     sensors = np.eye(len(model.C2))[rows]
     drive = np.block([[model.noise, np.zeros((n, len(model.C2)))], [model.D21[rows], sensors]])
-    noise = np.sum(regulator.solution.X * (drive @ joint @ drive.T))
-    gain = regulator.solution.gain[:, :n]
-    return float(noise + np.sum((gain @ error) * (regulator.R @ gain)))
+    noise = np.sum(regulator.X * (drive @ joint @ drive.T))
+    gain = regulator.gain[:, :n]
+    return float(noise + np.sum((gain @ error) * (R @ gain)))

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.lqg.shaping import Shaping, pick
-from middeck.control.lqg.weights import LQGWeights, require_size
+from middeck.control.lqg.weights import LQGWeights, Shaping, pick, require_sizes
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.state_space.feedback import beside
 from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 from middeck.values import record
 
@@ -60,9 +59,7 @@ def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProb
 
     Raises `ConfigError` for weights, intensities and filters that do not fit its ports.
     """
-    require_size("output weights", len(weights.output), plant.z)
-    require_size("input weights", len(weights.input), plant.u)
-    require_size("sensor intensities", len(weights.sensor), plant.y)
+    require_sizes(weights, plant)
     colours = pick(shaping.colours, weights.disturbed)
     on_outputs, on_inputs = pick(shaping.outputs, plant.z), pick(shaping.inputs, plant.u)
     pick(tuple((name, gain_system(np.eye(1))) for name, _ in shaping.integral), plant.y)
@@ -70,10 +67,10 @@ def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProb
     n_u, n_y = len(plant.u), len(plant.y)
     whole = _middle(plant, weights.disturbed, kept)
     if any(colours):
-        whole = series(put_beside([*_or_one(colours), gain_system(np.eye(n_u))]), whole)
+        whole = series(beside(*_or_one(colours), gain_system(np.eye(n_u))), whole)
     if any(on_outputs) or kept:
         behind = [*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept])]
-        whole = series(whole, put_beside([*behind, gain_system(np.eye(n_y))]))
+        whole = series(whole, beside(*behind, gain_system(np.eye(n_y))))
     n_z, n_w = len(plant.z), whole.B.shape[1] - n_u
     z, s, y = slice(n_z), slice(n_z, n_z + len(kept)), slice(n_z + len(kept), None)
     scale = weights.output[:, None]
@@ -167,12 +164,6 @@ def _name_filters(what: str, ports: tuple[str, ...], filters: list[StateSpace | 
     ]
 
 
-def put_beside(systems: list[StateSpace]) -> StateSpace:
-    """Unconnected systems as one block diagonal system."""
-    parts = (np.asarray(sla.block_diag(*(getattr(s, k) for s in systems))) for k in "ABCD")
-    return StateSpace(*parts)
-
-
 class Weighed(NamedTuple):
     """The cost: squares of the rows C x + D u (performance, shaped inputs), and of u by ``plain``."""
 
@@ -202,3 +193,23 @@ def append_integrals(
     rows, count = list(integral), len(integral)
     longer = np.block([[A, np.zeros((len(A), count))], [C[rows], np.zeros((count, count))]])
     return longer, np.vstack([B, D[rows]])
+
+
+def join_estimator(
+    plant: StateSpace,
+    gain: Float[np.ndarray, "u all"],
+    injection: Float[np.ndarray, "x y"],
+    integral: Sequence[int],
+) -> StateSpace:
+    """u = -K (xhat, integrals of some rows of y); these are of the measurements, hence known exactly."""
+    n, rows = len(plant.A), list(integral)
+    A = np.zeros((n + len(rows), n + len(rows)))
+    A[:n] = -moves_estimate(plant, injection) @ gain
+    A[:n, :n] += plant.A - injection @ plant.C
+    B = np.vstack([injection, np.eye(len(plant.C))[rows]])
+    return StateSpace(A, B, -gain, np.zeros((len(gain), len(plant.C))))
+
+
+def moves_estimate(plant: StateSpace, injection: Float[np.ndarray, "x y"]) -> Float[np.ndarray, "x u"]:
+    """How a command moves the estimate: by the plant's input, and by the answer that is expected at once."""
+    return plant.B - injection @ plant.D

@@ -5,15 +5,21 @@ Two-sided densities S(f) [unit^2/Hz]; the filter's |G|^2 is S, the noise in fron
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
+from middeck.control.law.partition import partition_modes
+from middeck.control.lqg.weights import PortFilters, Shaping, pick
+from middeck.control.shaping.leads_and_notches import second_order_section
 from middeck.errors import ConfigError, DataError
+from middeck.signals.ports import Port
+from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.poles.resolvent import by_solving
+from middeck.systems.state_space.feedback import beside
 from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
 
@@ -53,8 +59,9 @@ def line_filter(frequency_hz: float, width_hz: float, rms: float) -> StateSpace:
 
 def sum_spectra(filters: Sequence[StateSpace]) -> StateSpace:
     """One filter whose density is the sum of several: an independent noise for each, outputs added."""
-    A, B, C = (np.asarray(sla.block_diag(*(getattr(s, k) for s in filters))) for k in "ABC")
-    return StateSpace(A, B, C.sum(axis=0, keepdims=True), np.hstack([s.D for s in filters]))
+    whole = beside(*filters)
+    C, D = (M.sum(axis=0, keepdims=True) for M in (whole.C, whole.D))
+    return StateSpace(whole.A, whole.B, C, D)
 
 
 def fit_spectrum(
@@ -132,17 +139,47 @@ def _described(p: np.ndarray, f: np.ndarray, S: np.ndarray) -> SpectrumFit:
     one = np.eye(1)
     system = StateSpace(-lag * one, lag * one, np.exp(p[0] / 2.0) * one, 0.0 * one)
     for section in p[2:].reshape(-1, 4):
-        system = series(system, _biquad(*np.exp(section)))
+        system = series(system, second_order_section(*np.exp(section)))
     fitted = np.abs(by_solving(system)(2j * np.pi * f)[:, 0, 0]) ** 2
     error = 10.0 * np.log10(fitted / S)
     return SpectrumFit(system, float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()))
 
 
-def _biquad(zero_hz: float, zero_damping: float, pole_hz: float, pole_damping: float) -> StateSpace:
-    """((s/z)^2 + 2 zeta_z s/z + 1) / ((s/p)^2 + 2 zeta_p s/p + 1) with states of one size."""
-    z, p = 2.0 * np.pi * zero_hz, 2.0 * np.pi * pole_hz
-    ratio = (p / z) ** 2
-    # ratio u, and the remainder of the numerator over the denominator, as position and rate.
-    rate = 2.0 * (zero_damping * p / z - ratio * pole_damping)
-    A = np.array([[0.0, p], [-p, -2.0 * pole_damping * p]])
-    return StateSpace(A, np.array([[0.0], [p]]), np.array([[1.0 - ratio, rate]]), np.array([[ratio]]))
+def colour_disturbances(plant: Plant, colours: PortFilters) -> Plant:
+    """The plant with filters in front of disturbances: its group w becomes the white noises that drive them.
+
+    The noises are inputs ``"noise of NAME"`` (numbered where a filter takes several) and replace their
+    disturbances in w; the original inputs remain, so that commands are not coloured. Inert modes are left
+    out. Raises `ConfigError` for filters that are not stable or at ports that are not in w.
+    """
+    Shaping(colours=colours)  # its checks
+    active = partition_modes(plant).active
+    chosen = [(n, f) for n, f in zip(active.w, pick(colours, active.w), strict=True) if f is not None]
+    if not chosen:
+        return active
+    system, colour = active.system, beside(*(one for _, one in chosen))
+    drive = system.B[:, active.input_indices([name for name, _ in chosen])]
+    through = system.D[:, active.input_indices([name for name, _ in chosen])]
+    states = np.zeros((len(colour.A), len(active.inputs)))
+    dynamics = StateSpace(
+        np.block([[colour.A, np.zeros((len(colour.A), len(system.A)))], [drive @ colour.C, system.A]]),
+        np.block([[states, colour.B], [system.B, drive @ colour.D]]),
+        np.hstack([through @ colour.C, system.C]),
+        np.hstack([system.D, through @ colour.D]),
+    )
+    noises_of = {name: _noise_names(name, one.D.shape[1]) for name, one in chosen}
+    noises = tuple(Port(noise, "1") for names in noises_of.values() for noise in names)
+    return dataclasses.replace(
+        active,
+        dynamics=dynamics,
+        inputs=(*active.inputs, *noises),
+        w=tuple(noise for name in active.w for noise in noises_of.get(name, [name])),
+        state_names=(
+            *(f"colour of {name}" for name, one in chosen for _ in range(len(one.A))),
+            *name_states(active),
+        ),
+    )
+
+
+def _noise_names(port: str, count: int) -> list[str]:
+    return [f"noise of {port}" + (f" {k + 1}" if count > 1 else "") for k in range(count)]

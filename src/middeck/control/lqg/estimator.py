@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.law.known_design import DesignView, design_known
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design_model import LQGProblem, pose_problem
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -36,12 +37,30 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
 
     States of colours and of dynamic weights are estimated with the plant's. Raises `NotStabilisableError`
     naming the modes that do not decay and that no measurement sees, or that lie on the axis without process
-    noise.
+    noise. Warns (`UserWarning`) where rounding of the plant's matrices moves the filter (`design_known`).
     """
+
+    def design(plant: Plant) -> tuple[KalmanFilter, LQGProblem]:
+        return find_filter(plant, weights, shaping or Shaping())
+
+    return design_known("the filter's outputs", design, _view, plant)[0]
+
+
+def _view(found: tuple[KalmanFilter, LQGProblem]) -> DesignView:
+    """From measurements to the outputs that the filter expects."""
+    kalman, model = found
+    system = StateSpace(
+        model.A - kalman.gain @ model.C2, kalman.gain, model.C2, np.zeros((len(model.C2),) * 2)
+    )
+    return DesignView(system, kalman.solution.poles, 1.0)
+
+
+def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
+    """The filter and what it was posed as; as `design_filter`, rounding apart."""
     part = partition_modes(plant)
-    model = pose_problem(part.active, weights, shaping or Shaping())
+    model = pose_problem(part.active, weights, shaping)
     solution = estimate_states(model)
-    return KalmanFilter(
+    kalman = KalmanFilter(
         gain=solution.gain.T,
         solution=solution,
         inert=part.inert,
@@ -49,6 +68,7 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
         sensor=model.sensor,
         cross=model.cross,
     )
+    return kalman, model
 
 
 def estimate_states(model: LQGProblem) -> RiccatiSolution:

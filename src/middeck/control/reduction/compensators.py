@@ -18,13 +18,42 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.reduction.balanced_projection import in_sizes
 from middeck.control.reduction.method_search import Best, Tested, search_law
 from middeck.control.reduction.methods import Method
-from middeck.control.reduction.reduced_systems import ReducedCompensator
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
 from middeck.control.reduction.weighted_loop import Loop, absorb, pose_loop, proper_law, response_in_loop
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace, add, series
+from middeck.values import record
+
+
+@record(kw_only=True)
+class ReducedCompensator(Compensator):
+    """A compensator of lower order, with its errors against the original.
+
+    Attributes:
+        order: States.
+        method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``: the one that gave this
+            law.
+        steps: Attempts and their outcomes, in words.
+        hankel: Singular values by which states were chosen; what they measure depends on the method.
+        bound: 2 (sum of those left out) for ``"balanced"``, None for the others.
+        error: Largest gain of the difference K - K_r over all frequencies, in the sizes of the ports.
+        loop_error: Largest gain of (K - K_r) G (I - K G)^-1, one for each plant. Below one it proves
+            stability, if K and K_r have equally many unstable poles (Anderson and Liu 1989).
+        stable: Whether the loop with each plant is stable, delays exact (`decide_stability`).
+        cost_ratio: H2 cost of each plant relative to that with the original; ``inf`` where unstable with
+            approximated delays.
+    """
+
+    order: int
+    steps: tuple[str, ...]
+    hankel: Float[np.ndarray, " value"]
+    bound: float | None
+    error: float
+    loop_error: Float[np.ndarray, " plant"]
+    stable: Bool[np.ndarray, " plant"]
+    cost_ratio: Float[np.ndarray, " plant"]
 
 
 def reduce_compensator(

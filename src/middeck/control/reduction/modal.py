@@ -17,7 +17,6 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
-from middeck.control.reduction.reduced_systems import ReducedPlant
 from middeck.control.reduction.separation import AXIS, separate_poles
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
@@ -30,10 +29,29 @@ from middeck.systems.state_space.modal_system import (
     select_channels,
     select_modes,
 )
-from middeck.systems.state_space.statespace import StateSpace
+from middeck.systems.state_space.statespace import StateSpace, select_paths
+from middeck.values import record
 
 ACROSS = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
 """Lines across each mode, in half-power half-widths, at which a path's largest response is looked for."""
+
+
+@record(kw_only=True)
+class ReducedPlant:
+    """A plant of lower order with the same ports.
+
+    Attributes:
+        plant: The reduced plant, modal if it was.
+        order: Its states.
+        kept, dropped: Names of the modes kept exactly, and of those left out.
+        error: The largest error within the band.
+    """
+
+    plant: Plant
+    order: int
+    kept: tuple[str, ...]
+    dropped: tuple[str, ...]
+    error: float
 
 
 def reduce_modes(
@@ -149,14 +167,14 @@ def _of_statespace(
     ports: tuple[list[int], list[int]],
     static: bool,
 ) -> ReducedPlant:
-    values, share = _pole_shares(_between(system, *ports), band)
+    values, share = _pole_shares(select_paths(system, *ports), band)
     grows = np.real(values) > -AXIS * np.abs(values).max(initial=0.0)
     keep = _most(share, grows, modes)
     parts = separate_poles(system, with_conjugates(values[keep]))
     gone = parts.rest
     limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
     smaller = dataclasses.replace(parts.kept, D=limit)
-    left = _between(dataclasses.replace(gone, D=gone.D - limit), *ports)
+    left = select_paths(dataclasses.replace(gone, D=gone.D - limit), *ports)
     states = tuple(f"modal {i}" for i in range(len(smaller.A)))
     return ReducedPlant(
         plant=dataclasses.replace(plant, dynamics=smaller, state_names=states),
@@ -173,10 +191,6 @@ def _static_limit(gone: StateSpace, above: np.ndarray) -> Float[np.ndarray, "out
         return gone.D
     springs = separate_poles(gone, with_conjugates(above)).kept
     return gone.D - springs.C @ np.linalg.solve(springs.A, springs.B)
-
-
-def _between(system: StateSpace, inputs: list[int], outputs: list[int]) -> StateSpace:
-    return StateSpace(system.A, system.B[:, inputs], system.C[outputs], system.D[np.ix_(outputs, inputs)])
 
 
 def _pole_shares(

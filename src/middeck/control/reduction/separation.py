@@ -95,17 +95,11 @@ def _separate(
             hint="choose another order",
             poles=values,
         )
-    X = _uncouple(ordered, k)
+    X = sla.solve_sylvester(ordered[:k, :k], -ordered[k:, k:], -ordered[:k, k:])
     turn = np.block([[np.eye(k), X], [np.zeros((len(T) - k, k)), np.eye(len(T) - k)]])
     back = np.block([[np.eye(k), -X], [np.zeros((len(T) - k, k)), np.eye(len(T) - k)]])
     apart = StateSpace(ordered, back @ vectors.T @ system.B, system.C @ vectors @ turn, D)
     return Separation(_part(apart, slice(0, k), np.zeros(D.shape)), _part(apart, slice(k, None), D))
-
-
-def _uncouple(T: np.ndarray, k: int) -> Float[np.ndarray, "kept rest"]:
-    """X with T11 X - X T22 + T12 = 0."""
-    X, scale, _ = cast("Any", lapack).dtrsyl(T[:k, :k], T[k:, k:], -T[:k, k:], isgn=-1)
-    return X / scale
 
 
 def _part(system: StateSpace, which: slice, D: np.ndarray) -> StateSpace:

@@ -17,7 +17,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.control.law.stabilisability import CANDIDATE, require_reachable
-from middeck.control.riccati.hamiltonian_units import fold_weights, unit_diagonal, unit_scales
+from middeck.control.riccati.hamiltonian_units import fold_weights, refine, unit_diagonal, unit_scales
 from middeck.control.riccati.lyapunov import solve_lyapunov
 from middeck.control.riccati.stable_subspace import solve_by_subspace
 from middeck.errors import ConfigError, NumericalError
@@ -142,18 +142,9 @@ def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
 
 
 def _refine(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    """Newton steps as long as each halves the residual and that is above rounding."""
-    best, (defect, size) = X, residual(X, A, B, Q)
-    halved = size > 0.0
-    while halved:
-        step = _step(best, defect, A, B)
-        if step is None:
-            return best
-        candidate = best + step
-        defect, now = residual(candidate, A, B, Q)
-        halved = _rounding(A) < now < size / 2.0
-        best, size = (candidate, now) if now < size else (best, size)
-    return best
+    return refine(
+        X, lambda X: residual(X, A, B, Q), lambda X, defect: _step(X, defect, A, B), least=_rounding(A)
+    )
 
 
 def _rounding(A: np.ndarray) -> float:

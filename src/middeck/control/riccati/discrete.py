@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.riccati.continuous import MISSED, WEIGH_IT, WORTHLESS, RiccatiSolution
-from middeck.control.riccati.hamiltonian_units import fold_weights, unit_diagonal, unit_scales
+from middeck.control.riccati.hamiltonian_units import fold_weights, refine, unit_diagonal, unit_scales
 from middeck.control.riccati.lyapunov import solve_discrete_lyapunov
 from middeck.errors import NumericalError
 from middeck.systems.state_space.reached_states import reached_states
@@ -102,7 +102,12 @@ def _solve_seen(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray
         )
     unit = unit_diagonal(found)
     t = t * unit
-    X = _refined(found * np.outer(unit, unit), A * t / t[:, None], B / t[:, None], Q * np.outer(t, t))
+    A, B, Q = A * t / t[:, None], B / t[:, None], Q * np.outer(t, t)
+    X = refine(
+        found * np.outer(unit, unit),
+        lambda X: _residual(X, A, B, Q),
+        lambda X, defect: solve_discrete_lyapunov(_closed(A, B, X), defect),
+    )
     return X / np.outer(t, t)
 
 
@@ -140,21 +145,6 @@ def _solve_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarr
         return np.asarray(sla.solve_discrete_are(A, B, Q, np.eye(B.shape[1])))
     except (np.linalg.LinAlgError, ValueError):
         return None
-
-
-def _refined(X: np.ndarray, A: np.ndarray, B: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    """Newton steps in correction form, as long as each halves the residual."""
-    best, (defect, size) = X, _residual(X, A, B, Q)
-    halved = size > 0.0
-    while halved:
-        step = solve_discrete_lyapunov(_closed(A, B, best), defect)
-        if step is None:
-            return best
-        candidate = best + step
-        defect, now = _residual(candidate, A, B, Q)
-        halved = 0.0 < now < size / 2.0
-        best, size = (candidate, now) if now < size else (best, size)
-    return best
 
 
 def _closed(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> Float[np.ndarray, "state state"]:

@@ -1,6 +1,8 @@
-"""State units (exact powers of two) in which a Riccati equation is solved."""
+"""Riccati equations in state units that are exact powers of two, and Newton steps to their solution."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg as sla
@@ -26,6 +28,26 @@ def unit_diagonal(X: Float[np.ndarray, "state state"]) -> Float[np.ndarray, " st
     """Powers of two that give X about a unit diagonal, so that small entries keep their relative accuracy."""
     diagonal = np.diag(X)
     return np.exp2(-np.round(np.log2(np.where(diagonal > 0.0, diagonal, 1.0)) / 2.0))
+
+
+def refine(
+    X: Float[np.ndarray, "state state"],
+    residual: Callable[[np.ndarray], tuple[np.ndarray, float]],
+    step: Callable[[np.ndarray, np.ndarray], np.ndarray | None],
+    least: float = 0.0,
+) -> Float[np.ndarray, "state state"]:
+    """Newton steps as long as each halves the size of the ``residual`` and that is above ``least``."""
+    best, (defect, size) = X, residual(X)
+    halved = size > 0.0
+    while halved:
+        change = step(best, defect)
+        if change is None:
+            return best
+        candidate = best + change
+        defect, now = residual(candidate)
+        halved = least < now < size / 2.0
+        best, size = (candidate, now) if now < size else (best, size)
+    return best
 
 
 def fold_weights(

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
+from middeck.control.law.known_design import DesignView, design_known
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
@@ -19,8 +20,9 @@ from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.quadratic_integrals import integrate_along
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -74,6 +76,8 @@ def sample_cost(held: HeldPlant, weights: LQGWeights, authority: float) -> Sampl
         whole += segment.start.T @ integrate_along(held.generator, Q, segment.duration_s) @ segment.start
     whole /= held.system.period_s
     R = whole[n:, n:] + np.diag(weights.input) / authority
+    if np.linalg.eigvalsh(R)[0] <= 0.0:
+        raise NumericalError("rounding alone makes the sampled cost of control negative", hint=CURE)
     return SampledCost(whole[:n, :n], whole[:n, n:], R, float(np.sum(Q[:x, :x] * held.dwell)))
 
 
@@ -89,7 +93,8 @@ def design_sampled_lqg(
 
     Raises `NotStabilisableError` naming the modes that cannot be held (also those that sampling makes
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
-    not fit and for a ``"current"`` law on a plant that answers within the sample.
+    not fit and for a ``"current"`` law on a plant that answers within the sample. Warns (`UserWarning`) where
+    rounding of the plant's matrices moves the law or its cost (`design_known`).
 
     >>> from middeck.systems.plants.plant_from_matrices import make_plant
     >>> walk = make_plant([[0.0]], [[1.0]], [[1.0]], w=["u1"], u=["u1"], z=["y1"], y=["y1"])
@@ -99,6 +104,18 @@ def design_sampled_lqg(
     True
     """
     _require_known(authority, form)
+
+    def design(plant: Plant) -> SampledLQG:
+        return _design(plant, weights, authority, period_s, form)
+
+    def view(law: SampledLQG) -> DesignView:
+        return DesignView(law.dynamics, np.concatenate([law.regulator.poles, law.estimator.poles]), law.cost)
+
+    return design_known("law and cost", design, view, plant)
+
+
+def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form) -> SampledLQG:
+    """As `design_sampled_lqg`, rounding apart."""
     held = hold_plant(plant, weights, period_s)
     system = held.system
     _require_no_loop(system, form)

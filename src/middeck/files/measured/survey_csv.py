@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.records.decimals import separator_of, with_points
+from middeck.files.records.decimals import refuse_thousands, separator_of, with_points
 from middeck.structure.correlation.measured_modes import DIRECTIONS, PORTS, STRAIGHT, MeasuredModes
 
 ADVICE = "the first line must read like: frequency [Hz],damping,n1.x,n1.y,n2.x"
@@ -37,7 +37,7 @@ def load_csv(path: Path) -> MeasuredModes:
     Raises `DataError`, with file and line, for headings that are not these, for units that are not known, and
     for cells that are not numbers.
     """
-    rows = _rows(path)
+    rows, said = _rows(path)
     head, body = rows[0], rows[1:]
     keys = [_key(cell, f"{path}:{head[0]}") for cell in head[1]]
     twice = sorted({name for name, _ in keys if [n for n, _ in keys].count(name) > 1})
@@ -57,14 +57,18 @@ def load_csv(path: Path) -> MeasuredModes:
             node=tuple(node for node, _ in places),
             direction=tuple(way for _, way in places),
             shape=np.array(list(columns.values())).reshape(len(places), len(hz)),
+            warnings=said,
             **plain,
         )
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint or ADVICE) from None
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Line number and cells of each line that says something, without the columns that count the modes."""
+def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
+    """Line number and cells of each line that says something, without the columns that count the modes.
+
+    And a word on how they were read, where others write numbers otherwise.
+    """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         told = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
@@ -77,7 +81,13 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     read = [i for i, cell in enumerate(found[0][1]) if cell.lower().replace("_", " ") not in PASSED_OVER]
     width = len(found[0][1])
     found = [(n, _told(cells, read, width, f"{path}:{n}")) for n, cells in found]
-    return found if mark == "," else [found[0], *((n, _pointed(c, f"{path}:{n}")) for n, c in found[1:])]
+    numbers = [(n, cell) for n, cells in found[1:] for cell in cells]
+    if mark == "," or not any("," in cell for _, cell in numbers):
+        return found, ()
+    if any("." in cell for _, cell in numbers):
+        refuse_thousands(numbers, path)
+    body = [(n, _pointed(cells, f"{path}:{n}")) for n, cells in found[1:]]
+    return [found[0], *body], ("decimal commas are read as points",)
 
 
 def _told(cells: list[str], read: list[int], width: int, where: str) -> list[str]:

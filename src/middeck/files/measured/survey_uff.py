@@ -3,11 +3,12 @@
 Places and motions in Cartesian, cylindrical and spherical systems of 2420 are turned into the part's own.
 
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
-file formats). Header (151), trace lines (82) and functions (58) of the same file are passed over.
+file formats). Trace lines (82) and functions (58) of the same file are passed over.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +20,7 @@ from middeck.files.nastran.deck.coordinates import BASIC, System
 from middeck.files.records.uff58 import AGAIN, TextSet, fortran, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
-NODES, SHAPES, UNITS, SYSTEMS = (15, 2411), (55, 2414), 164, (18, 2420)
+HEADER, NODES, SHAPES, UNITS, SYSTEMS = 151, (15, 2411), (55, 2414), 164, (18, 2420)
 NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an eigenvalue
 # Derivatives of displacement by the specific data type; of unknown and general data none.
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
@@ -50,7 +51,8 @@ def load_uff(path: Path) -> MeasuredModes:
     Raises `DataError`, with the line, for a file that is cut or holds no modes, for nodes with displacement
     axes of their own, units that contradict themselves, and shapes that are not motions.
     """
-    sets = scan_texts(path, (*NODES, *SHAPES, *SYSTEMS, UNITS))
+    sets = scan_texts(path, (HEADER, *NODES, *SHAPES, *SYSTEMS, UNITS))
+    _require_all(sets, path)
     shapes = _once([mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None])
     rigid = sum(s.hz == 0.0 for s in shapes)
     shapes = [s for s in shapes if s.hz != 0.0]
@@ -95,6 +97,18 @@ def load_uff(path: Path) -> MeasuredModes:
         )
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint) from None
+
+
+def _require_all(sets: list[TextSet], path: Path) -> None:
+    """Raise for fewer shapes than `write_uff` states in its header: cut between sets, a file looks whole."""
+    heads = [
+        s.lines for s in sets if s.number == HEADER and len(s.lines) > 2 and s.lines[2].strip() == "middeck"
+    ]
+    stated = [int(found[1]) for lines in heads if (found := re.fullmatch(r"(\d+) modes", lines[1].strip()))]
+    there = sum(s.number in SHAPES for s in sets)
+    if stated and there < sum(stated):
+        what = f"cut: {there} of the {sum(stated)} modes that its header states"
+        raise DataError(what, where=str(path), hint=AGAIN)
 
 
 def _six(row: np.ndarray | None) -> np.ndarray:

@@ -190,8 +190,12 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
     said = ["friction, play and saturation: every plant is linear"]
     if plan.joints:
         said = [
-            "play, saturation, and friction but at the joints stated",
-            "disturbances of another intensity: with friction the decibels go with it",
+            "play, saturation, and friction except at the stated joints",
+            "disturbances of another intensity: with friction the decibels depend on it",
+            *(
+                f"drag of {j.name} other than {j.viscous:g} N m s/rad, which no survey tells from damping"
+                for j in plan.joints
+            ),
         ]
         said += [
             f"{name}: slow motions, whose decay asks for more than the {p.slip_time.record_s:.0f} s simulated"
@@ -200,16 +204,18 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
         ]
     if plan.draws + 1 < 1.0 / (1.0 - LEVELS[-1]):
         held = 100.0 * plan.draws / (plan.draws + 1)
-        said.append(f"levels beyond {held:.3g} %: the worst of {plan.draws} draws stands for them")
+        said.append(f"quantiles beyond {held:.3g} %, where the worst of {plan.draws} draws is given")
     said += [
-        f"{name}: what lies above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
+        f"{name}: modes above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
         for name, p in promises.items()
     ]
     for name, p in promises.items():
         names = [p.modes.modes.name[i] for i in p.modes.index]
         unseen = [mode for mode, seen in zip(names, p.modes.seen, strict=True) if seen < SEEN]
         if unseen:
-            said.append(f"{name}: modes that no survey saw, by the model alone: {', '.join(unseen)}")
+            said.append(
+                f"{name}: modes that no survey measured, predicted by the model alone: {', '.join(unseen)}"
+            )
     return said
 
 

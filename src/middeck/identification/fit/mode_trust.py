@@ -120,17 +120,17 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     f = natural_hz(model)
     order = sorted(distinct_poles(model), key=lambda m: f[m])
     found = [
-        f"mode at {f[m]:.4g} Hz: doubtful, its residue is {significance[m]:.1f} of its standard "
-        "deviations, no more than noise; the inputs hardly excite it"
+        f"mode at {f[m]:.4g} Hz: doubtful, its residue is {significance[m]:.1f} standard deviations, and "
+        f"noise alone may reach {DOUBTFUL:g}; the inputs hardly excite it"
         for m in order
         if standing[m] == "doubtful" and significance[m] < DOUBTFUL
     ]
     close = ", ".join(f"{f[m]:.6g}" for m in order if standing[m] == "unresolved")
     if close:
         found.append(
-            f"modes at {close} Hz: not resolved, their distance is at most {APART:g} of its standard "
-            "deviations; at this distance the linearised standard deviations do not hold; record longer, "
-            "or add an output or input"
+            f"modes at {close} Hz: not resolved, their distance is below {APART:g}"
+            " standard deviations, where "
+            "the linearised standard deviations do not hold; record longer, or add an output or input"
         )
     return found
 

@@ -5,7 +5,6 @@ A search from a subspace start can hold a mode that does little while one mode i
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -38,7 +37,7 @@ def exchanges(
     the residual's peak: what tells most at once may be a neighbour of a mode that is there already.
     """
     layout = best.layout
-    at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
+    at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))
     missed, new, peak = missed_modes(at_best, best), _found_pole(at_best, best), _at_peak(at_best, best)
     single = layout.pairs + np.argsort(missed[layout.pairs :])[:2]
     units = [np.array([m]) for m in range(layout.pairs)] + ([single] if len(single) == 2 else [])
@@ -53,7 +52,7 @@ def exchanges(
 
 def grown(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start:
     """``best`` with one pair more, where it tells most."""
-    at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
+    at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))
     return _with(at_best, options, best, np.arange(len(best.layout.pair)), _found_pole(at_best, best))
 
 
@@ -62,7 +61,7 @@ def shrunk(data: Data, options: FitOptions, best: Polished, spread: Spread) -> S
     layout = best.layout
     if layout.pairs < 2:
         return None
-    at_best = dataclasses.replace(data, weight=1.0 / np.sqrt(spread.at(best.share)))
+    at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))
     point = best.start.point
     kept = np.delete(np.arange(len(layout.pair)), np.argmin(missed_modes(at_best, best)[: layout.pairs]))
     pair = np.asarray(layout.pair)[kept]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -95,11 +96,22 @@ class Data:
         w = np.ascontiguousarray(self.weight.mT)
         return w, w * self.H.mT
 
-    @functools.cached_property
-    def drift_and_edges(self) -> tuple[Complex[np.ndarray, "column line"], ...]:
-        """Terms of the transient, to first and to second degree."""
+    def reweighted(self, weight: Float[np.ndarray, "output line column"]) -> Data:
+        """The same with other weights, on which no term of the transient hangs."""
+        again = dataclasses.replace(self, weight=weight)
+        again.__dict__["_drift_and_edges"] = self._drift_and_edges
+        return again
+
+    def drift_and_edges(self, degree: int) -> Complex[np.ndarray, "column line"]:
+        """Terms of the transient that hang on no pole, to first or to second degree."""
         assert self.transient is not None
-        return tuple(self.transient.drift_and_edges(self.s, degree) for degree in (1, 2))
+        if degree not in self._drift_and_edges:
+            self._drift_and_edges[degree] = self.transient.drift_and_edges(self.s, degree)
+        return self._drift_and_edges[degree]
+
+    @functools.cached_property
+    def _drift_and_edges(self) -> dict[int, Complex[np.ndarray, "column line"]]:
+        return {}
 
     @property
     def omega(self) -> Float[np.ndarray, " line"]:

@@ -37,7 +37,7 @@ def transient_columns(
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
     poles[2 * pairs :] = up[pairs:]
     double = layout.options.residuals or bool(layout.rigid_pivot)
-    return np.concatenate([poles, data.drift_and_edges[double]])
+    return np.concatenate([poles, data.drift_and_edges(2 if double else 1)])
 
 
 def transient_slopes(

@@ -37,7 +37,7 @@ def grown(data: Data, options: FitOptions, run: RecordRun) -> Start | None:
 
 def exchanges(data: Data, options: FitOptions, run: RecordRun) -> Iterator[Start]:
     """``run`` with one of the pairs that are missed least at the peak of what is left without it."""
-    at = dataclasses.replace(data, weight=1.0 / np.sqrt(run.variance))
+    at = data.reweighted(1.0 / np.sqrt(run.variance))
     point, pair = run.start.point, np.asarray(run.layout.pair)
     without: list[tuple[float, Start, np.ndarray]] = []
     for m in range(run.layout.pairs if len(pair) > 1 else 0):

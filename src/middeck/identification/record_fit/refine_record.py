@@ -75,7 +75,7 @@ def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun |
     layout, found, weighting, v = run.layout, run.refined, run.weighting, run.variance
     bounds, likelihood = _bounds(layout, data), run.likelihood
     for _ in range(rounds):
-        again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
+        again = data.reweighted(1.0 / np.sqrt(v))
         evaluate = _bounded(lambda x, again=again: weighted(layout, again, x), *bounds)
         better = search(evaluate, found.theta, steps)
         if better is None or not np.isfinite(better.step.cost):

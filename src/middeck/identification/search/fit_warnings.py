@@ -78,8 +78,8 @@ def doubts_of_model(
         return poor
     of_rms = 100.0 * np.sqrt(np.mean(error**2))
     return [
-        f"most of the residual is not noise but modes that the model lacks ({of_rms:.2g}% of the "
-        f"response's rms over the band{_wrong_lines(measured, residual)}): the standard deviations include "
+        f"most of the residual is not noise but modes that the model lacks: it is {of_rms:.2g}% of the "
+        f"response's rms over the band{_wrong_lines(measured, residual)}; the standard deviations include "
         "this residual, but not a bias that is common to all lines"
     ]
 
@@ -94,7 +94,7 @@ def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "lin
         return ""
     first, last = measured.frequency_hz[wrong][[0, -1]]
     return (
-        f", but more than half of the response itself on {wrong.sum()} of {len(wrong)} lines, "
+        f", and exceeds half of the response on {wrong.sum()} of {len(wrong)} frequency lines, "
         f"{first:.4g}-{last:.4g} Hz"
     )
 
@@ -193,7 +193,7 @@ def _doubts_of_modes(
         found.append(
             f"mode{'' if one else 's'} at {places} Hz: {'it lies' if one else 'they lie'} outside the band "
             f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and represent{'s' if one else ''} all modes beyond it"
-            f"{_lost([f[m] for m in beyond if np.isinf(of.natural_hz[m])])}"
+            f"{_lost([f[m] for m in beyond if np.isinf(of.natural_hz[m])], len(beyond))}"
         )
     within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
     for m in within:
@@ -201,10 +201,12 @@ def _doubts_of_modes(
     return found
 
 
-def _lost(hz: list[float]) -> str:
-    """Which modes outside the band the data do not determine."""
+def _lost(hz: list[float], beyond: int) -> str:
+    """Which of the modes outside the band, ``beyond`` in number, the data do not determine."""
     if not hz:
         return ""
+    if len(hz) == beyond:
+        return f"; the data do not determine {'it' if beyond == 1 else 'them'}"
     places = ", ".join(f"{f:.4g}" for f in hz)
     return f"; the data do not determine {'that' if len(hz) == 1 else 'those'} at {places} Hz"
 

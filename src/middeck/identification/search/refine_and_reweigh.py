@@ -75,7 +75,7 @@ def polish(
     theta = start.theta if found is None else found.theta
     for _ in range(rounds):
         v = spread.at(share)
-        again = dataclasses.replace(data, weight=1.0 / np.sqrt(v))
+        again = data.reweighted(1.0 / np.sqrt(v))
         found = _search(layout, again, theta, steps)
         if found is None:
             return None

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, whole_samples
-from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.limits import Limits, as_large_as_allowed
 from middeck.signals.excitation.orthogonal_inputs import spread_signs
 from middeck.signals.excitation.signal import Excitation
 
@@ -51,17 +51,9 @@ def design_mls(
     state[0] |= not state.any()  # a register of zeros stays one
     bits = np.asarray(scipy.signal.max_len_seq(order, state=state)[0], dtype=float)
     u = spread_signs(np.repeat(2.0 * bits - 1.0, hold), inputs)
-    u = scale_to_limits(u, limits, sample_hz, periodic=True)
     last = int(HALF_POWER * len(bits)) if hold > 1 else (len(bits) - 1) // 2
     what = f"maximum length sequence of 2^{order} - 1 bits at {sample_hz / hold:.6g} Hz"
-    return Excitation(
-        kind="binary",
-        what=what,
-        sample_hz=sample_hz,
-        u=u,
-        lines=np.arange(1, max(1, last) + 1),
-        periodic=True,
-    )
+    return as_large_as_allowed("binary", what, u, np.arange(1, max(1, last) + 1), limits, sample_hz)
 
 
 def design_binary(
@@ -88,10 +80,9 @@ def design_binary(
     # Even lines make the sum of their amplitudes largest for a given power.
     best = max(found, key=lambda u: float(np.sum(np.abs(np.fft.rfft(u)[lines]))))
     share = float(np.sum(2.0 * np.abs(np.fft.rfft(best)[lines] / samples) ** 2))
-    u = scale_to_limits(spread_signs(best, inputs), limits, sample_hz, periodic=True)
     what = f"binary signal with {share:.0%} of its power on {len(lines)} lines from "
     what += f"{lines[0] / period_s:.6g} to {lines[-1] / period_s:.6g} Hz"
-    return Excitation(kind="binary", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)
+    return as_large_as_allowed("binary", what, spread_signs(best, inputs), lines, limits, sample_hz)
 
 
 def _swap(lines: np.ndarray, samples: int, rng: np.random.Generator) -> Float[np.ndarray, " sample"]:

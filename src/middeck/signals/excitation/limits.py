@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.signals.excitation.signal import slew_of
+from middeck.signals.excitation.signal import Excitation, slew_of
 from middeck.values import record
 
 
@@ -33,6 +33,21 @@ class Limits:
                 f"limits rms = {self.rms}, peak = {self.peak}, slew = {self.slew}",
                 hint="at least one of them, each a positive number",
             )
+
+
+def as_large_as_allowed(
+    kind: str,
+    what: str,
+    u: Float[np.ndarray, "experiment sample input"],
+    lines: Int[np.ndarray, " line"],
+    limits: Limits | Sequence[Limits],
+    sample_hz: float,
+    *,
+    periodic: bool = True,
+) -> Excitation:
+    """The signal ``u``, up to a factor for each input, within its limits (`scale_to_limits`)."""
+    scaled = scale_to_limits(u, limits, sample_hz, periodic=periodic)
+    return Excitation(kind=kind, what=what, sample_hz=sample_hz, u=scaled, lines=lines, periodic=periodic)
 
 
 def scale_to_limits(

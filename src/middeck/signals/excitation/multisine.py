@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+import scipy.optimize
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.signals.excitation.crest import compact_phases, schroeder_phases
 from middeck.signals.excitation.grids import band_lines, choose_lines, whole_samples
-from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.limits import Limits, as_large_as_allowed
 from middeck.signals.excitation.orthogonal_inputs import orthogonal_matrix
 from middeck.signals.excitation.signal import Excitation
+
+POWERS = (2, 4, 8, 16, 32, 64, 128)
+STEPS = 60  # of each power: later ones gain less than a per cent
+# Decimals of phases, of slopes by them (about one over the lines) and of the norm's logarithm.
+OF_PHASE, OF_SLOPE, OF_NORM = 6, 9, 12
 
 
 def random_multisine(
@@ -81,12 +87,11 @@ def design_multisine(
     size = _amplitudes(amplitude, lines / period_s)
     T = orthogonal_matrix(inputs)
     u = np.concatenate([_realisation(lines, size, samples, T, phases, rng) for _ in range(realisations)])
-    u = scale_to_limits(u, limits, sample_hz, periodic=True)
     what = f"{phases}-phase multisine of {len(lines)} lines ({grid} grid) from {lines[0] / period_s:.6g} to "
     what += f"{lines[-1] / period_s:.6g} Hz"
     if inputs > 1:
         what += f", orthogonal for {inputs} inputs over {inputs} experiments"
-    return Excitation(kind="multisine", what=what, sample_hz=sample_hz, u=u, lines=lines, periodic=True)
+    return as_large_as_allowed("multisine", what, u, lines, limits, sample_hz)
 
 
 def _amplitudes(
@@ -139,3 +144,54 @@ def _phases(
             return compact_phases(lines, amplitude, samples, start, rotations)
         case _:
             raise ConfigError(f"no phases named {phases!r}", hint="random, schroeder or compact")
+
+
+def schroeder_phases(amplitude: Float[np.ndarray, " line"]) -> Float[np.ndarray, " line"]:
+    """phi_k = -2 pi sum_{j<k} (k - j) p_j with p the share of power (Schroeder 1970, eq. 11)."""
+    share = amplitude**2 / np.sum(amplitude**2)
+    before = np.append(0.0, np.cumsum(share[:-1]))
+    phases: np.ndarray = np.cumsum(before)
+    return -2.0 * np.pi * phases
+
+
+def compact_phases(
+    lines: np.ndarray,
+    amplitude: Float[np.ndarray, " line"],
+    samples: int,
+    start: Float[np.ndarray, " line"],
+    rotations: Float[np.ndarray, " experiment"],
+) -> Float[np.ndarray, " line"]:
+    """Phases of a small peak, for all experiments at once: each turns all lines by its own angle."""
+    # A turn by pi changes a sign and no peak.
+    distinct = np.unique(np.round(np.mod(rotations, np.pi), 9) % np.round(np.pi, 9))
+    scale = np.sqrt(0.5 * np.sum(amplitude**2))
+    phases = np.mod(start, 2.0 * np.pi)
+    for p in POWERS:
+        found: Any = scipy.optimize.minimize(
+            _log_norm,
+            phases,
+            args=(lines, amplitude / scale, samples, distinct, p),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": STEPS},
+        )
+        phases = np.round(np.asarray(found.x), OF_PHASE)
+    return phases
+
+
+def _log_norm(
+    phases: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, samples: int, turns: np.ndarray, p: int
+) -> tuple[float, np.ndarray]:
+    """log of the norm of order 2p of all turned signals together, and its gradient by the phases."""
+    spectrum = np.zeros((len(turns), samples // 2 + 1), dtype=complex)
+    rotated = np.exp(1j * (np.round(phases, OF_PHASE) + turns[:, None]))
+    spectrum[:, lines] = 0.5 * samples * amplitude * rotated
+    u = np.fft.irfft(spectrum, samples, axis=1)
+    largest = np.abs(u).max()
+    power = (u / largest) ** (2 * p)
+    total = float(np.sum(power))
+    # d log norm / du = u^(2p-1) / sum u^2p; du_t / dphi_k = -A_k sin(2 pi k t / N + phi_k).
+    slope = np.fft.rfft(power / np.where(u == 0.0, 1.0, u), axis=1)[:, lines] / total
+    gradient = -amplitude * np.sum(np.imag(rotated * slope.conj()), axis=0)
+    norm = float(np.log(largest) + np.log(total / u.size) / (2 * p))
+    return round(norm, OF_NORM), np.round(gradient, OF_SLOPE)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, whole_samples
-from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.limits import Limits, as_large_as_allowed
 from middeck.signals.excitation.signal import Excitation
 
 # Share of a burst over which it rises and falls: a hard edge would leave the band.
@@ -38,12 +38,10 @@ def design_noise(
     """
     samples = whole_samples(duration_s, sample_hz)
     u = _gaussian(band_hz, 2 * samples, sample_hz, (experiments, inputs), rng)[:, :samples]
-    u = scale_to_limits(u, limits, sample_hz, periodic=False)
     first, last = band_lines(band_hz, duration_s, sample_hz)
     what = f"Gaussian noise from {band_hz[0]:.6g} to {band_hz[1]:.6g} Hz, {duration_s:.6g} s, not repeated"
-    return Excitation(
-        kind="noise", what=what, sample_hz=sample_hz, u=u, lines=np.arange(first, last + 1), periodic=False
-    )
+    lines = np.arange(first, last + 1)
+    return as_large_as_allowed("noise", what, u, lines, limits, sample_hz, periodic=False)
 
 
 def design_burst(
@@ -70,18 +68,10 @@ def design_burst(
     u = np.zeros((experiments, samples, inputs))
     u[:, :on] = _gaussian(band_hz, 2 * samples, sample_hz, (experiments, inputs), rng)[:, :on]
     u[:, :on] *= _window(on)[:, None]
-    u = scale_to_limits(u, limits, sample_hz, periodic=True)
     first, last = band_lines(band_hz, period_s, sample_hz)
     what = f"burst of Gaussian noise from {band_hz[0]:.6g} to {band_hz[1]:.6g} Hz, {on / sample_hz:.6g} s of "
     what += f"each {period_s:.6g} s"
-    return Excitation(
-        kind="burst random",
-        what=what,
-        sample_hz=sample_hz,
-        u=u,
-        lines=np.arange(first, last + 1),
-        periodic=True,
-    )
+    return as_large_as_allowed("burst random", what, u, np.arange(first, last + 1), limits, sample_hz)
 
 
 def _gaussian(

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.signals.excitation.grids import band_lines, whole_samples
-from middeck.signals.excitation.limits import Limits, scale_to_limits
+from middeck.signals.excitation.limits import Limits, as_large_as_allowed
 from middeck.signals.excitation.orthogonal_inputs import spread_signs
 from middeck.signals.excitation.signal import Excitation
 
@@ -51,13 +51,5 @@ def design_sweep(
             raise ConfigError(f"no sweep law named {law!r}", hint="linear or logarithmic")
     cycles *= max(1, round(whole)) / whole
     u = spread_signs(np.sin(2.0 * np.pi * cycles), inputs)
-    u = scale_to_limits(u, limits, sample_hz, periodic=True)
     what = f"{law} sweep from {low:.6g} to {high:.6g} Hz in {period_s:.6g} s"
-    return Excitation(
-        kind="swept sine",
-        what=what,
-        sample_hz=sample_hz,
-        u=u,
-        lines=np.arange(first, last + 1),
-        periodic=True,
-    )
+    return as_large_as_allowed("swept sine", what, u, np.arange(first, last + 1), limits, sample_hz)

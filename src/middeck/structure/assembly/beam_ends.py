@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.assembly.carried_elements import Within
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.motion_since_drawn import Lever, levers, seen_from
+from middeck.structure.elements.motion_since_drawn import Lever, Within, levers, seen_from
 
 # Elements whose derivatives are formed together: their arrays, 10 kB each, should stay in the cache.
 CHUNK = 1024
 
 
-def chunks(count: int) -> Iterable[slice]:
-    """Rows of the elements whose derivatives are formed together."""
-    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))
+class BeamChunk(NamedTuple):
+    """Some of the elements: their rows, properties and ends (see `element_ends`)."""
+
+    rows: slice
+    beams: BeamProperties
+    ends: tuple[np.ndarray, np.ndarray, EndStrain | None]
+
+
+def beam_chunks(model: Model, at: At) -> Iterator[BeamChunk]:
+    """All elements, by those whose derivatives are formed together."""
+    for start in range(0, len(model.element_ends), CHUNK):
+        rows = slice(start, start + CHUNK)
+        yield BeamChunk(rows, select_beams(model.beams, rows), element_ends(model, at, rows))
 
 
 def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.ndarray]:
@@ -67,9 +77,8 @@ def carried_levers(at: At, ends: np.ndarray, part: Within) -> list[Lever]:
     return levers(part.chain, at.poses.p, at.world[ends[part.rows]])
 
 
-def tensioned_beams(model: Model, loads: Loads, rows: slice | np.ndarray) -> BeamProperties:
-    """Some of the elements, with as much of their tension as acts."""
-    beams = select_beams(model.beams, rows)
+def tensioned_beams(beams: BeamProperties, loads: Loads) -> BeamProperties:
+    """The elements with as much of their tension as acts."""
     if loads.tension == 1.0:
         return beams
     return dataclasses.replace(beams, tension=loads.tension * beams.tension)

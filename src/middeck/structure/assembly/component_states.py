@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import At, moved_since, poses_at
+from middeck.structure.assembly.places import At, moved_since
 from middeck.structure.elements.component import ComponentElement, ComponentState, component_state
-from middeck.structure.elements.frames import Configuration
+from middeck.structure.model.component import Component
 
 
-def component_states(
-    model: Model, config: Configuration, loads: Loads
-) -> list[tuple[ComponentState, sp.csr_array]]:
-    """States of the components, and the rows that take coordinates to those of each."""
-    return component_states_at(model, poses_at(model, config), loads)
+class PlacedComponent(NamedTuple):
+    """A component as given and as laid out, its state, and the rows that take coordinates to its own."""
+
+    part: Component
+    element: ComponentElement
+    state: ComponentState
+    rows: sp.csr_array
 
 
-def component_states_at(model: Model, at: At, loads: Loads) -> list[tuple[ComponentState, sp.csr_array]]:
-    """`component_states` at known poses."""
+def place_components(model: Model, at: At, loads: Loads) -> list[PlacedComponent]:
+    """The components where the model stands."""
     if not model.components:
         return []
     J = model.pose_map.jacobian(at.poses)
-    out: list[tuple[ComponentState, sp.csr_array]] = []
-    for part in model.components:
-        shift, turn = moved_since(model, at, part.point)
-        modal = at.angle[part.joint]
-        state = component_state(part, at.world[part.point], shift, turn, modal, loads.gravity)
-        out.append((state, component_rows(model, J, part)))
+    out: list[PlacedComponent] = []
+    for part, element in zip(model.structure.components, model.components, strict=True):
+        moved, modal = moved_since(model, at, element.point), at.angle[element.joint]
+        state = component_state(element, at.world[element.point], *moved, modal, loads.gravity)
+        out.append(PlacedComponent(part, element, state, component_rows(model, J, element)))
     return out
 
 

@@ -13,9 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact
 
-from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
-from middeck.structure.assembly.carried_elements import Inside
-from middeck.structure.assembly.component_states import component_states_at
+from middeck.structure.assembly.beam_ends import (
+    beam_chunks,
+    carried_levers,
+    tensioned_beams,
+)
+from middeck.structure.assembly.component_states import PlacedComponent, place_components
 from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.linked import link_part
 from middeck.structure.assembly.mesh import Model
@@ -43,13 +46,14 @@ from middeck.structure.elements.bushings import BushingState
 from middeck.structure.elements.component import ComponentState
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.motion_since_drawn import (
+    Inside,
     Lever,
     add_pull,
     lever_jacobian,
     lever_stiffness,
     summed,
 )
-from middeck.structure.elements.springs_and_cables import NO_SPRINGS, SpringState, spring_state
+from middeck.structure.elements.springs_and_cables import spring_state
 from middeck.values import record
 
 
@@ -174,10 +178,8 @@ def _by_ends(load: np.ndarray) -> np.ndarray:
 def _inside_parts(
     model: Model, at: At, total: _Total, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, list[Lever]]]:
-    """State of the beams inside carried parts, without their weight, and that of the bushings.
-
-    With how their ends move as the common carriers see them.
-    """
+    """State of the beams inside carried parts, without their weight, and that of the bushings. With how their
+    ends move as the common carriers see them."""
     beams, bushings = model.inside
     if len(beams.rows):
         parts = (np.concatenate(some) for some in zip(*total.apart, strict=True))
@@ -204,8 +206,8 @@ def _assembled(
         tangent=K,
         jacobian=J,
         tension=total.tension,
-        strain=total.strain,
-        slope=total.slope,
+        strain=total.beams.strain,
+        slope=total.beams.slope,
     )
 
 
@@ -243,63 +245,61 @@ def inner_forces(model: Model, config: Configuration, loads: Loads) -> Inner:
 
 
 def _with_components(
-    matrix: sp.csr_array,
-    parts: Sequence[tuple[ComponentState, sp.csr_array]],
-    of: Callable[[ComponentState], np.ndarray],
+    matrix: sp.csr_array, parts: Sequence[PlacedComponent], of: Callable[[ComponentState], np.ndarray]
 ) -> sp.csr_array:
-    for state, rows in parts:
+    for _, _, state, rows in parts:
         matrix = symmetric(sp.csr_array(matrix + rows.T @ of(state) @ rows))
     return matrix
 
 
+NO_BEAMS = BeamState(
+    *(np.zeros((0, *size)) for size in ((), (6,), (12,), (12,), (12, 12), (12, 12), (6,), (6, 12)))
+)
+
+
 class _Total(NamedTuple):
     """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
-
     ``excess`` is what the elements' own forces add to the gradient where others have taken their place;
     ``modal`` is the part of the gradient that components have in their modal coordinates. ``apart`` are the
-    states of beams inside carried parts, which are not in the sums.
-    """
+    states of beams inside carried parts, which are not in the sums."""
 
     energy: float
     gradient: np.ndarray
     excess: np.ndarray
     modal: np.ndarray
-    components: list[tuple[ComponentState, sp.csr_array]]
+    components: list[PlacedComponent]
     inner: Inner
     tension: np.ndarray
     material: dict[str, np.ndarray]
     geometric: dict[str, np.ndarray]
     device: np.ndarray
+    beams: BeamState
     apart: list[BeamState]
-    strain: np.ndarray
-    slope: np.ndarray
 
 
 class _Members(NamedTuple):
-    """Elements of members at their poses, with their weight, and the weight of bodies.
-
-    ``apart`` are states of the elements inside carried parts.
-    """
+    """Elements of members at their poses, with their weight, and the weight of bodies. ``apart`` are states
+    of the elements inside carried parts."""
 
     energy: Any
     gradient: np.ndarray
     excess: np.ndarray
-    material: np.ndarray
-    geometric: np.ndarray
-    force: np.ndarray
+    beams: BeamState
     apart: list[BeamState]
-    strain: np.ndarray
-    slope: np.ndarray
 
 
 def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
-    """All elements at their poses; ``inner`` takes the place of the forces inside them.
-
-    Of those ``inside`` carried parts only the weight counts.
-    """
+    """All elements at their poses; ``inner`` takes the place of the forces inside them. Of those ``inside``
+    carried parts only the weight counts."""
     members = _gather_members(model, at, loads, inner, inside)
-    energy, gradient, excess = members.energy, members.gradient, members.excess
-    own = _own_springs(model, at, (gradient, excess), None if inner is None else inner.spring)
+    energy, gradient, excess, beams, apart = members
+    start, end = model.spring_ends.T
+    drawn, change = own_span(model, at)
+    tension = None if inner is None else inner.spring
+    own = spring_state(own_law(model), drawn + change, tension, (drawn, change))
+    for total, pull in ((gradient, own.gradient), (excess, own.excess)):
+        np.add.at(total[:, :3], end, pull)
+        np.add.at(total[:, :3], start, -pull)
     drawn, change = device_span(model, at, loads)
     device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
@@ -317,8 +317,8 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
         held = held + at_poses(model, loads.ground.point, (ground.material + ground.geometric)[:, 6:, 6:])
     energy += np.sum(own.energy) + np.sum(device.energy)
     energy += np.sum(between.energy) + np.sum(ground.energy) + _push(model, at, loads, gradient)
-    modal, parts = np.zeros(model.tree.size, gradient.dtype), component_states_at(model, at, loads)
-    for part, (state, _) in zip(model.components, parts, strict=True):
+    modal, parts = np.zeros(model.tree.size, gradient.dtype), place_components(model, at, loads)
+    for _, part, state, _ in parts:
         grids = 6 * len(part.point)
         energy += state.energy
         np.add.at(gradient, part.point, state.gradient[:grids].reshape(-1, 6))
@@ -329,14 +329,13 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
         excess,
         modal,
         parts,
-        Inner(members.force, own.tension, device.tension, between.force, ground.force),
+        Inner(beams.force, own.tension, device.tension, between.force, ground.force),
         device.tension,
-        {"element": members.material, "spring": _between(own.material), "bushing": between.material},
-        {"element": members.geometric, "spring": _between(own.geometric), "bushing": between.geometric},
+        {"element": beams.material, "spring": _between(own.material), "bushing": between.material},
+        {"element": beams.geometric, "spring": _between(own.geometric), "bushing": between.geometric},
         held,
-        members.apart,
-        members.strain,
-        members.slope,
+        beams,
+        apart,
     )
 
 
@@ -349,15 +348,10 @@ def _gather_members(
     )
     gradient = np.zeros((len(at.world), 6), dtype=np.result_type(dtype, model.beams.length, loads.anchor))
     excess = np.zeros_like(gradient)
-    material = [np.zeros((0, 12, 12))]
-    geometric = [np.zeros((0, 12, 12))]
     energy = 0.0
-    forces: list[np.ndarray] = [np.zeros((0, 6))]
-    strains, slopes = [np.zeros((0, 6))], [np.zeros((0, 6, 12))]
-    apart: list[BeamState] = []
-    for rows in chunks(len(model.element_ends)):
-        x, T, known = element_ends(model, at, rows)
-        beams, ends = tensioned_beams(model, loads, rows), model.element_ends[rows]
+    states, apart = [NO_BEAMS], list[BeamState]()
+    for rows, untensioned, (x, T, known) in beam_chunks(model, at):
+        beams, ends = tensioned_beams(untensioned, loads), model.element_ends[rows]
         strain = beam_state(beams, x, T, None if inner is None else inner.beam[rows], known)
         if inside is not None:
             own = inside.beams.rows
@@ -367,24 +361,11 @@ def _gather_members(
         excess[ends] += strain.excess.reshape(-1, 2, 6)
         energy += np.sum(strain.energy + weight.energy)
         energy -= (beams.rho_A * beams.length) @ (at.world[ends[:, 0]] - x[:, 0]) @ loads.gravity
-        forces.append(strain.force)
-        strains.append(strain.strain)
-        slopes.append(strain.slope)
-        material.append(strain.material)
-        geometric.append(strain.geometric + weight.hessian)
+        states.append(strain._replace(geometric=strain.geometric + weight.hessian))
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
-    return _Members(
-        energy,
-        gradient,
-        excess,
-        np.concatenate(material),
-        np.concatenate(geometric),
-        np.concatenate(forces),
-        apart,
-        np.concatenate(strains),
-        np.concatenate(slopes),
-    )
+    every = BeamState(*(np.concatenate(parts) for parts in zip(*states, strict=True)))
+    return _Members(energy, gradient, excess, every, apart)
 
 
 def _taken(state: BeamState, some: np.ndarray) -> BeamState:
@@ -393,21 +374,6 @@ def _taken(state: BeamState, some: np.ndarray) -> BeamState:
     for part in (state.energy, state.gradient, state.excess, state.material, state.geometric):
         part[some] = 0.0
     return out
-
-
-def _own_springs(
-    model: Model, at: At, gradients: tuple[np.ndarray, np.ndarray], tension: np.ndarray | None
-) -> SpringState:
-    """The structure's own springs; adds to the gradient and to its excess."""
-    if not model.structure.springs:
-        return NO_SPRINGS
-    start, end = model.spring_ends.T
-    drawn, change = own_span(model, at)
-    state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
-    for gradient, own in zip(gradients, (state.gradient, state.excess), strict=True):
-        np.add.at(gradient[:, :3], end, own)
-        np.add.at(gradient[:, :3], start, -own)
-    return state
 
 
 def _between(hessian: np.ndarray) -> np.ndarray:
@@ -420,10 +386,8 @@ def _between(hessian: np.ndarray) -> np.ndarray:
 
 
 def _push(model: Model, at: At, loads: Loads, gradient: np.ndarray) -> float:
-    """Energy of dead loads, whose force and moment are added to ``gradient``.
-
-    A moment of fixed direction has no potential, and adds nothing to it.
-    """
+    """Energy of dead loads, whose force and moment are added to ``gradient``. A moment of fixed direction has
+    no potential, and adds nothing to it."""
     if not len(loads.push):
         return 0.0
     np.add.at(gradient, model.load_point, -loads.push)

@@ -66,7 +66,7 @@ class Freedom(NamedTuple):
 
     def part(self, load: np.ndarray) -> np.ndarray:
         """The part of loads in W (one or more columns) on the moving coordinates."""
-        turned = load if self.axes is None else self.axes.T @ load
+        turned = self._turned(load)
         return turned[self.active] if self.basis is None else self.basis.T @ turned
 
     def columns(self, rows: sp.csr_array) -> sp.csr_array:
@@ -77,15 +77,14 @@ class Freedom(NamedTuple):
     def spread(self, q: np.ndarray) -> np.ndarray:
         """Displacements in W, one or more columns, of the coordinates that move: zero where they are held."""
         if self.basis is not None:
-            full = self.basis @ q
-            return full if self.axes is None else self.axes @ full
+            return self._in_world(self.basis @ q)
         full = np.zeros((len(self.active), *q.shape[1:]), dtype=q.dtype)
         full[self.active] = q
-        return full if self.axes is None else self.axes @ full
+        return self._in_world(full)
 
     def coordinates(self, q: np.ndarray) -> np.ndarray:
         """The moving coordinates of displacements in W, one or more columns."""
-        return (q if self.axes is None else self.axes.T @ q)[self.active]
+        return self._turned(q)[self.active]
 
     def allowed(self, motions: Float[np.ndarray, "coordinate motion"]) -> np.ndarray:
         """A basis of the combinations of ``motions`` in W that clamps, held joints and links allow."""
@@ -93,15 +92,21 @@ class Freedom(NamedTuple):
 
     def beyond(self, load: np.ndarray) -> np.ndarray:
         """The part of ``load`` in W, links included, on the other coordinates: clamps, and held joints."""
-        turned = load if self.axes is None else self.axes.T @ load
-        left = np.where(self.active if self.moving is None else self.moving, 0.0, turned)
-        return left if self.axes is None else self.axes @ left
+        return self._in_world(np.where(self._moves, 0.0, self._turned(load)))
 
     def within(self, load: np.ndarray) -> np.ndarray:
         """``load`` in W, that of links included, without what clamps and held joints take."""
-        turned = load if self.axes is None else self.axes.T @ load
-        kept = np.where(self.active if self.moving is None else self.moving, turned, 0.0)
-        return kept if self.axes is None else self.axes @ kept
+        return self._in_world(np.where(self._moves, self._turned(load), 0.0))
+
+    @property
+    def _moves(self) -> np.ndarray:
+        return self.active if self.moving is None else self.moving
+
+    def _turned(self, x: np.ndarray) -> np.ndarray:
+        return x if self.axes is None else self.axes.T @ x
+
+    def _in_world(self, x: np.ndarray) -> np.ndarray:
+        return x if self.axes is None else self.axes @ x
 
 
 def allowed_motions(
@@ -129,14 +134,7 @@ def _still(motions: np.ndarray, moved: np.ndarray) -> np.ndarray:
 
 def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
     """Rows and columns of the coordinates that move; the matrix itself where all do."""
-    if np.all(active):
-        return K
-    rows = np.repeat(np.arange(len(active)), np.diff(K.indptr))
-    kept = active[rows] & active[K.indices]
-    place = np.cumsum(active) - 1
-    size = int(np.sum(active))
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(place[rows[kept]], minlength=size))])
-    return sp.csr_array((K.data[kept], place[K.indices[kept]], indptr), shape=(size, size))
+    return K if np.all(active) else sp.csr_array(K[active][:, active])
 
 
 def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:

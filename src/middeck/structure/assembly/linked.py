@@ -128,11 +128,12 @@ def _closing(
     rows, since = state.jacobian, None if in_world else config.since_drawn
     if since is not None and since.carries:
         rows = rows @ transport(config, model.tree)
-    if model.held is not None and model.held.axes is not None:
-        rows = rows @ model.held.axes
-    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
+    axes = None if model.held is None else model.held.axes
+    rows = rows if axes is None else rows @ axes
     length = float(np.linalg.norm(np.ptp(model.rest.x, axis=0)))
-    return close_rows(sp.csr_array(rows), moving, turns, ~uncarried(since, model.tree.size), length)
+    carried = ~uncarried(since, model.tree.size)
+    close = close_rows(sp.csr_array(rows), moving, model.tree.turns, carried, length)
+    return close._replace(axes=axes)
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:
@@ -192,9 +193,7 @@ def multipliers(
     model: Model, config: Configuration, state: LinkState, gradient: Float[np.ndarray, " coordinate"]
 ) -> Float[np.ndarray, " row"]:
     """Multipliers of the rows of links under a ``gradient`` in carried coordinates, all else in balance."""
-    close = _closing(model, state, config, static_coordinates(model))
-    axes = None if model.held is None else model.held.axes
-    return close.multipliers(gradient if axes is None else axes.T @ gradient)
+    return _closing(model, state, config, static_coordinates(model)).multipliers(gradient)
 
 
 def followed(
@@ -204,9 +203,7 @@ def followed(
     if model.links is None:
         return np.zeros_like(moved)
     state, close = static_closing(model, config)
-    axes = None if model.held is None else model.held.axes
-    step = close.follow(state.jacobian @ (transport(config, model.tree) @ moved))
-    return step if axes is None else axes @ step
+    return close.follow(state.jacobian @ (transport(config, model.tree) @ moved))
 
 
 def torn(model: Model, config: Configuration, moved: Float[np.ndarray, " coordinate"]) -> EquilibriumError:
@@ -238,7 +235,5 @@ def closed(model: Model, config: Configuration) -> Configuration | None:
         best, before = config, left
         if left <= CLOSED:
             break
-        axes = None if model.held is None else model.held.axes
-        step = close.follow(state.value)
-        config = move_carried(model.tree, config, step if axes is None else axes @ step)
+        config = move_carried(model.tree, config, close.follow(state.value))
     return best if before < OPEN else None

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from middeck.structure.assembly.beam_ends import chunks, element_ends
+from middeck.structure.assembly.beam_ends import beam_chunks
 from middeck.structure.assembly.component_states import component_rows
 from middeck.structure.assembly.environment_loads import Loads
-from middeck.structure.assembly.mesh import Model, select_beams
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import moved_since, poses_at, symmetric, transport
 from middeck.structure.assembly.springs import at_attach_points
 from middeck.structure.elements.beam_inertia import beam_mass
@@ -19,10 +19,7 @@ from middeck.structure.elements.frames import Configuration
 def mass_matrix(model: Model, config: Configuration, loads: Loads | None = None) -> sp.csr_array:
     """Consistent mass of beams, bodies and, with ``loads``, devices in the coordinates of the frame tree."""
     at = poses_at(model, config)
-    elements = [np.zeros((0, 12, 12))]
-    for rows in chunks(len(model.element_ends)):
-        x, T, _ = element_ends(model, at, rows)
-        elements.append(beam_mass(select_beams(model.beams, rows), x, T))
+    elements = [np.zeros((0, 12, 12)), *(beam_mass(c.beams, *c.ends[:2]) for c in beam_chunks(model, at))]
     R = at.poses.R[model.points.frame[model.body_point]]
     body = np.zeros((len(model.body_point), 6, 6), dtype=np.result_type(R, model.body_inertia))
     body[:, :3, :3] = model.body_mass[:, None, None] * np.eye(3)

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.carried_elements import Inside, lay_out_inside
 from middeck.structure.assembly.carriers import bushing_stiffness, choose_carriers
 from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.link_rows import LinkRows, lay_out_links, link_points
@@ -25,7 +24,7 @@ from middeck.structure.elements.frames import (
     frame_poses,
     points_in_world,
 )
-from middeck.structure.elements.motion_since_drawn import as_drawn
+from middeck.structure.elements.motion_since_drawn import Inside, SinceDrawn, within
 from middeck.structure.elements.offset_points import PoseMap, map_points
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle
@@ -88,9 +87,8 @@ class Model:
     @functools.cached_property
     def inside(self) -> Inside:
         """Beams and bushings inside carried parts."""
-        frame = self.points.frame
-        ends = frame[self.element_ends], frame[self.bushing_ends]
-        return lay_out_inside(self.rest.since_drawn, self.tree.roots, *ends)
+        since, roots, frame = self.rest.since_drawn, self.tree.roots, self.points.frame
+        return Inside(*(within(since, roots, frame[e]) for e in (self.element_ends, self.bushing_ends)))
 
     @functools.cached_property
     def pattern(self) -> Pattern:
@@ -116,7 +114,8 @@ def mesh_structure(structure: Structure, clamps: Sequence[Clamp] = ()) -> Model:
     _check_placed(model)
     roots = {node.name: i for i, node in enumerate(structure.nodes)}
     held = hold_nodes(clamps, roots, model.tree.size, model.tree.roots)
-    drawn = as_drawn(model.rest.x, _carriers(model, {roots[c.node] for c in clamps}))
+    x, carrier = model.rest.x, _carriers(model, {roots[c.node] for c in clamps})
+    drawn = SinceDrawn(x, carrier, np.zeros_like(x), np.zeros((len(x), 3, 3)))
     return dataclasses.replace(model, rest=dataclasses.replace(model.rest, since_drawn=drawn), held=held)
 
 
@@ -160,8 +159,15 @@ def lay_out(structure: Structure) -> Model:
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
         for ties in (structure.springs, structure.bushings)
     )
-    tree = _frame_tree(structure, len(x), index)
-    angle = np.array([held_angle(j) for j in structure.joints]) + 0.0
+    joints = structure.joints
+    tree = FrameTree(
+        roots=len(x),
+        parent=np.array([index[j.parent] for j in joints], dtype=int),
+        offset=np.array([j.offset for j in joints]).reshape(-1, 3),
+        axis=np.array([j.axis for j in joints]).reshape(-1, 3),
+        slides=np.array([j.slides for j in joints], dtype=bool),
+    )
+    angle = np.array([held_angle(j) for j in joints]) + 0.0
     rest = Configuration(x, np.tile(np.eye(3), (len(x), 1, 1)), angle)
     place = frame_poses(tree, rest).p if linked else x
     return Model(
@@ -193,7 +199,7 @@ def lay_out(structure: Structure) -> Model:
         links=lay_out_links(
             structure.links,
             {frame: place[index[frame]] for frame, _ in linked},
-            {joint.name: tree.size - len(structure.joints) + k for k, joint in enumerate(structure.joints)},
+            {joint.name: 6 * len(x) + k for k, joint in enumerate(joints)},
             ends + len(places) - len(linked),
             tree.size,
         ),
@@ -237,9 +243,7 @@ def _components(structure: Structure, first: int) -> tuple[ComponentElement, ...
 def _check_placed(model: Model) -> None:
     """Grids stand where their frames are, up to a shift of all of them."""
     for part, element in zip(model.structure.components, model.components, strict=True):
-        drawn = points_in_world(
-            PosePoints(model.points.frame[element.point], model.points.offset[element.point]), model.drawn
-        )
+        drawn = points_in_world(model.points.of(element.point), model.drawn)
         apart = (drawn - drawn[0]) - (element.arms - element.arms[0])
         far = np.linalg.norm(apart, axis=1)
         worst = int(np.argmax(far))
@@ -285,14 +289,3 @@ def _bodies(structure: Structure, index: dict[str, int]) -> list[tuple[int, Body
     parts = (*structure.nodes, *structure.joints)
     own = [(index[p.name], p.body) for p in parts if p.body.mass != 0.0 or np.any(p.body.inertia)]
     return own + [(index[m.frame], m.body) for m in structure.masses]
-
-
-def _frame_tree(structure: Structure, roots: int, index: dict[str, int]) -> FrameTree:
-    joints = structure.joints
-    return FrameTree(
-        roots=roots,
-        parent=np.array([index[j.parent] for j in joints], dtype=int),
-        offset=np.array([j.offset for j in joints]).reshape(-1, 3),
-        axis=np.array([j.axis for j in joints]).reshape(-1, 3),
-        slides=np.array([j.slides for j in joints], dtype=bool),
-    )

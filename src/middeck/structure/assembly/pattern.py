@@ -20,9 +20,7 @@ NONE = np.zeros(0, dtype=int)
 
 class _Products(NamedTuple):
     """Products of one group: entry of the element matrices, two of the Jacobian, and place of the product.
-
-    ``left`` and ``right`` are None where all of them are one.
-    """
+    ``left`` and ``right`` are None where all of them are one."""
 
     entry: np.ndarray
     left: np.ndarray | None
@@ -81,7 +79,8 @@ def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element
         bent = np.any(special[poses], axis=1)
         plain, others = np.flatnonzero(~bent), np.flatnonzero(bent)
         found[name] = [_plain(points, poses, plain), _bent(points, poses, others)]
-    found["turning"] = [_direct(points.special.moves)]
+    entry, row, column = _pairs(points.special.moves)
+    found["turning"] = [(entry, NONE, NONE, row, column)]
     size = points.tree.size
     keys = [row * size + column for parts in found.values() for *_, row, column in parts]
     pattern, slot = np.unique(np.concatenate([*keys, np.arange(size) * (size + 1)]), return_inverse=True)
@@ -107,11 +106,6 @@ def _plain(points: PoseMap, poses: np.ndarray, some: np.ndarray) -> tuple[np.nda
     index = (6 * points.points.frame[poses[some]][:, :, None] + np.arange(6)).reshape(len(some), width)
     entry, row, column = _pairs(index)
     return some[entry // width**2] * width**2 + entry % width**2, NONE, NONE, row, column
-
-
-def _direct(index: np.ndarray) -> tuple[np.ndarray, ...]:
-    entry, row, column = _pairs(index)
-    return entry, NONE, NONE, row, column
 
 
 def _pairs(index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import (
     Configuration,
     FrameTree,
-    PosePoints,
     Poses,
     frame_poses,
     points_in_world,
@@ -49,15 +47,13 @@ def poses_at(model: Model, config: Configuration) -> At:
 
 def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far poses have shifted and turned (less the identity) since drawn."""
-    frame = model.points.frame[pose]
-    drawn = model.drawn
-    moved, before = drawn_places(model, at, pose)[1], PosePoints(frame, model.points.offset[pose])
+    frame, drawn = model.points.frame[pose], model.drawn
+    away = at.world[pose] - points_in_world(model.points.of(pose), drawn)
     turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - np.eye(3)
     if at.since is None:
-        return at.world[pose] - points_in_world(before, drawn), turn
-    own = frame < model.tree.roots
+        return away, turn
+    own, moved = frame < model.tree.roots, drawn_places(model, at, pose)[1]
     root = np.where(own, frame, 0)
-    away = at.world[pose] - points_in_world(before, drawn)
     return np.where(own[:, None], moved, away), np.where(own[:, None, None], at.motion[1][root], turn)
 
 
@@ -91,14 +87,7 @@ def carried_turning(links: list[Lever], gradient: Inexact[np.ndarray, " coordina
 def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
     """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
     links = root_levers(config)
-    return lever_jacobian(links, tree.size) if links else _identity(tree.size)
-
-
-@functools.cache
-def _identity(size: int) -> sp.csr_array:
-    made = sp.csr_array(sp.eye_array(size))
-    made.data.setflags(write=False)  # all share it
-    return made
+    return lever_jacobian(links, tree.size) if links else sp.csr_array(sp.eye_array(tree.size))
 
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:

@@ -45,6 +45,7 @@ class Closing(NamedTuple):
         spare: Rows that repeat others, and these: none where nothing that moves enters them.
         nearly: Rows that nearly repeat others.
         size: Length of each row before it was made one, its unit being that of its value.
+        axes: What turns coordinates into those of W, None where they are; `follow` and `multipliers` do.
     """
 
     basis: sp.csr_array
@@ -53,16 +54,18 @@ class Closing(NamedTuple):
     spare: tuple[tuple[int, tuple[int, ...]], ...]
     nearly: Int[np.ndarray, " nearly"]
     size: Float[np.ndarray, " row"]
+    axes: sp.csr_array | None = None
 
     def follow(self, value: Float[np.ndarray, "row ..."]) -> Float[np.ndarray, "coordinate ..."]:
         """Moves of the dependent coordinates that take ``value`` from the rows, to first order."""
         out = np.zeros((len(self.independent), *value.shape[1:]))
         for block in self.blocks:
             out[block.dependent] = -np.linalg.solve(block.matrix, value[block.rows])
-        return out
+        return out if self.axes is None else self.axes @ out
 
     def multipliers(self, gradient: Float[np.ndarray, "coordinate ..."]) -> Float[np.ndarray, "row ..."]:
         """Factors of the rows that leave no gradient at the dependent coordinates; zero for spare rows."""
+        gradient = gradient if self.axes is None else self.axes.T @ gradient
         out = np.zeros((len(self.size), *gradient.shape[1:]))
         for block in self.blocks:
             out[block.rows] = -np.linalg.solve(block.matrix.T, gradient[block.dependent])
@@ -162,6 +165,11 @@ def _solve_block(
 def _pivoted(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The triangle and the order of the columns of a QR factorisation with pivots."""
     return cast("tuple[np.ndarray, np.ndarray]", sla.qr(A, mode="r", pivoting=True))
+
+
+def pivots(motions: Float[np.ndarray, "coordinate motion"]) -> Int[np.ndarray, " motion"]:
+    """Coordinates that, held, stop all ``motions``: the pivots of a rank-revealing QR (Golub 1965)."""
+    return _pivoted(motions.T)[1][: motions.shape[1]] if motions.shape[1] else NONE
 
 
 def _apart(C: sp.csr_array, n: int) -> list[tuple[np.ndarray, np.ndarray]]:

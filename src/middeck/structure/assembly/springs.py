@@ -9,7 +9,7 @@ from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, drawn_places, moved_since, poses_at
 from middeck.structure.elements.bushings import NO_BUSHINGS, BushingState, bushing_state
-from middeck.structure.elements.frames import Configuration, PosePoints, points_in_world
+from middeck.structure.elements.frames import Configuration, points_in_world
 from middeck.structure.elements.motion_since_drawn import seen_from
 from middeck.structure.elements.springs_and_cables import SpringLaw, spring_state
 from middeck.structure.model.article import JointState
@@ -44,8 +44,7 @@ def device_tension(model: Model, config: Configuration, loads: Loads) -> Inexact
 def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact[np.ndarray, "pose 3"]:
     """How far poses have moved since they were drawn."""
     drawn, change = drawn_places(model, poses_at(model, config), pose)
-    here = PosePoints(model.points.frame[pose], model.points.offset[pose])
-    return change + (drawn - points_in_world(here, model.drawn))
+    return change + (drawn - points_in_world(model.points.of(pose), model.drawn))
 
 
 def bushing_states(model: Model, config: Configuration, loads: Loads) -> tuple[BushingState, BushingState]:

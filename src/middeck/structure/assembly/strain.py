@@ -6,11 +6,15 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact
 
-from middeck.structure.assembly.beam_ends import carried_levers, chunks, element_ends, tensioned_beams
-from middeck.structure.assembly.component_states import component_states
+from middeck.structure.assembly.beam_ends import (
+    beam_chunks,
+    carried_levers,
+    tensioned_beams,
+)
+from middeck.structure.assembly.component_states import place_components
 from middeck.structure.assembly.energy import Assembly
 from middeck.structure.assembly.environment_loads import Inner, Loads
-from middeck.structure.assembly.mesh import Model, select_beams
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import At, poses_at, transport
 from middeck.structure.assembly.springs import (
     device_span,
@@ -38,11 +42,8 @@ def strain_energies(
     jacobian = model.pose_map.jacobian(at.poses) @ transport(config, model.tree)
     motion, ends, tied = _motions(model, at, jacobian, shapes)
     out = np.zeros((shapes.shape[1], shapes.shape[1]))
-    for rows in chunks(len(model.element_ends)):
-        x, T, known = element_ends(model, at, rows)
-        beams = select_beams(model.beams, rows)
-        _, slope = beam_deformations(beams, x, T, known)
-        strain = slope @ ends[rows]
+    for rows, beams, place in beam_chunks(model, at):
+        strain = beam_deformations(beams, *place)[1] @ ends[rows]
         out += np.einsum("eim,ein->mn", strain, beams.stiffness @ strain)
     start, end = model.spring_ends.T
     stretched = own_span(model, at)
@@ -51,7 +52,7 @@ def strain_energies(
     out += spring_squares(loads.law, *hung, motion[loads.attach_point, :3])
     out += own_bushings(model, at, inside=True).squares(tied)
     out += grounded(model, at, loads).squares(on_ground(motion[loads.ground.point]))
-    for state, rows in component_states(model, config, loads):
+    for _, _, state, rows in place_components(model, at, loads):
         out += state.squares(rows @ (transport(config, model.tree) @ shapes))
     hinges = sprung_joints(model, config)[2]
     return out + shapes.T @ (hinges[:, None] * shapes)
@@ -62,11 +63,8 @@ def member_strains(
 ) -> tuple[Inexact[np.ndarray, "element 6"], Inexact[np.ndarray, "element 6 6"]]:
     """(stretch, y1, z1, y2, z2, twist) of each beam element, and its stiffness on them."""
     at = poses_at(model, config)
-    strain = [np.zeros((0, 6))]
-    for rows in chunks(len(model.element_ends)):
-        x, T, known = element_ends(model, at, rows)
-        strain.append(beam_deformations(select_beams(model.beams, rows), x, T, known)[0])
-    return np.concatenate(strain), model.beams.stiffness
+    strain = [beam_deformations(beams, *place)[0] for _, beams, place in beam_chunks(model, at)]
+    return np.concatenate([np.zeros((0, 6)), *strain]), model.beams.stiffness
 
 
 def strain_pull(
@@ -76,10 +74,8 @@ def strain_pull(
     would take, a column a field."""
     at = poses_at(model, config)
     poses = np.zeros((len(at.world), 6, strain.shape[2]))
-    for rows in chunks(len(model.element_ends)):
-        x, T, known = element_ends(model, at, rows)
-        beams = select_beams(model.beams, rows)
-        slope = beam_deformations(beams, x, T, known)[1]
+    for rows, beams, place in beam_chunks(model, at):
+        slope = beam_deformations(beams, *place)[1]
         force = np.swapaxes(slope, 1, 2) @ (beams.stiffness @ strain[rows])
         np.add.at(poses, model.element_ends[rows], force.reshape(len(force), 2, 6, -1))
     return model.pose_map.jacobian(at.poses).T @ poses.reshape(-1, strain.shape[2])
@@ -95,7 +91,7 @@ def predict_forces(
     at = poses_at(model, config)
     motion, ends, tied = (m[..., 0] for m in _motions(model, at, before.jacobian, q[:, None]))
     strain = before.strain + np.matvec(before.slope, ends)
-    beams = tensioned_beams(model, loads, slice(None))
+    beams = tensioned_beams(model.beams, loads)
     force = tensioned(beams, np.matvec(beams.stiffness, strain))
     start, end = model.spring_ends.T
     own = predicted_tension(own_law(model), *own_span(model, at), motion[end, :3] - motion[start, :3])
@@ -109,9 +105,7 @@ def _motions(
     model: Model, at: At, jacobian: sp.csr_array, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see.
-
-    ``jacobian`` takes carried coordinates to poses.
-    """
+    ``jacobian`` takes carried coordinates to poses."""
     count = shapes.shape[1]
     motion = (jacobian @ shapes).reshape(len(at.world), 6, count)
     ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
@@ -132,16 +134,14 @@ def correlate_modes(
     if runs < 1:
         raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")
     rows = sensor_rows(modes, measured.node, measured.direction)
-    effective = measure_effective_mass(modes)
     units = doubt_units(modes, measured, seen(rows, modes))
     index = _candidates(modes, measured, units)
-    model, reduced = _model(modes, measured, rows, effective, index, profile, reduction, units)
+    model, reduced = _model(modes, measured, rows, index, profile, reduction, units)
     found = evaluate_shapes(model, measured.frequency_hz, measured.shape)
     correct = run_correct_model(model, profile, found, measured, spread, rng, runs)
     pairs = np.stack([index[found.pairs[:, 0]], found.pairs[:, 1]], axis=1)
     findings = _findings(modes, measured, model, found, profile, correct, pairs)
-    unpaired = tuple(sorted(set(range(len(measured.frequency_hz))) - set(pairs[:, 1].tolist())))
-    unmeasured = _unmeasured(modes, measured, pairs)
+    alone, missing = unpaired(measured, pairs), unmeasured(modes, measured, pairs)
     return Correlation(
         modes=modes,
         measured=measured,
@@ -151,15 +151,15 @@ def correlate_modes(
         evaluation=found,
         reduced=reduced,
         phase_collinearity=phase_collinearity(measured.shape),
-        effective_mass=effective,
+        effective_mass=measure_effective_mass(modes),
         findings=findings,
-        unpaired=unpaired,
-        unmeasured=unmeasured,
+        unpaired=alone,
+        unmeasured=missing,
         probability=correct.overall,
         warnings=(
             *measured.warnings,
             *units,
-            *_warnings(modes, measured, profile, findings, unpaired, unmeasured),
+            *_warnings(modes, measured, profile, findings, alone, missing),
         ),
     )
 
@@ -190,24 +190,15 @@ def _model(
     modes: Modes,
     measured: MeasuredModes,
     rows: sp.csr_array,
-    effective: EffectiveMass,
     index: np.ndarray,
     profile: Profile,
     reduction: Reduction,
     units: tuple[str, ...],
 ) -> tuple[Candidates, ReducedMass]:
-    """The candidates at the channels, and the mass reduced on those that the test pairs with.
-
-    Pairs rest on the MAC alone, so that they can be found before there is a mass.
-    """
-    channels = len(measured.node)
+    """The candidates at the channels, and the mass reduced on those that the test pairs with. Pairs rest on
+    the MAC alone, so that they can be found before there is a mass."""
     shape = seen(rows, modes)[:, index]
-    significant = np.any(effective.fraction[index] > profile.significant_fraction, axis=1)
-    flexible = np.array([modes.kind[i] == "flexible" for i in index])
-    hz = modes.frequency_hz[index]
-    first = Candidates(
-        frequency_hz=hz, shape=shape, mass=np.eye(channels), significant=significant, flexible=flexible
-    )
+    first = candidates(modes, index, shape, np.eye(len(measured.node)), profile)
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs
     if not len(pairs):
         raise ConfigError(
@@ -218,9 +209,21 @@ def _model(
     for cluster in repeated(modes.omega[index] ** 2):
         partners = pairs[np.isin(pairs[:, 0], cluster), 1]
         shape[:, cluster] = nearest_basis(shape[:, cluster], measured.shape[:, partners])
+    return dataclasses.replace(first, shape=shape, mass=reduced.mass), reduced
+
+
+def candidates(
+    modes: Modes, index: np.ndarray, shape: np.ndarray, mass: np.ndarray, profile: Profile
+) -> Candidates:
+    """The modes ``index`` with their ``shape`` at channels of the reduced ``mass``."""
+    effective = measure_effective_mass(modes).fraction[index]
     return Candidates(
-        frequency_hz=hz, shape=shape, mass=reduced.mass, significant=significant, flexible=flexible
-    ), reduced
+        frequency_hz=modes.frequency_hz[index],
+        shape=shape,
+        mass=mass,
+        significant=np.any(effective > profile.significant_fraction, axis=1),
+        flexible=np.array([modes.kind[i] == "flexible" for i in index]),
+    )
 
 
 def _findings(
@@ -233,18 +236,15 @@ def _findings(
     pairs: np.ndarray,
 ) -> tuple[Finding, ...]:
     passed, worst = judge(model, found, profile)
+    named = [modes.name[i] for i in pairs[:, 0]]
     findings: list[Finding] = []
     for c, criterion in enumerate(profile.criteria):
         values, members = criterion_values(model, found, criterion)
-        names = (
-            [measured.channels[i] for i in members]
-            if criterion.quantity is Quantity.COMAC
-            else [modes.name[pairs[i, 0]] for i in members]
-        )
+        names = measured.channels if criterion.quantity is Quantity.COMAC else named
         findings.append(
             Finding(
                 criterion=criterion,
-                items=tuple(names),
+                items=tuple(names[i] for i in members),
                 values=values,
                 worst=float(worst[c]) if len(values) else None,
                 passed=bool(passed[c]),
@@ -255,7 +255,13 @@ def _findings(
     return tuple(findings)
 
 
-def _unmeasured(modes: Modes, measured: MeasuredModes, pairs: np.ndarray) -> tuple[int, ...]:
+def unpaired(measured: MeasuredModes, pairs: np.ndarray) -> tuple[int, ...]:
+    """Measured modes without a partner in the model."""
+    return tuple(sorted(set(range(len(measured.frequency_hz))) - set(pairs[:, 1].tolist())))
+
+
+def unmeasured(modes: Modes, measured: MeasuredModes, pairs: np.ndarray) -> tuple[int, ...]:
+    """Modes of the model within the test's band that were not measured."""
     low, high = measured.frequency_hz.min(), measured.frequency_hz.max()
     partners = set(pairs[:, 0].tolist())
     return tuple(

@@ -95,8 +95,8 @@ def criterion_values(
     if criterion.quantity is Quantity.COMAC:
         return found.comac, np.arange(len(found.comac))
     values = _of_pairs(found, criterion.quantity)
-    members = np.flatnonzero(_members(model, found.pairs[:, 0], criterion.group))
-    return values[members], members
+    judged = np.flatnonzero(members(model, found.pairs[:, 0], criterion.group))
+    return values[judged], judged
 
 
 def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
@@ -114,7 +114,8 @@ def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
             return largest_other(found.self_orthogonality)[theirs]
 
 
-def _members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
+def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
+    """Which of the candidates ``ours`` are in a group of modes."""
     if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
     flexible = np.where(model.flexible[ours], model.frequency_hz[ours], np.inf)

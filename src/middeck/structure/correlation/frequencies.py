@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError
-from middeck.structure.correlation.effective_mass import measure_effective_mass
-from middeck.structure.correlation.evaluation import WINDOW, Candidates, Evaluation, criterion_values
+from middeck.structure.correlation.correlate import candidates, unmeasured, unpaired
+from middeck.structure.correlation.evaluation import WINDOW, members
 from middeck.structure.correlation.measured_modes import MeasuredModes, not_measured
 from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.unit_slips import doubt_survey_units
@@ -90,18 +90,16 @@ def compare_frequencies(modes: Modes, measured: MeasuredModes, profile: Profile)
     limit = max((c.limit for c in criteria), default=0.0)
     reach = np.maximum(limit, 2.0 * away[ours, theirs])
     undecided = tuple(int(j) for j, r in zip(theirs, reach, strict=True) if np.sum(away[:, j] <= r) > 1)
-    low, high = measured.frequency_hz.min(), measured.frequency_hz.max()
-    partners = set(pairs[:, 0].tolist())
     found = FrequencyComparison(
         modes=modes,
         measured=measured,
         profile=profile,
         pairs=pairs,
         frequency_error=error,
-        findings=_judge(modes, index, ours, theirs, error, criteria, profile),
+        findings=_judge(modes, index, ours, error, criteria, profile),
         unjudged=tuple(c for c in profile.criteria if c not in criteria),
-        unpaired=tuple(sorted(set(range(len(measured.frequency_hz))) - set(theirs.tolist()))),
-        unmeasured=tuple(int(i) for i in index if low <= modes.frequency_hz[i] <= high and i not in partners),
+        unpaired=unpaired(measured, pairs),
+        unmeasured=unmeasured(modes, measured, pairs),
         undecided=undecided,
         warnings=(),
     )
@@ -112,31 +110,14 @@ def _judge(
     modes: Modes,
     index: np.ndarray,
     ours: np.ndarray,
-    theirs: np.ndarray,
     error: np.ndarray,
     criteria: list[Criterion],
     profile: Profile,
 ) -> tuple[FrequencyFinding, ...]:
-    effective = measure_effective_mass(modes).fraction[index]
-    model = Candidates(
-        frequency_hz=modes.frequency_hz[index],
-        shape=np.zeros((0, len(index))),
-        mass=np.zeros((0, 0)),
-        significant=np.any(effective > profile.significant_fraction, axis=1),
-        flexible=np.array([modes.kind[i] == "flexible" for i in index]),
-    )
-    size = len(ours)
-    frequencies = Evaluation(
-        pairs=np.stack([ours, theirs], axis=1),
-        frequency_error=error,
-        mac=np.zeros((len(index), size)),
-        comac=np.zeros(0),
-        cross_orthogonality=np.zeros((size, size)),
-        self_orthogonality=np.zeros((size, size)),
-    )
+    model = candidates(modes, index, np.zeros((0, len(index))), np.zeros((0, 0)), profile)
     found: list[FrequencyFinding] = []
     for criterion in criteria:
-        values, _ = criterion_values(model, frequencies, criterion)
+        values = np.abs(error[members(model, ours, criterion.group)])
         worst = float(values.max()) if len(values) else None
         found.append(
             FrequencyFinding(criterion=criterion, worst=worst, met=worst is None or worst <= criterion.limit)

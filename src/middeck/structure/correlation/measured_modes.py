@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 
 import numpy as np
@@ -69,8 +71,8 @@ class MeasuredModes:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_channels(self.node, self.direction, len(self.shape))
-        _check_numbers(self)
+        for what, hint in _faults(self):
+            raise DataError(what, where="measured modes", hint=hint)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -109,58 +111,40 @@ class MeasurementNoise:
 NODES = "the node in the article of each row of shapes; frequencies alone have node, direction and shape []"
 
 
-def _check_channels(node: tuple[str, ...], direction: tuple[str, ...], rows: int) -> None:
-    if rows and not (node and all(name.strip() for name in node)):
-        raise DataError("shapes without names of their nodes", where="measured modes", hint=NODES)
-    if len(node) != rows or len(direction) != rows:
-        raise DataError(
-            f"{len(node)} nodes and {len(direction)} directions for {rows} rows of shapes",
-            where="measured modes",
-            hint="one node and one direction for each row",
-        )
-    unknown = sorted(set(direction) - set(DIRECTIONS))
-    if unknown:
-        raise DataError(
-            f"no direction {unknown[0]!r}", where="measured modes", hint=f"one of {', '.join(DIRECTIONS)}"
-        )
-    pairs = list(zip(node, direction, strict=True))
-    twice = sorted({p for p in pairs if pairs.count(p) > 1})
-    if twice:
-        raise DataError(
-            f"two channels are {' '.join(twice[0])!r}", where="measured modes", hint="leave one of them out"
-        )
-
-
-def _check_numbers(measured: MeasuredModes) -> None:
+def _faults(measured: MeasuredModes) -> Iterator[tuple[str, str]]:
+    """What no test can have measured, and what to do."""
+    yield from _channel_faults(measured.node, measured.direction, len(measured.shape))
     optional = ("frequency_std_hz", "damping_std", "shape_std")
     if not len(measured.frequency_hz):
-        raise DataError("no modes", where="measured modes", hint="at least one measured mode")
+        yield "no modes", "at least one measured mode"
     for name in ("frequency_hz", "damping", "shape", *optional, "position_m"):
         value = getattr(measured, name)
         # A damping that no one stated is not a number.
         if value is not None and not (np.isfinite(value) | ((name == "damping") & np.isnan(value))).all():
-            raise DataError(
-                f"{name} holds a number that is not finite",
-                where="measured modes",
-                hint="leave the mode or channel out, or repair its number",
-            )
+            yield f"{name} holds a number that is not finite", "leave the mode or channel out, or repair it"
         if name in optional and value is not None and np.any(value < 0.0):
-            raise DataError(
-                f"{name} holds a negative number", where="measured modes", hint="standard deviations are >= 0"
-            )
+            yield f"{name} holds a negative number", "standard deviations are >= 0"
     if np.any(measured.frequency_hz <= 0.0):
-        raise DataError(
-            f"a frequency of {measured.frequency_hz.min()} Hz",
-            where="measured modes",
-            hint="must be > 0 Hz; leave rigid-body modes out",
-        )
+        least = measured.frequency_hz.min()
+        yield f"a frequency of {least} Hz", "must be > 0 Hz; leave rigid-body modes out"
     still = np.flatnonzero(~np.any(measured.shape, axis=0))
     if len(still) and len(measured.shape):
-        raise DataError(
-            f"the shape of mode {still[0]} is zero",
-            where="measured modes",
-            hint="leave the mode out, or add a channel at which it moves",
-        )
+        what = f"the shape of mode {still[0]} is zero"
+        yield what, "leave the mode out, or add a channel at which it moves"
+
+
+def _channel_faults(node: Sequence[str], direction: Sequence[str], rows: int) -> Iterator[tuple[str, str]]:
+    if rows and not (node and all(name.strip() for name in node)):
+        yield "shapes without names of their nodes", NODES
+    if len(node) != rows or len(direction) != rows:
+        what = f"{len(node)} nodes and {len(direction)} directions for {rows} rows of shapes"
+        yield what, "one node and one direction for each row"
+    unknown = sorted(set(direction) - set(DIRECTIONS))
+    if unknown:
+        yield f"no direction {unknown[0]!r}", f"one of {', '.join(DIRECTIONS)}"
+    twice = sorted(p for p, times in Counter(zip(node, direction, strict=True)).items() if times > 1)
+    if twice:
+        yield f"two channels are {' '.join(twice[0])!r}", "leave one of them out"
 
 
 def measure_modes(
@@ -187,23 +171,20 @@ def measure_modes(
     hz = modes.frequency_hz[index]
     model = modes.equilibrium.model
     at_m = np.array([drawn_at(model, _body(model, *channel)) for channel in at]).reshape(-1, 3)
+    exact = MeasuredModes(
+        frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
+    )
     if noise is None:
-        return MeasuredModes(
-            frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
-        )
+        return exact
     if rng is None:
         raise ConfigError("noise without a random generator", hint="rng=np.random.default_rng(seed)")
     straight = straight_channels(modes, node, direction)
     hz_std, shape_std = noise.frequency * hz, noise.shape * sort_rms(straight, shape)
-    return MeasuredModes(
-        position_m=at_m,
+    return replace(
+        exact,
         frequency_hz=hz + hz_std * rng.standard_normal(hz.shape),
-        damping=damping,
-        node=node,
-        direction=direction,
         shape=shape + shape_std * rng.standard_normal(shape.shape),
         frequency_std_hz=hz_std,
-        damping_std=None,
         shape_std=shape_std,
     )
 

@@ -81,14 +81,14 @@ def stated_noise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviations of frequencies [Hz] and shapes: of ``noise`` if given, else the test's own.
 
-    Raises `ConfigError` where neither says how well both are known.
+    Raises `ConfigError` where neither states them.
     """
     if noise is not None:
         rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
         return noise.frequency * measured.frequency_hz, noise.shape * rms
     if measured.frequency_std_hz is None or measured.shape_std is None:
         raise ConfigError(
-            "the test does not state how well it knows its frequencies and shapes",
+            "the test states no standard deviations of its frequencies and shapes",
             where="measured modes",
             hint="noise=MeasurementNoise(0.001, 0.02), or frequency_std_hz and shape_std in a JSON file",
         )
@@ -117,18 +117,15 @@ def run_correct_model(
     paired = np.zeros(runs, dtype=bool)
     for r in range(runs):
         drawn_hz = hz + hz_std * rng.standard_normal(hz.shape)
-        drawn = shape + shape_std * _unit_noise(rng, shape.shape, measured.is_real)
+        noise_of_unit_size = rng.standard_normal(shape.shape)
+        if not measured.is_real:
+            noise_of_unit_size = (noise_of_unit_size + 1j * rng.standard_normal(shape.shape)) / np.sqrt(2.0)
+        drawn = shape + shape_std * noise_of_unit_size
         # No test reports a frequency below zero; one drawn there finds no pair.
         found = evaluate_shapes(model, np.maximum(drawn_hz, np.finfo(float).tiny), drawn)
         paired[r] = len(found.pairs) == len(hz)
         passed[r], worst[r] = judge(model, found, profile)
     return CorrectModel(passed.astype(bool), worst, paired)
-
-
-def _unit_noise(rng: np.random.Generator, shape: tuple[int, ...], real: bool) -> np.ndarray:
-    if real:
-        return rng.standard_normal(shape)
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)
 
 
 def judge(model: Candidates, found: Evaluation, profile: Profile) -> tuple[np.ndarray, np.ndarray]:

@@ -32,10 +32,9 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
     names = [node.name for node in model.structure.nodes], points, points_inside(model)
     kinds = [{name: drawn_at(model, name) for name in kind} for kind in names]
     known = {*model.frames, *kinds[1], *kinds[2]}
-    numbers = dict.fromkeys(
-        n for n in measured.node if n.isdigit() and (n not in known or _is_located(model, measured, n))
-    )
     here = measured.position_m
+    located = {} if here is None else kinds[0]
+    numbers = dict.fromkeys(n for n in measured.node if n.isdigit() and (n not in known or n in located))
     found: dict[str, str | None] = {}
     said: list[str] = []
     for number in numbers:
@@ -67,10 +66,6 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
         position_m=None if here is None else here[keep],
         warnings=(*measured.warnings, *said),
     )
-
-
-def _is_located(model: Model, measured: MeasuredModes, name: str) -> bool:
-    return measured.position_m is not None and name in {n.name for n in model.structure.nodes}
 
 
 def _place(

@@ -66,7 +66,16 @@ def reduce_mass(
     seen = np.asarray(rows @ modes.shapes[:, index])
     condition = _condition(seen)
     if reduction is Reduction.SEREP:
-        return ReducedMass(reduction, _serep(seen, condition), condition)
+        if condition > DEPENDENT:
+            channels, count = seen.shape
+            raise ConfigError(
+                f"{channels} channels cannot distinguish {count} modes (condition {condition:.1e})",
+                where="reduction serep",
+                hint="add sensors, correlate fewer modes, or reduce by guyan",
+            )
+        # T = Phi Phi_s^+, hence T' M T = Phi_s^+' Phi_s^+ for modes of unit mass.
+        inverse = np.linalg.pinv(seen)
+        return ReducedMass(reduction, np.asarray(inverse.T @ inverse), condition)
     T = _static(modes, rows, len(seen), improved=reduction is Reduction.IRS)
     mass = T.T @ (modes.mass @ T)
     return ReducedMass(reduction, 0.5 * (mass + mass.T), condition)
@@ -76,23 +85,7 @@ def _condition(seen: np.ndarray) -> float:
     if seen.shape[1] > seen.shape[0]:
         return float("inf")
     length = np.linalg.norm(seen, axis=0)
-    if not np.all(length > 0.0):
-        return float("inf")
-    singular = np.linalg.svd(seen / length, compute_uv=False)
-    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float("inf")
-
-
-def _serep(seen: np.ndarray, condition: float) -> np.ndarray:
-    """T = Phi Phi_s^+, hence T' M T = Phi_s^+' Phi_s^+ for modes of unit mass."""
-    if condition > DEPENDENT:
-        channels, count = seen.shape
-        raise ConfigError(
-            f"{channels} channels do not tell {count} modes apart (condition {condition:.1e})",
-            where="reduction serep",
-            hint="add sensors, correlate fewer modes, or reduce by guyan",
-        )
-    inverse = np.linalg.pinv(seen)
-    return np.asarray(inverse.T @ inverse)
+    return float(np.linalg.cond(seen / length)) if np.all(length > 0.0) else float("inf")
 
 
 class _Held(NamedTuple):
@@ -115,10 +108,8 @@ class _Held(NamedTuple):
 
 
 def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> np.ndarray:
-    """T that makes the strain energy least for given readings; with ``improved`` the term of IRS.
-
-    Where the channels are coordinates this is Guyan's [I; -K_oo^-1 K_os]; constraints allow any reading.
-    """
+    """T that makes the strain energy least for given readings; with ``improved`` the term of IRS. Where the
+    channels are coordinates this is Guyan's [I; -K_oo^-1 K_os]; constraints allow any reading."""
     rest = modes.equilibrium
     check_beside_modes(modes, "a reduced mass")
     free = dynamic_freedom(rest.model, rest.config, in_world=True)
@@ -126,7 +117,9 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
     M, L = free.matrix(modes.mass), free.columns(rows)
     unit = np.eye(channels)
     _check_channels(L)
-    _check_support(modes, rows)
+    rigid = [i for i, kind in enumerate(modes.kind) if kind == "rigid"]
+    if rigid and _condition(np.asarray(rows @ modes.shapes[:, rigid])) > DEPENDENT:
+        raise _mechanism(f"one of {', '.join(modes.name[i] for i in rigid)}")
     held = _hold(K, L)
     static = held.move(unit)
     if improved:
@@ -158,13 +151,6 @@ def _check_channels(L: sp.csr_array) -> None:
             where="static reduction",
             hint="leave one of them out, or reduce by serep",
         )
-
-
-def _check_support(modes: Modes, rows: sp.csr_array) -> None:
-    """Raise an error if a rigid motion is left with the channels held."""
-    rigid = [i for i, kind in enumerate(modes.kind) if kind == "rigid"]
-    if rigid and _condition(np.asarray(rows @ modes.shapes[:, rigid])) > DEPENDENT:
-        raise _mechanism(f"one of {', '.join(modes.name[i] for i in rigid)}")
 
 
 def _mechanism(what: str) -> ConfigError:

@@ -52,6 +52,15 @@ class Eigenpairs(NamedTuple):
     shapes: Float[np.ndarray, "n mode"]
     noise: Float[np.ndarray, " mode"]
 
+    def pick(self, some: slice | np.ndarray) -> Eigenpairs:
+        """Some of the modes, by number."""
+        return Eigenpairs(self.lam[some], self.shapes[:, some], self.noise[some])
+
+    def beside(self, others: Eigenpairs) -> Eigenpairs:
+        """These modes, then the others."""
+        both = zip(self, others, strict=True)
+        return Eigenpairs(*(np.concatenate(pair, axis=-1) for pair in both))
+
 
 def all_cost_less(K: sp.csr_array, count: int = 0) -> bool:
     """Whether all modes cost less than the lowest ``count``."""
@@ -83,11 +92,7 @@ def solve_all(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> Eigenpairs
 def _join(low: Eigenpairs, high: Eigenpairs, at: float) -> Eigenpairs:
     """The modes of the one below ``at``, by their number, and those of the other above."""
     first = min(int(np.sum(low.lam < at)), len(low.lam), len(high.lam))
-    return Eigenpairs(
-        np.concatenate([low.lam[:first], high.lam[first:]]),
-        np.hstack([low.shapes[:, :first], high.shapes[:, first:]]),
-        np.concatenate([low.noise[:first], high.noise[first:]]),
-    )
+    return low.pick(slice(first)).beside(high.pick(slice(first, None)))
 
 
 def _solve_shifted(K: sp.csr_array, M: sp.csr_array, sigma: float) -> Eigenpairs | None:
@@ -111,9 +116,7 @@ def _moves_nothing(
     K: sp.csr_array, M: sp.csr_array, sigma: float, inverse: Callable[[np.ndarray], np.ndarray]
 ) -> bool:
     """Whether the motion that K + sigma M resists least, for its coordinates, has neither mass nor stiffness.
-
-    ``inverse`` solves with that matrix: three steps of inverse iteration leave that motion alone.
-    """
+    ``inverse`` solves with that matrix: three steps of inverse iteration leave that motion alone."""
     size = np.sqrt(np.abs(K.diagonal() + sigma * M.diagonal()))
     x = np.random.default_rng(SEED).standard_normal(order(K))
     for _ in range(3):
@@ -146,11 +149,12 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int, soft: Soft = None
     for _ in range(ROUNDS):
         missing = _missing(K, M, pairs.lam, count)
         if missing == 0:
-            return Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
+            return pairs.pick(slice(count))
         if missing < 0:
             break
         more = min(missing + 2, order(K) - len(pairs.lam) - 2)
-        pairs = _merge(pairs, _lanczos(K, M, factor, sigma, more, pairs.shapes))
+        pairs = pairs.beside(_lanczos(K, M, factor, sigma, more, pairs.shapes))
+        pairs = pairs.pick(np.argsort(pairs.lam, kind="stable"))
     raise NumericalError(
         f"the iteration for the {count} lowest modes leaves some out",
         hint="ask for a few modes more, or for all of them (count=None) if the model is small",
@@ -206,15 +210,6 @@ def _lanczos(
     return _refine(K, M, lam[ascending], apart(phi[:, ascending]), sigma)
 
 
-def _merge(a: Eigenpairs, b: Eigenpairs) -> Eigenpairs:
-    rank = np.argsort(np.concatenate([a.lam, b.lam]), kind="stable")
-    return Eigenpairs(
-        np.concatenate([a.lam, b.lam])[rank],
-        np.hstack([a.shapes, b.shapes])[:, rank],
-        np.concatenate([a.noise, b.noise])[rank],
-    )
-
-
 def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, sigma: float) -> Eigenpairs:
     phi = phi / np.sqrt(np.abs(np.einsum("im,im->m", phi, M @ phi)))  # of rounding, it may be negative
     size = np.einsum("im,im->m", np.abs(phi), abs(K) @ np.abs(phi))
@@ -226,10 +221,8 @@ def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, 
 
 
 def _missing(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> int:
-    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided.
-
-    A list that ends within one frequency has no gap to count at: `SPARE` more are wanted.
-    """
+    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided. A
+    list that ends within one frequency has no gap to count at: `SPARE` more are wanted."""
     gap = np.diff(lam[count - 1 :])
     last = count - 1 + int(np.argmax(gap))
     if len(lam) < order(K) - SPARE and gap.max() <= ONE_FREQUENCY * abs(lam[last + 1]):

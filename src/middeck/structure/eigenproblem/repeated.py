@@ -19,12 +19,17 @@ DISTINCT = 1e-3
 WEIGHTS = (0.0, 1.0, 2.0, 3.0, 3.25, 3.5)  # x comes first, translation before rotation
 
 
-def repeated(lam: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " member"]]:
-    """Ascending indices of the modes of each frequency that several have, from omega^2 in any order."""
+def by_frequency(lam: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " member"]]:
+    """Ascending indices of the modes of each frequency, from omega^2 in any order."""
     ascending = np.argsort(lam, kind="stable")
     size = np.abs(lam[ascending])
     apart = np.diff(lam[ascending]) > REPEATED * np.maximum(size[1:], size[:-1])
-    return [np.sort(c) for c in np.split(ascending, np.flatnonzero(apart) + 1) if len(c) > 1]
+    return [np.sort(c) for c in np.split(ascending, np.flatnonzero(apart) + 1) if len(c)]
+
+
+def repeated(lam: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " member"]]:
+    """Those of the groups `by_frequency` that have several modes."""
+    return [group for group in by_frequency(lam) if len(group) > 1]
 
 
 def repeated_apart(

@@ -6,13 +6,13 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from middeck.structure.assembly.component_states import component_states
+from middeck.structure.assembly.component_states import place_components
 from middeck.structure.assembly.energy import geometric_tangent
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import transport
+from middeck.structure.assembly.places import poses_at, transport
 from middeck.structure.assembly.strain import strain_energies
 from middeck.structure.eigenproblem.eigen import ROUNDING, Eigenpairs
 from middeck.structure.elements.frames import Configuration
@@ -42,19 +42,15 @@ def separate_rigid(
     cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
     cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
     at = transport(config, model.tree) @ shapes
-    for part, rows in component_states(
-        model, config, loads
-    ):  # its matrix is no sum of squares, and mixes them
-        strain = np.abs(part.slope @ (rows @ at))
+    # The matrix of a component is no sum of squares, and mixes them.
+    for _, part, state, rows in place_components(model, poses_at(model, config), loads):
+        strain = np.abs(state.slope @ (rows @ at))
         cancels += np.einsum("im,im->m", strain, np.abs(part.stiffness) @ strain).max()
     # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
     noise = float(pairs.noise[:few].max())
     mixed = noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0
-    return Eigenpairs(
-        np.concatenate([lam, pairs.lam[few:]]),
-        np.hstack([lowest @ turn, pairs.shapes[:, few:]]),
-        np.concatenate([ROUNDING * (cancels + noise) + mixed, pairs.noise[few:]]),
-    )
+    known = Eigenpairs(lam, lowest @ turn, ROUNDING * (cancels + noise) + mixed)
+    return known.beside(pairs.pick(slice(few, None)))
 
 
 def rounding(

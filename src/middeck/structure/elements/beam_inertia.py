@@ -43,16 +43,18 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     for axis in (0, 3):
         N[:, :, axis, axis], N[:, :, axis, axis + 6] = 1.0 - GAUSS, GAUSS
     L = span[:, None]
-    v, slope = transverse_shapes(GAUSS, L, beams.shear_y[:, None])
+    # COUPLED, alone lumped along and not straight, is the mass of a bar rigid in shear.
+    shears = beams.straight | (beams.lumped[:, 0] == 0.0)
+    v, slope = transverse_shapes(GAUSS, L, (shears * beams.shear_y)[:, None])
     N[:, :, 1, [1, 5, 7, 11]], N[:, :, 5, [1, 5, 7, 11]] = np.moveaxis(v, 1, 2), np.moveaxis(slope, 1, 2)
-    v, slope = transverse_shapes(GAUSS, L, beams.shear_z[:, None])
+    v, slope = transverse_shapes(GAUSS, L, (shears * beams.shear_z)[:, None])
     sign = np.array([1.0, -1.0, 1.0, -1.0])  # w' = -theta_y
     N[:, :, 2, [2, 4, 8, 10]] = np.moveaxis(v, 1, 2) * sign
     N[:, :, 4, [2, 4, 8, 10]] = np.moveaxis(slope, 1, 2) * -sign
     N[beams.straight, :, 1:3] = 0.0
     for axis in (1, 2):
         N[beams.straight, :, axis, axis], N[beams.straight, :, axis, axis + 6] = 1.0 - GAUSS, GAUSS
-    _add_slant(N, beams, L)
+    _add_slant(N, shears[:, None, None] * beams.slant, L)
     # Fields at the mass centre: the sections turn about the node line.
     N[:, :, 0] += _tall(beams.mass_centre_z) * N[:, :, 4] - _tall(beams.mass_centre_y) * N[:, :, 5]
     N[:, :, 1] -= _tall(beams.mass_centre_z) * N[:, :, 3]
@@ -70,11 +72,11 @@ def _local_mass(beams: BeamProperties, span: Array) -> Array:
     return mass
 
 
-def _add_slant(N: Array, beams: BeamProperties, L: Array) -> None:
+def _add_slant(N: Array, slant: Array, L: Array) -> None:
     """Deflection and rotation by the shear that mean strains bring: without it, the chord leans less."""
     ends = np.zeros((4, 12))
     ends[[0, 1, 2, 3], [0, 3, 4, 5]], ends[[0, 1, 2, 3], [6, 9, 10, 11]] = -1.0, 1.0
-    shear = -(beams.slant @ ends / L[:, :, None])[:, None]
+    shear = -(slant @ ends / L[:, :, None])[:, None]
     for across, about in ((1, 5), (2, 4)):
         lean = 0.5 * L[:, :, None] * (N[:, :, :, across] - N[:, :, :, across + 6])
         lean[:, :, across] += L * (GAUSS - 0.5)

@@ -49,11 +49,9 @@ def move(tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordi
     """The configuration after the increment ``q``."""
     step = q[: 6 * tree.roots].reshape(-1, 6)
     angle = config.angle + q[6 * tree.roots :]
-    if config.since_drawn is not None:
-        moved = move_since_drawn(
-            config.since_drawn, config.R, carried_step(config.since_drawn, config.x, step)
-        )
-        return placed(moved, angle)
+    since = config.since_drawn
+    if since is not None:
+        return placed(move_since_drawn(since, config.R, carried_step(since, config.x, step)), angle)
     return Configuration(config.x + step[:, :3], rotation_exp(step[:, 3:]) @ config.R, angle)
 
 

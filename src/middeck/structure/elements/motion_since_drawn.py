@@ -45,11 +45,6 @@ class SinceDrawn:
         return bool(np.any(self.carrier >= 0))
 
 
-def as_drawn(drawn: Inexact[np.ndarray, "root 3"], carrier: Int[np.ndarray, " root"]) -> SinceDrawn:
-    """Nothing has moved."""
-    return SinceDrawn(drawn, carrier, np.zeros_like(drawn), np.zeros((len(drawn), 3, 3)))
-
-
 def whole_motion(at: SinceDrawn) -> tuple[np.ndarray, np.ndarray]:
     """Shift and turn of every root as seen from W."""
     if not at.carries:
@@ -268,3 +263,33 @@ def uncarried(at: SinceDrawn | None, size: int) -> Bool[np.ndarray, " coordinate
     if at is not None:
         out[: 6 * len(at.carrier)] = np.repeat(at.carrier < 0, 6)
     return out
+
+
+class Within(NamedTuple):
+    """The common carrier of the ends of every element, -1 where there is none.
+
+    Those inside carried parts by ``rows``, with the ``chain`` of each end up to the common carrier.
+    """
+
+    outer: Int[np.ndarray, " all"]
+    rows: Int[np.ndarray, " element"]
+    chain: list[Int[np.ndarray, "element end"]]
+
+
+class Inside(NamedTuple):
+    """Beams and bushings inside carried parts."""
+
+    beams: Within
+    bushings: Within
+
+
+def within(since: SinceDrawn | None, roots: int, frames: Int[np.ndarray, "element 2"]) -> Within:
+    """Elements with ends on these frames, of which the first ``roots`` are roots."""
+    outer = np.full(len(frames), -1)
+    if since is None or not since.carries:
+        return Within(outer, np.zeros(0, dtype=int), [])
+    on_roots = np.all(frames < roots, axis=1)
+    outer[on_roots] = common_carrier(since, frames[on_roots])
+    rows = np.flatnonzero(outer >= 0)
+    chain = chain_within(since, frames[rows].ravel(), np.repeat(outer[rows], 2))
+    return Within(outer, rows, [link.reshape(-1, 2) for link in chain])

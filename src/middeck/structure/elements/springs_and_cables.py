@@ -40,17 +40,6 @@ class SpringState:
     geometric: Inexact[np.ndarray, "spring 3 3"]
 
 
-# What most articles have: their state need not be computed in every assembly.
-NO_SPRINGS = SpringState(
-    tension=np.zeros(0),
-    energy=np.zeros(0),
-    gradient=np.zeros((0, 3)),
-    excess=np.zeros((0, 3)),
-    material=np.zeros((0, 3, 3)),
-    geometric=np.zeros((0, 3, 3)),
-)
-
-
 def spring_state(
     law: SpringLaw,
     span: Inexact[np.ndarray, "spring 3"],
@@ -65,17 +54,14 @@ def spring_state(
     linear everywhere, at l = 0 too. Raises `EquilibriumError` for any other spring whose ends coincide: its
     force has no direction.
     """
-    if not len(span):
-        return NO_SPRINGS
     k, c = law.stiffness, law.preload - law.stiffness * law.length
-    length = np.sqrt(np.einsum("si,si->s", span, span))
+    n, length = _direction(span)
     if np.any((length == 0.0) & (c != 0.0)):
         raise EquilibriumError(
             "the ends of a spring coincide, so that its force has no direction",
             hint="move its anchor or attach point, or give it a free length of zero",
         )
     length_or_one = np.where(length == 0.0, 1.0, length)
-    n = span / length_or_one[:, None]
     stretch = length - law.length if moved is None else _stretch(law, length, *moved)
     own = law.preload + k * stretch
     pull = own if tension is None else tension
@@ -83,15 +69,13 @@ def spring_state(
     along = n[:, :, None] * n[:, None, :]
     # T/l, and its limit k for a linear spring of no length.
     per_length = np.where(length == 0.0, k, pull / length_or_one)
-    material = k[:, None, None] * along
-    geometric = per_length[:, None, None] * (np.eye(3) - along)
     return SpringState(
         tension=pull,
         energy=energy,
         gradient=per_length[:, None] * span,
         excess=((own - pull) / length_or_one)[:, None] * span,
-        material=material,
-        geometric=geometric,
+        material=k[:, None, None] * along,
+        geometric=per_length[:, None, None] * (np.eye(3) - along),
     )
 
 
@@ -114,16 +98,14 @@ def spring_squares(
 
     Of the part along the springs alone, or with what their tension over their length holds across them.
     """
-    span = drawn + change
-    state = spring_state(law, span, None, (drawn, change))
-    length = np.sqrt(np.einsum("si,si->s", span, span))
-    n = span / np.where(length == 0.0, 1.0, length)[:, None]
+    n, length = _direction(drawn + change)
     along = np.einsum("si,sim->sm", n, apart)
     out = along.T @ (law.stiffness[:, None] * along)
     if along_only:
         return out
     across = apart - n[:, :, None] * along[:, None, :]
-    held = np.where(length == 0.0, law.stiffness, state.tension / np.where(length == 0.0, 1.0, length))
+    tension = spring_state(law, drawn + change, None, (drawn, change)).tension
+    held = np.where(length == 0.0, law.stiffness, tension / np.where(length == 0.0, 1.0, length))
     return out + np.einsum("sim,s,sin->mn", across, held, across)
 
 
@@ -134,8 +116,12 @@ def predicted_tension(
     apart: Inexact[np.ndarray, "spring 3"],
 ) -> Inexact[np.ndarray, " spring"]:
     """The tension after end and start have moved ``apart`` further, to first order."""
-    span = drawn + change
-    state = spring_state(law, span, None, (drawn, change))
+    n, _ = _direction(drawn + change)
+    tension = spring_state(law, drawn + change, None, (drawn, change)).tension
+    return tension + law.stiffness * np.einsum("si,si->s", n, apart)
+
+
+def _direction(span: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors along springs, zero for those of no length, and the lengths; analytic."""
     length = np.sqrt(np.einsum("si,si->s", span, span))
-    along = np.einsum("si,si->s", span, apart) / np.where(length == 0.0, 1.0, length)
-    return state.tension + law.stiffness * along
+    return span / np.where(length == 0.0, 1.0, length)[:, None], length

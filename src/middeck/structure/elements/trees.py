@@ -29,6 +29,15 @@ class FrameTree:
         return 6 * self.roots + len(self.parent)
 
     @functools.cached_property
+    def turns(self) -> Bool[np.ndarray, " coordinate"]:
+        """Which coordinates are angles; the others are shifts."""
+        return np.concatenate([np.tile(np.repeat([False, True], 3), self.roots), ~self.slides])
+
+    def frame_of(self, coordinate: int) -> int:
+        """The frame that a coordinate moves."""
+        return coordinate // 6 if coordinate < 6 * self.roots else coordinate - 5 * self.roots
+
+    @functools.cached_property
     def levels(self) -> tuple[np.ndarray, ...]:
         """Joints on roots, joints on these, and so on."""
         depth = np.zeros(len(self.parent), dtype=int)
@@ -52,6 +61,10 @@ class PosePoints:
 
     frame: Int[np.ndarray, " pose"]
     offset: Inexact[np.ndarray, "pose 3"]
+
+    def of(self, some: np.ndarray | list[int]) -> PosePoints:
+        """Some of the points, by number."""
+        return PosePoints(self.frame[some], self.offset[some])
 
 
 def joint_chain(tree: FrameTree, frame: int) -> tuple[int, list[int]]:

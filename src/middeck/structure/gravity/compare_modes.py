@@ -15,8 +15,7 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.gravity.orbit_lab_pairs import pair_modes, shares_of
 from middeck.structure.gravity.tracking import Spectrum, align_repeated, spectrum_of
 from middeck.structure.gravity.turned_modes import modes_at_rest
-from middeck.structure.modes.names.kind_warnings import CURE
-from middeck.structure.modes.names.kinds import HELD
+from middeck.structure.modes.names.kinds import CURE, HELD
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -76,7 +75,13 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     rests in the laboratory (`modes_at_rest`). Raises `ConfigError` for
     two different meshes or articles, whose modes `correlate_modes` compares at common nodes.
     """
-    _check_mesh(orbit, lab)
+    sides = [m.equilibrium.model for m in (orbit, lab)]
+    if sides[0].frames != sides[1].frames:
+        raise ConfigError(
+            "the modes are of different meshes or articles, without common coordinates",
+            where=" and ".join(f"{s.structure.title!r} of {len(s.frames)} frames" for s in sides),
+            hint="correlate_modes(modes, measure_modes(others), ...) compares them at common nodes",
+        )
     count = min(count, len(orbit.omega), len(lab.omega))
     free = modes_at_rest(orbit, lab)[0]
     phi_0 = _nearest_basis(free, lab.shapes)
@@ -101,31 +106,16 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     )
 
 
-def _check_mesh(orbit: Modes, lab: Modes) -> None:
-    sides = [m.equilibrium.model for m in (orbit, lab)]
-    if sides[0].frames != sides[1].frames:
-        titles = " and ".join(f"{s.structure.title!r} of {len(s.frames)} frames" for s in sides)
-        raise ConfigError(
-            "the modes are of different meshes or articles, without common coordinates",
-            where=titles,
-            hint="correlate_modes(modes, measure_modes(others), ...) compares them at common nodes",
-        )
-
-
 def _nearest_basis(modes: Spectrum, others: np.ndarray) -> np.ndarray:
-    """Shapes of ``modes``, those of one frequency in the basis nearest to ``others``: any is as good.
-
-    The basis of rigid modes has names, and stays.
-    """
+    """Shapes of ``modes``, those of one frequency in the basis nearest to ``others``: any is as good. The
+    basis of rigid modes has names, and stays."""
     return np.where(modes.lam > 0.0, align_repeated(modes, others).shapes, modes.shapes)
 
 
 def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:
-    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape.
-
-    Modes whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
-    difference to the ratio.
-    """
+    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape. Modes
+    whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
+    difference to the ratio."""
     f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
     cure = f", or {CURE}" if lab.equilibrium.environment.hung else ""
     for i, j in pairs.tolist():

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
 
 from middeck.structure.assembly.energy import Assembly, assemble_carried
 from middeck.structure.assembly.environment_loads import Loads
@@ -64,7 +61,7 @@ def _on_potential(
         if left < TOLERANCE:
             break
         correction = _correction(model, config, at, mass, free)
-        if correction is None or stride(model, correction.q) > CONTRACTION * size:
+        if correction is None or stride(model, correction[0]) > CONTRACTION * size:
             return None
         q, factor = correction
         moved, size = closed(model, move_whole(model, config, q, mass)), stride(model, q)
@@ -85,23 +82,16 @@ def _on_potential(
     return config, at
 
 
-class _Correction(NamedTuple):
-    q: Float[np.ndarray, " coordinate"]
-    factor: Factor
-
-
 def _correction(
     model: Model, config: Configuration, at: Assembly, mass: sp.csr_array, free: Freedom
-) -> _Correction | None:
+) -> tuple[np.ndarray, Factor] | None:
+    """Newton's step in all coordinates, and the factor that it came from; None where none is short."""
     K, M = free.matrix(at.tangent), free.matrix(mass)
     for hold in HOLDS:
         factor = factorise(sp.csr_array(K + hold * M))
-        if factor is None:
+        q = None if factor is None else free.spread(-factor.solve(free.part(at.gradient)))
+        if q is None or not np.all(np.isfinite(q)):
             continue
-        q = -factor.solve(free.part(at.gradient))
-        if not np.all(np.isfinite(q)):
-            continue
-        q = free.spread(q)
-        if deformation(model, config, q, mass) < LONGEST_STEP:
-            return _Correction(q, factor)
+        if factor is not None and deformation(model, config, q, mass) < LONGEST_STEP:
+            return q, factor
     return None

@@ -188,7 +188,11 @@ def _resolved_already(run: Sequence[PathState], known: Sequence[Approach], cours
         apart = gap > REPEATED * np.abs(lam[:, pair]).max(axis=1)
         for p in range(1, len(run) - 1):
             least = gap[p] < gap[p - 1] and gap[p] <= gap[p + 1] and apart[p - 1] and apart[p + 1]
-            if not least or not _neighbours(run[p], pair) or not _opens(gap, p):
+            if not least or not _neighbours(run[p], pair):
+                continue
+            # Between two stations a gap falls no lower than it would, if it went on as on the steeper side.
+            fall = max(gap[p - 1], gap[p + 1]) - gap[p]
+            if min(gap[:p].max(), gap[p + 1 :].max()) < WIDENED * max(gap[p] - fall, 0.0):
                 continue
             near = (run[p - 1], run[p], run[p + 1])
             rank = int(np.sum(lam[p] < lam[p, list(pair)].min()))
@@ -198,13 +202,6 @@ def _resolved_already(run: Sequence[PathState], known: Sequence[Approach], cours
             if new and new.exchanged and not _known(new, [*known, *found]):
                 found.append(new)
     return found
-
-
-def _opens(gap: np.ndarray, p: int) -> bool:
-    """Whether a gap with its minimum near ``p`` may become wide enough on both sides."""
-    # Between two stations a gap falls no lower than it would, if it went on as on the steeper side.
-    fall = max(gap[p - 1], gap[p + 1]) - gap[p]
-    return min(gap[:p].max(), gap[p + 1 :].max()) >= WIDENED * max(gap[p] - fall, 0.0)
 
 
 def _look_inside(run: Sequence[PathState], course: Course) -> list[PathState]:
@@ -223,12 +220,10 @@ def _look_inside(run: Sequence[PathState], course: Course) -> list[PathState]:
 def _nearest(
     near: tuple[PathState, PathState, PathState], pair: tuple[int, int], course: Course
 ) -> Approach | None:
-    """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity.
-
-    Each goes through the three stations nearest to the least gap so far (one through the bracket, whose far
-    end may stay where it is, converges linearly). The last one goes through points as near as the gap is
-    wide: the rate at which it opens is that there, whatever the bracket was.
-    """
+    """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity. Each goes
+    through the three stations nearest to the least gap so far (one through the bracket, whose far end may
+    stay where it is, converges linearly). The last one goes through points as near as the gap is wide: the
+    rate at which it opens is that there, whatever the bracket was."""
     tried, curved = [*near], 0.0
     for _ in range(PARABOLAS):
         best = course.distance(near[1].s)
@@ -312,10 +307,8 @@ def _exchanged(before: PathState, after: PathState, pair: tuple[int, int]) -> bo
 
 
 def _put_right(run: Sequence[PathState], found: Approach) -> tuple[list[PathState], np.ndarray]:
-    """The run with branches that turn through a veering, by its three stations, or straight on, by two.
-
-    Also the new order of branches behind it. Stations within a crossing are left out but for places.
-    """
+    """The run with branches that turn through a veering, by its three stations, or straight on, by two. Also
+    the new order of branches behind it. Stations within a crossing are left out but for places."""
     done = [x for x in run if x.s < found.before.s]
     behind = [x for x in run if x.s > found.after.s]
     within = [x for x in run if found.before.s < x.s < found.after.s and x.s == round(x.s)]

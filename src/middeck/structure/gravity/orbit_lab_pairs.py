@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from middeck.structure.assembly.linked import ties_to_ground
+from middeck.structure.elements.frames import Configuration, frame_poses, points_in_world
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gravity.tracking import Spectrum, TrackedShapes, align_repeated, spectrum_of, track
 from middeck.structure.gravity.turned_modes import modes_at_rest, turn_modes
-from middeck.structure.gravity.undeformed import carry_along
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.structure.rest.motion_as_a_whole import fit_rotation, split_rotation
 
 # What rigid-body modes have in common with flexible ones counts by this; of shapes that have as much in
 # common, to this part, the nearer in frequency counts (within e^10).
@@ -61,3 +65,35 @@ def shares_of(start: Spectrum, lab: Modes) -> np.ndarray:
     weighted = start.mass @ lab.shapes
     size = np.einsum("im,im->m", lab.shapes, weighted)
     return (start.shapes.T @ weighted) ** 2 / size
+
+
+def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Float[np.ndarray, "3 3"]]:
+    """``orbit`` with its geometry moved to where ``lab`` has the article, and the rotation of that motion.
+
+    It turns about the direction of gravity only, by the heading of the rigid body that fits best by mass (by
+    all of its rotation where there is no gravity), and shifts until its attach points are on average where
+    they are at rest: only devices depend on where the whole article is.
+    """
+    if not len(lab.loads.attach_point):
+        return orbit, np.eye(3)
+    R = _turn(orbit, lab)
+    turned = Configuration(orbit.config.x @ R.T, R @ orbit.config.R, orbit.config.angle)
+    shift = (_feet(lab, lab.config) - _feet(lab, turned)).mean(axis=0)
+    moved = Configuration(turned.x + shift, turned.R, turned.angle)
+    return dataclasses.replace(orbit, config=moved), R
+
+
+def _feet(lab: Equilibrium, config: Configuration) -> Float[np.ndarray, "device 3"]:
+    world = points_in_world(lab.model.points, frame_poses(lab.model.tree, config))
+    return world[lab.loads.attach_point]
+
+
+def _turn(orbit: Equilibrium, lab: Equilibrium) -> Float[np.ndarray, "3 3"]:
+    if ties_to_ground(lab.model):  # its equations hold motions along and about W
+        return np.eye(3)
+    fit = fit_rotation(orbit.model, orbit.config, lab.config)
+    size = float(np.linalg.norm(lab.loads.gravity))
+    if size == 0.0:
+        return fit
+    up = -lab.loads.gravity / size
+    return rotation_exp(split_rotation(fit, up)[1] * up)

@@ -30,7 +30,7 @@ from middeck.structure.gravity.tracking import HALF_SHAPE, spectrum_at, spectrum
 from middeck.structure.gravity.turned_modes import turn_along
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.rest.settle import settle
 from middeck.values import record
@@ -160,21 +160,23 @@ def follow_gravity(
     places = tuple(
         places or (GravityLevel(environment.title, environment.gravity), GravityLevel("orbit", np.zeros(3)))
     )
-    _check(environment, places)
-    _check_moments(structure)
+    _check(structure, environment, places)
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
     full = solve_equilibrium(structure, environment)
     # Where nobody goes there need be no rest state: loads may want something to hang from.
     free = full if all(place.size for place in places) else solve_equilibrium(structure, orbit)
     loads_at = loads_in(full, devices)
     at_first = places[0].gravity
+    path = partial(GravityPath, structure=structure, environment=environment, rule=devices, places=places)
     try:
         modes = solve_modes(_settled(full, loads_at(at_first)) if np.any(at_first) else free, count)
     except UnstableEquilibriumError as error:
-        return _no_path(structure, environment, devices, places, _unstable_start(error, places[0]))
+        return _no_path(path, error, at_first)
     mass = carried_mass(full.model, full.model.rest)
     legs = [_Leg(full, free, mass, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
-    stations, stop, arrived = [_first_station(modes)], None, 1
+    rest, match = modes.equilibrium, np.ones(len(modes.omega))
+    first = PathState(0.0, at_first, rest.config, spectrum_of(modes), match, rest.tension, 0.0)
+    stations, stop, arrived = [first], None, 1
     for leg in legs:
         more, stop = _follow_leg(leg, stations[-1])
         stations += more
@@ -183,13 +185,10 @@ def follow_gravity(
         arrived += 1
     stations, events, order, said = _resolve_runs(stations, legs, modes.name)
     if stop is not None:
-        events.append(_ending(_reorder_stop(stop, order), full.suspension.name, modes.name))
+        stop = _Stop(reorder(stop.good, order), stop.bad and reorder(stop.bad, order))
+        events.append(_ending(stop, full.suspension.name, modes.name))
     reached = np.searchsorted([x.s for x in stations], np.arange(arrived))
-    return GravityPath(
-        structure=structure,
-        environment=environment,
-        rule=devices,
-        places=places,
+    return path(
         reached=tuple(map(int, reached)),
         name=modes.name,
         kind=modes.kind,
@@ -202,29 +201,21 @@ def follow_gravity(
     )
 
 
-def _check_moments(structure: Structure) -> None:
-    if any(np.any(load.moment) for load in structure.loads):
-        raise ConfigError(
-            "a moment of fixed direction has no potential, whose modes a path could follow",
-            where=f"structure {structure.title!r}",
-            hint="apply it by two forces with offsets; forces and added masses may stay",
-        )
-
-
 def _no_path(
-    structure: Structure,
-    environment: Environment,
-    devices: DeviceRule,
-    places: tuple[GravityLevel, ...],
-    start: GravityEvent,
+    path: Callable[..., GravityPath], error: UnstableEquilibriumError, gravity: np.ndarray
 ) -> GravityPath:
     """One that ends where it begins."""
     nothing = np.zeros((0, 0))
-    return GravityPath(
-        structure=structure,
-        environment=environment,
-        rule=devices,
-        places=places,
+    start = GravityEvent(
+        kind=EventKind.UNSTABLE_START,
+        s=0.0,
+        gravity=gravity,
+        branch=(),
+        name=(str(error.data["mode"]),),
+        frequency_hz=-float(error.data["growth"]) / (2.0 * np.pi),
+        gap_hz=0.0,
+    )
+    return path(
         reached=(),
         name=(),
         kind=(),
@@ -255,23 +246,17 @@ def _resolve_runs(
             found = resolve_exchanges(run, Course(advance, come), names)
             run, order = found.stations, order[found.order]
             events += found.events
-            said += [_unresolved(names[i], names[j]) for i, j in found.unexplained]
+            said += [
+                f"{names[i]!r} and {names[j]!r} change their order, and no crossing of these two alone was "
+                "found: three or more modes come close together there, and beyond it their names may be "
+                "exchanged"
+                for i, j in found.unexplained
+            ]
         done += run
     return done, events, order, said
 
 
-def _unresolved(a: str, b: str) -> str:
-    return (
-        f"{a!r} and {b!r} change their order, and no crossing of these two alone was found: three or more "
-        "modes come close together there, and beyond it their names may be exchanged"
-    )
-
-
-def _reorder_stop(stop: _Stop, order: np.ndarray) -> _Stop:
-    return _Stop(reorder(stop.good, order), None if stop.bad is None else reorder(stop.bad, order))
-
-
-def _check(environment: Environment, places: tuple[GravityLevel, ...]) -> None:
+def _check(structure: Structure, environment: Environment, places: tuple[GravityLevel, ...]) -> None:
     if not np.any(environment.gravity):
         raise ConfigError(
             "a path of gravities needs an environment with gravity, for which its devices are tuned",
@@ -288,6 +273,12 @@ def _check(environment: Environment, places: tuple[GravityLevel, ...]) -> None:
         )
     for a, b in itertools.pairwise(places):
         gravity_between(a, b, 0.5)  # refuses opposite ones
+    if any(np.any(load.moment) for load in structure.loads):
+        raise ConfigError(
+            "a moment of fixed direction has no potential, whose modes a path could follow",
+            where=f"structure {structure.title!r}",
+            hint="apply it by two forces with offsets; forces and added masses may stay",
+        )
 
 
 def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
@@ -306,24 +297,6 @@ def _settled(full: Equilibrium, loads: Loads) -> Equilibrium:
         enough=found.enough,
         stable=found.stable,
     )
-
-
-def _unstable_start(error: UnstableEquilibriumError, place: GravityLevel) -> GravityEvent:
-    grows = -float(error.data["growth"]) / (2.0 * np.pi)
-    return GravityEvent(
-        kind=EventKind.UNSTABLE_START,
-        s=0.0,
-        gravity=place.gravity,
-        branch=(),
-        name=(str(error.data["mode"]),),
-        frequency_hz=grows,
-        gap_hz=0.0,
-    )
-
-
-def _first_station(modes: Modes) -> PathState:
-    rest, match = modes.equilibrium, np.ones(len(modes.omega))
-    return PathState(0.0, rest.environment.gravity, rest.config, spectrum_of(modes), match, rest.tension, 0.0)
 
 
 def _advance(leg: _Leg, before: PathState, s: float) -> PathState | None:
@@ -358,8 +331,10 @@ def _follow_leg(leg: _Leg, start: PathState) -> tuple[list[PathState], _Stop | N
     end = leg.k + 1.0 - (leg.release if leg.b.size == 0.0 else 0.0)
     more, stop = _follow_ramp(stations[-1], partial(_advance, leg), end, hung)
     stations += more
-    if stop is None and leg.b.size == 0.0:
-        stations.append(_release(leg, stations[-1]))
+    if stop is None and leg.b.size == 0.0:  # released
+        loads, config = leg.free.loads, leg.free.config
+        at = assemble_carried(leg.full.model, config, loads)
+        stations.append(_station(leg, stations[-1], leg.k + 1.0, loads, config, at))
     return stations[1:], stop
 
 
@@ -370,12 +345,6 @@ def _take_hold(leg: _Leg, start: PathState, s: float) -> PathState | None:
     if found.residual >= found.enough:
         return None
     return _station(leg, start, s, loads, found.config, found.assembly)
-
-
-def _release(leg: _Leg, before: PathState) -> PathState:
-    """The station in orbit, without devices."""
-    loads, config = leg.free.loads, leg.free.config
-    return _station(leg, before, leg.k + 1.0, loads, config, assemble_carried(leg.full.model, config, loads))
 
 
 def _follow_ramp(

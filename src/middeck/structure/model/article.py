@@ -7,6 +7,7 @@ A *frame* is anything rigid that has a name: a node, or the body that a joint ca
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import field
 from enum import Enum
 from functools import cached_property
@@ -341,19 +342,13 @@ class DampingTable:
 
     def __post_init__(self) -> None:
         f, zeta = self.frequency_hz, self.zeta
-        ordered = len(f) > 0 and bool(np.all(np.isfinite(f)) and f[0] > 0.0 and np.all(np.diff(f) > 0.0))
-        if not ordered:
-            raise ConfigError(
-                "a damping table needs positive, ascending frequencies",
-                where="damping.table",
-                hint="at least one frequency > 0 Hz, each higher than the one before",
-            )
+        if not (len(f) and np.all(np.isfinite(f)) and np.all(np.diff(f, prepend=0.0) > 0.0)):
+            what = "a damping table needs positive, ascending frequencies"
+            hint = "at least one frequency > 0 Hz, each higher than the one before"
+            raise ConfigError(what, where="damping.table", hint=hint)
         if not np.all((zeta >= 0.0) & (zeta < 1.0)):
-            raise ConfigError(
-                "a damping table holds ratios from 0 to below 1",
-                where="damping.table",
-                hint="1 % of critical is 0.01",
-            )
+            what, hint = "a damping table holds ratios from 0 to below 1", "1 % of critical is 0.01"
+            raise ConfigError(what, where="damping.table", hint=hint)
 
 
 @record(kw_only=True)
@@ -382,26 +377,20 @@ class Damping:
     by_rank: bool = False
 
     def __post_init__(self) -> None:
+        for what, hint in self._faults():
+            raise ConfigError(what, where="damping", hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         if self.table is not None and (self.flexible or self.suspension):
-            raise ConfigError(
-                "ratios both by kind and from a table",
-                where="damping",
-                hint="leave out flexible and suspension, or the table",
-            )
+            hint = "leave out flexible and suspension, or the table"
+            yield "ratios both by kind and from a table", hint
         ratios = (self.flexible, self.suspension, self.rigid, *(zeta for _, zeta in self.by_mode))
         if not all(0.0 <= np.real(zeta) < 1.0 for zeta in ratios):
-            raise ConfigError(
-                "a damping ratio must be >= 0 and < 1", where="damping", hint="1 % of critical is 0.01"
-            )
-        if not all(
-            0.0 <= np.real(x) < np.inf
-            for x in (*(e for _, e in self.loss_factor), *(d.c for d in self.dampers))
-        ):
-            raise ConfigError(
-                "a loss factor or damper is negative or not finite",
-                where="damping",
-                hint="zero or positive; a loss factor is about twice the damping ratio",
-            )
+            yield "a damping ratio must be >= 0 and < 1", "1 % of critical is 0.01"
+        losses = (*(eta for _, eta in self.loss_factor), *(damper.c for damper in self.dampers))
+        if not all(0.0 <= np.real(x) < np.inf for x in losses):
+            hint = "zero or positive; a loss factor is about twice the damping ratio"
+            yield "a loss factor or damper is negative or not finite", hint
 
 
 @record(kw_only=True)

@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.structure.model.article import Body, Member, Structure, held_angle
-from middeck.structure.model.bushing_checks import bushing_faults
 from middeck.structure.model.component import component_faults
 from middeck.structure.model.connectivity import (
     joined_nodes,
@@ -21,7 +20,7 @@ from middeck.structure.model.connectivity import (
 from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.model.section import Section
-from middeck.structure.model.section_checks import stiffness_faults
+from middeck.structure.model.section_checks import bushing_faults, stiffness_faults
 
 FIELDS = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
 # A unit axis is one to rounding; anything further off is a mistake.
@@ -88,19 +87,26 @@ def _unknown_names(structure: Structure) -> Iterator[str]:
         if joint.parent not in carriers:
             yield f"joint {joint.name!r} hangs on {joint.parent!r}, neither a node nor an earlier joint"
         carriers.add(joint.name)
+    between = (
+        ("member", structure.members, "node", nodes),
+        ("spring", structure.springs, "attach point", attach),
+        ("bushing", structure.bushings, "attach point", attach),
+    )
     uses = [
-        *(("member", m.name, "node", n, nodes) for m in structure.members for n in (m.start, m.end)),
-        *(("attach point", a.name, "frame", a.frame, carriers) for a in structure.attach_points),
-        *(("spring", s.name, "attach point", n, attach) for s in structure.springs for n in (s.start, s.end)),
+        (what, part.name, kind, end, known)
+        for what, parts, kind, known in between
+        for part in parts
+        for end in (part.start, part.end)
     ]
-    uses += [
-        ("bushing", b.name, "attach point", n, attach) for b in structure.bushings for n in (b.start, b.end)
-    ]
-    uses += [("mass", m.name, "frame", m.frame, carriers) for m in structure.masses]
-    uses += [("load", p.name, "frame", p.frame, carriers) for p in structure.loads]
-    uses += [("link", k.name, "frame", f, carriers) for k in structure.links for f in k.frames]
-    uses += [("wheel", w.name, "frame", w.frame, carriers) for w in structure.wheels]
-    uses += [("component", c.name, "frame", f, carriers) for c in structure.components for f in c.frames]
+    on_frames = (
+        ("attach point", structure.attach_points),
+        ("mass", structure.masses),
+        ("load", structure.loads),
+        ("wheel", structure.wheels),
+    )
+    uses += [(what, part.name, "frame", part.frame, carriers) for what, parts in on_frames for part in parts]
+    for what, parts in (("link", structure.links), ("component", structure.components)):
+        uses += [(what, part.name, "frame", frame, carriers) for part in parts for frame in part.frames]
     for port in (*structure.actuators, *structure.sensors):
         kind, known = ("joint", joints) if port.axis is None else ("frame", carriers)
         uses.append(("port", port.name, kind, port.frame, known))
@@ -202,9 +208,7 @@ def _ties_and_loads(structure: Structure) -> Iterator[str]:
 
 def _wheels(structure: Structure) -> Iterator[str]:
     """Across its axis a rotor has half of its inertia about it, or more, and its frame's body has that too.
-
-    Without it a momentum would act on a motion without mass.
-    """
+    Without it a momentum would act on a motion without mass."""
     for wheel in structure.wheels:
         if not (np.isfinite(wheel.inertia) and wheel.inertia > 0.0):
             yield f"wheel {wheel.name!r} has an inertia of {wheel.inertia} kg m^2: positive and finite"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import field
 
 import numpy as np
@@ -42,34 +42,24 @@ class Clamp:
 
     def __post_init__(self) -> None:
         where = f"clamp of node {self.node!r}"
+        for what, hint in self._faults():
+            raise ConfigError(what, where=where, hint=hint)
+        check_axes(self.axes, where)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         for what, held in (("along", self.along), ("about", self.about)):
             if set(held) - set(LETTERS) or len(set(held)) < len(held):
-                raise ConfigError(
-                    f"{what} {held!r}", where=where, hint="some of x, y and z, each once, such as 'xz'"
-                )
+                yield f"{what} {held!r}", "some of x, y and z, each once, such as 'xz'"
         if not self.along and not self.about:
-            raise ConfigError("holds nothing", where=where, hint="give along or about, or leave it out")
-        check_axes(self.axes, where)
-        self._check_moves(where)
-
-    def _check_moves(self, where: str) -> None:
+            yield "holds nothing", "give along or about, or leave it out"
         if not np.all(np.isfinite([*self.shift, *self.turn])):
-            raise ConfigError(
-                "a prescribed displacement is no number",
-                where=where,
-                hint="finite numbers; metres and radians",
-            )
+            yield "a prescribed displacement is no number", "finite numbers; metres and radians"
         idle = [a for a, s in zip(LETTERS, self.shift, strict=True) if s != 0.0 and a not in self.along]
         if idle:
-            raise ConfigError(
-                f"shifts along {idle[0]!r}, which it does not hold", where=where, hint="add it to along"
-            )
+            yield f"shifts along {idle[0]!r}, which it does not hold", "add it to along"
         if np.any(self.turn) and set(self.about) != set(LETTERS):
-            raise ConfigError(
-                "turns the node by a rotation vector and leaves a turn free",
-                where=where,
-                hint='hold all three, about = "xyz"',
-            )
+            what = "turns the node by a rotation vector and leaves a turn free"
+            yield what, 'hold all three, about = "xyz"'
 
 
 def check_axes(axes: Float[np.ndarray, "3 3"], where: str) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from enum import Enum
 
@@ -60,31 +61,22 @@ class Device:
     friction: Friction | None = None
 
     def __post_init__(self) -> None:
-        where = f"device {self.name!r}"
+        for what, hint in self._faults():
+            raise ConfigError(what, where=f"device {self.name!r}", hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         sizes = (self.force, self.stiffness, self.bounce_hz, self.cable_length)
         if any(size is not None and not 0.0 < np.real(size) < math.inf for size in sizes):
-            raise ConfigError(
-                f"force, stiffness, bounce_hz, cable_length are {sizes}",
-                where=where,
-                hint="each positive and finite",
-            )
+            yield f"force, stiffness, bounce_hz, cable_length are {sizes}", "each positive and finite"
         if not 0.0 <= np.real(self.moving_mass) < math.inf:
-            raise ConfigError(
-                f"a moving mass of {self.moving_mass} kg", where=where, hint="from zero, finite"
-            )
+            yield f"a moving mass of {self.moving_mass} kg", "from zero, finite"
         for this, that in (("stiffness", "bounce_hz"), ("cable_length", "anchor")):
             if (getattr(self, this) is None) == (getattr(self, that) is None):
-                raise ConfigError(
-                    f"{this} or {that}: one of them, not both",
-                    where=where,
-                    hint="remove one of the two, or give the one that is missing",
-                )
+                what = f"{this} or {that}: one of them, not both"
+                yield what, "remove one of the two, or give the one that is missing"
         if (self.force is None) != bool(self.held):
-            raise ConfigError(
-                "pinned directions are for a tuned device, and a tuned device needs them",
-                where=where,
-                hint="give a force, or held such as 'yz'",
-            )
+            what = "pinned directions are for a tuned device, and a tuned device needs them"
+            yield what, "give a force, or held such as 'yz'"
 
     @property
     def needs_gravity(self) -> bool:
@@ -123,7 +115,7 @@ class Suspension:
                 hint="one set of xyz letters for each attach point",
             )
 
-    @property
+    @functools.cached_property
     def devices(self) -> tuple[Device, ...]:
         """Its devices, each named after its attach point."""
         return tuple(
@@ -194,30 +186,18 @@ class Environment:
     up: Inexact[np.ndarray, "3"] | None = None
 
     def __post_init__(self) -> None:
-        names = [device.name for device in self.hung]
-        for name in names:
-            if names.count(name) > 1:
-                raise ConfigError(
-                    f"two devices are called {name!r}",
-                    where=f"environment {self.title!r}",
-                    hint="a suspension's devices have the names of their attach points",
-                )
-        supports = [*dict.fromkeys(c.node for c in self.clamps), *(b.name for b in self.bushings)]
-        for name in dict.fromkeys(supports):
-            if supports.count(name) > 1:
-                raise ConfigError(
-                    f"two supports are called {name!r}: reactions could not be told apart",
-                    where=f"environment {self.title!r}",
-                    hint="each bushing needs a name of its own, which no clamped node has",
-                )
-        turning = [name for name, _ in self.wheel_speeds]
-        for name in turning:
-            if turning.count(name) > 1:
-                raise ConfigError(
-                    f"two speeds of wheel {name!r}",
-                    where=f"environment {self.title!r}",
-                    hint="one speed [rad/s] for each",
-                )
+        for what, hint in self._named_twice():
+            raise ConfigError(what, where=f"environment {self.title!r}", hint=hint)
+
+    def _named_twice(self) -> Iterator[tuple[str, str]]:
+        for name in _twice([device.name for device in self.hung]):
+            hint = "a suspension's devices have the names of their attach points"
+            yield f"two devices are called {name!r}", hint
+        for name in _twice([*dict.fromkeys(c.node for c in self.clamps), *(b.name for b in self.bushings)]):
+            hint = "each bushing needs a name of its own, which no clamped node has"
+            yield f"two supports are called {name!r}: reactions could not be told apart", hint
+        for name in _twice([name for name, _ in self.wheel_speeds]):
+            yield f"two speeds of wheel {name!r}", "one speed [rad/s] for each"
 
     @property
     def spins(self) -> bool:
@@ -230,7 +210,7 @@ class Environment:
         size = float(np.linalg.norm(np.real(self.gravity)))
         return np.real(-self.gravity) / size + 0.0 if size > 0.0 else self.up
 
-    @property
+    @functools.cached_property
     def hung(self) -> tuple[Device, ...]:
         """Every device that can only pull, those of the suspension first."""
         return (*(() if self.suspension is None else self.suspension.devices), *self.devices)
@@ -267,6 +247,10 @@ class Environment:
                 attach=tuple(held), held=tuple(held.values()), cable_length=cable_length, bounce_hz=bounce_hz
             ),
         )
+
+
+def _twice(names: Sequence[str]) -> list[str]:
+    return [name for name in names if names.count(name) > 1]
 
 
 def hang_along_x(attach: Sequence[str]) -> dict[str, str]:

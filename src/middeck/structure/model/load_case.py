@@ -19,7 +19,16 @@ def apply_load_case(
     """
     if case is None:
         return structure, environment
-    case = _own_case(structure, case) if isinstance(case, str) else case
+    if isinstance(case, str):
+        known = {own.name: own for own in structure.load_cases}
+        if case not in known:
+            names = f"load cases are {', '.join(known)}"
+            raise ConfigError(
+                f"no load case {case!r}",
+                where=f"structure {structure.title!r}",
+                hint=names if known else "the article has none: give it [[load_case]] tables",
+            )
+        case = known[case]
     for what, new, old in (("load", case.loads, structure.loads), ("mass", case.masses, structure.masses)):
         taken = {part.name for part in old}
         for part in new:
@@ -34,15 +43,3 @@ def apply_load_case(
     if not case.prescribed:
         return loaded, environment
     return loaded, dataclasses.replace(environment, clamps=(*environment.clamps, *case.prescribed))
-
-
-def _own_case(structure: Structure, name: str) -> LoadCase:
-    for case in structure.load_cases:
-        if case.name == name:
-            return case
-    known = ", ".join(case.name for case in structure.load_cases)
-    raise ConfigError(
-        f"no load case {name!r}",
-        where=f"structure {structure.title!r}",
-        hint=f"load cases are {known}" if known else "the article has none: give it [[load_case]] tables",
-    )

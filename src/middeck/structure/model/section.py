@@ -26,11 +26,12 @@ POWERS = {2: ("EA", "GA_y", "GA_z", "rho_A"), 4: ("GJ", "EI_y", "EI_z", "rho_I_y
 class MemberMass(Enum):
     """How the mass of an element of a member is spread over its ends; in the first two bending is consistent.
 
-    ``COUPLED`` is the coupled bar mass of NX Nastran 9 and of older MSC Nastran: along the axis the mean of
-    the lumped and the consistent mass. Those bars have no rotary inertia either: that is a matter of
-    ``rho_I`` of the section. In a ``ROD`` all points between the ends go straight from one to the other,
-    however the ends turn (Przemieniecki 1968, 11.3); ``COUPLED_ROD`` is the coupled rod mass of those
-    programs: along the axis as ``COUPLED``, across it halves at the ends.
+    ``COUPLED`` is the coupled bar mass of NX Nastran 9 and of older MSC Nastran: along the axis the mean
+    of the lumped and the consistent mass, across it that of a bar rigid in shear (as in subroutine BARD
+    of NASTRAN-95). Those bars have no rotary inertia either: that is a matter of ``rho_I`` of the
+    section. In a ``ROD`` all points between the ends go straight from one to the other, however the ends
+    turn (Przemieniecki 1968, 11.3); ``COUPLED_ROD`` is the coupled rod mass of those programs: along the
+    axis as ``COUPLED``, across it halves at the ends.
     """
 
     CONSISTENT = "consistent"
@@ -186,14 +187,9 @@ def coupled_section(
         whole[np.ix_(RIGID_IN_SHEAR, RIGID_IN_SHEAR)] = stiffness
     else:
         whole = np.array(stiffness)
-    EA, GA_y, GA_z, GJ, EI_y, EI_z = np.diag(whole)
+    diagonal = dict(zip(("EA", "GA_y", "GA_z", "GJ", "EI_y", "EI_z"), np.diag(whole), strict=True))
     return Section(
-        EA=EA,
-        GJ=GJ,
-        EI_y=EI_y,
-        EI_z=EI_z,
-        GA_y=GA_y,
-        GA_z=GA_z,
+        **diagonal,
         rho_A=rho_A,
         rho_I_y=rho_I_y,
         rho_I_z=rho_I_z,

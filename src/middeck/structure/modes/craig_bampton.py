@@ -87,9 +87,23 @@ def reduce_structure(
     The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
     both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.
     """
-    _check_asked(structure, count, upto_hz)
+    if structure.wheels:
+        raise ConfigError(
+            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
+            where="reduction",
+            hint="take the wheels out here, and give them to the article that takes the component, at its "
+            "boundary",
+        )
+    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
+        hint = "give one of count and upto_hz, from 0 on"
+        raise ConfigError(f"{count} modes up to {upto_hz} Hz", where="reduction", hint=hint)
     nodes = [node.name for node in structure.nodes]
-    _check_nodes(nodes, boundary, residual, recover)
+    if not boundary or len(set(boundary)) < len(boundary):
+        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
+    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
+        unknown = [name for name in names if name not in nodes]
+        if unknown:
+            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
     def of_nodes(names: Sequence[str]) -> np.ndarray:
         return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
@@ -100,8 +114,8 @@ def reduce_structure(
     motions, own = _independent(held, rows)
     in_world = transport(held.config, held.model.tree)
     loaded = (in_world @ motions)[of_nodes(residual)]
-    basis = _basis(held, motions, _as_body(held)[own], len(rows), loaded, count, upto_hz)
-    inner = motions @ basis.columns
+    columns, kept = _basis(held, motions, _as_body(held)[own], len(rows), loaded, count, upto_hz)
+    inner = motions @ columns
     mass = inner.T @ (carried_mass(*held) @ inner)
     component = Component(
         name=name or "component",
@@ -113,31 +127,13 @@ def reduce_structure(
         outputs=tuple(f"{node} {way}" for node in recover for way in WAYS),
         recovery=(in_world @ inner)[of_nodes(recover)] if recover else None,
     )
-    return Reduced(require_component(component), basis.fixed_hz, basis.added, basis.next_hz)
-
-
-def _check_asked(structure: Structure, count: int | None, upto_hz: float | None) -> None:
-    if structure.wheels:
-        raise ConfigError(
-            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
-            where="reduction",
-            hint="take the wheels out here, and give them to the article that takes the component, at its "
-            "boundary",
-        )
-    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
-        raise ConfigError(
-            f"{count} modes up to {upto_hz} Hz",
-            where="reduction",
-            hint="give one of count and upto_hz, from 0 on",
-        )
+    return Reduced(require_component(component), *kept)
 
 
 class _Held(NamedTuple):
-    """The article at rest with its boundary and its free joints held, in carried coordinates.
-
-    The boundary is carried by nothing, so that its coordinates are those of W, and what is soft keeps its
-    digits beside what is stiff.
-    """
+    """The article at rest with its boundary and its free joints held, in carried coordinates. The boundary is
+    carried by nothing, so that its coordinates are those of W, and what is soft keeps its digits beside what
+    is stiff."""
 
     model: Model
     config: Configuration
@@ -186,17 +182,6 @@ def _stiffness(held: _Held, motions: np.ndarray, boundary: int) -> np.ndarray:
     return 0.5 * (stiffness + stiffness.T)
 
 
-def _check_nodes(
-    nodes: Sequence[str], boundary: Sequence[str], residual: Sequence[str], recover: Sequence[str]
-) -> None:
-    if not boundary or len(set(boundary)) < len(boundary):
-        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
-    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
-        unknown = [name for name in names if name not in nodes]
-        if unknown:
-            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
-
-
 def _independent(held: _Held, rows: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
     """How all coordinates follow ``rows``, those of the boundary, and others inside; and which these are."""
     model, config = held.model, held.config
@@ -221,15 +206,6 @@ def _independent(held: _Held, rows: np.ndarray) -> tuple[sp.csr_array, np.ndarra
     return sp.csr_array(sp.hstack([boundary, close.basis])), own
 
 
-class _Basis(NamedTuple):
-    """Static motions and interior vectors, fixed frequencies, how many residuals, and the next frequency."""
-
-    columns: np.ndarray
-    fixed_hz: np.ndarray
-    added: int
-    next_hz: float
-
-
 def _basis(
     held: _Held,
     motions: sp.csr_array,
@@ -238,15 +214,14 @@ def _basis(
     loaded: sp.csr_array,
     count: int | None,
     upto_hz: float | None,
-) -> _Basis:
-    """Columns in the coordinates of ``motions``, those of the ``boundary`` first.
-
-    ``as_body`` are motions as one body in these, ``loaded`` what residuals load.
-    """
+) -> tuple[np.ndarray, tuple[np.ndarray, int, float]]:
+    """Static motions and interior vectors in the coordinates of ``motions``, those of the ``boundary`` first;
+    fixed frequencies, how many residuals, and the next frequency. ``as_body`` are motions as one body in
+    these, ``loaded`` what residuals load."""
     whole = assemble_carried(*held).tangent, carried_mass(*held)
     K, M = (sp.csr_array(motions.T @ A @ motions) for A in whole)
     if order(K) == boundary:
-        return _Basis(np.eye(boundary), np.zeros(0), 0, np.inf)
+        return np.eye(boundary), (np.zeros(0), 0, np.inf)
     Kii, Mii = (sp.csr_array(A[boundary:][:, boundary:]) for A in (K, M))
     pairs, kept, above = _fixed_modes(held, Kii, Mii, count, upto_hz)
     factor = positive_factor(Kii)
@@ -258,11 +233,13 @@ def _basis(
         )
     psi = -factor.solve(K[boundary:][:, :boundary].toarray())
     psi += (as_body[boundary:] - psi @ as_body[:boundary]) @ np.linalg.pinv(as_body[:boundary])
-    psi = _orthogonal(held, motions, psi, pairs.shapes)
+    # Without what rounding of their solution left in them of the softest modes.
+    work, soft = held.work(motions @ _columns(psi, pairs.shapes)), pairs.shapes
+    psi = psi - soft @ np.linalg.solve(work[boundary:, boundary:], work[boundary:, :boundary])
     lam, shapes = pairs.lam[:kept], pairs.shapes[:, :kept]
     chi = _residuals(factor, lam, shapes, loaded[:, boundary:].toarray().T)
     vectors, added = _modal_form(Kii, Mii, shapes, chi)
-    return _Basis(_columns(psi, vectors), np.sqrt(lam) / (2.0 * np.pi), added, above)
+    return _columns(psi, vectors), (np.sqrt(lam) / (2.0 * np.pi), added, above)
 
 
 def _columns(psi: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -270,12 +247,6 @@ def _columns(psi: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     out = np.eye(boundary + len(psi), boundary + vectors.shape[1])
     out[boundary:, :boundary], out[boundary:, boundary:] = psi, vectors
     return out
-
-
-def _orthogonal(held: _Held, motions: sp.csr_array, psi: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Static motions without what rounding of their solution left in them of the softest modes."""
-    work, first = held.work(motions @ _columns(psi, shapes)), psi.shape[1]
-    return psi - shapes @ np.linalg.solve(work[first:, first:], work[first:, :first])
 
 
 def _fixed_modes(

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from middeck.structure.assembly.energy import assemble_carried, inner_forces, split_tangent
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.elements.rotations import skew
-from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.article import JointState
 from middeck.structure.modes.motions.strain_shares import member_energy
 from middeck.structure.rest.equilibrium import HALF_ROUND, Equilibrium, bushing_turns
 from middeck.structure.rest.imbalance import imbalance_scale
@@ -40,29 +40,22 @@ def where_lost(equilibrium: Equilibrium) -> Lost:
     gradient = assemble_carried(model, equilibrium.config, equilibrium.loads).gradient
     left = np.abs(static_freedom(model, equilibrium.config).within(gradient))
     worst = int(np.argmax(left / imbalance_scale(model, equilibrium.loads)))
-    roots, joint = model.tree.roots, worst - 6 * model.tree.roots
-    turns = worst % 6 > 2 if joint < 0 else not model.tree.slides[joint]
-    frame = worst // 6 if joint < 0 else roots + joint
     moved = np.linalg.norm(equilibrium.config.x - model.rest.x, axis=1).max()
-    size = f"{left[worst]:.3g} {'N m' if turns else 'N'}"
-    return Lost(factor, model.frames[frame], size, float(moved))
+    size = f"{left[worst]:.3g} {'N m' if model.tree.turns[worst] else 'N'}"
+    return Lost(factor, model.frames[model.tree.frame_of(worst)], size, float(moved))
 
 
-def beyond_travel(equilibrium: Equilibrium) -> tuple[str, ...]:
-    """Joints that stand outside what their mechanism allows."""
-    joints = equilibrium.model.structure.joints
-    return tuple(
-        joint.name
-        for joint, at in zip(joints, equilibrium.config.angle, strict=True)
-        if not joint.travel[0] <= at <= joint.travel[1]
-    )
-
-
-def far_bushings(equilibrium: Equilibrium) -> tuple[str, ...]:
-    """Bushings whose frames turn against each other by more than a right angle."""
+def gone_too_far(equilibrium: Equilibrium) -> list[str]:
+    """A clause for each joint beyond its travel, and each bushing turned by more than a right angle."""
     at = equilibrium
+    joints = zip(at.model.structure.joints, at.config.angle, strict=True)
+    beyond = [joint.name for joint, x in joints if not joint.travel[0] <= x <= joint.travel[1]]
     turns = bushing_turns(at.model, at.environment, at.config, at.loads)
-    return tuple(name for name, turn in turns if turn > HALF_ROUND)
+    return [f"; joint {name!r} went beyond its travel" for name in beyond] + [
+        f"; bushing {name!r} has turned far, and bears no more than 180 deg"
+        for name, turn in turns
+        if turn > HALF_ROUND
+    ]
 
 
 def buckling_member(equilibrium: Equilibrium, shape: Float[np.ndarray, " coordinate"]) -> str | None:
@@ -84,10 +77,16 @@ def loose_motions(equilibrium: Equilibrium, rigid: tuple[str, ...]) -> tuple[str
     """One sentence for each of the ``rigid`` modes, by name, of an article that something should hold."""
     if not np.any(equilibrium.environment.gravity) and equilibrium.model.held is None:
         return ()
-    reasons = _neutral_reasons(equilibrium.model.structure)
+    turning = [
+        f"gimbal {j.name.replace('_', ' ')}"
+        for j in equilibrium.model.structure.joints
+        if (j.state is JointState.FREE or (j.state is JointState.SPRUNG and j.stiffness == 0.0))
+        and not j.slides
+    ]
+    reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
     return tuple(
         f"nothing holds {name!r} in {equilibrium.environment.title!r}: a mechanism in neutral balance"
-        + reasons.get(name, "")
+        + reason * (name in turning)
         for name in rigid
     )
 
@@ -121,14 +120,3 @@ def moment_warnings(
         f"{0.5 * shift[worst] / lam[worst]:.1g} beyond what is shown, and damp or excite modes close to each "
         "other; apply it by two forces on arms",
     )
-
-
-def _neutral_reasons(structure: Structure) -> dict[str, str]:
-    """Reason of a neutral balance, by the name of a free joint's motion."""
-    reason = "; what it carries has its centre of mass on the axis, or the axis is upright: spring or lock it"
-    return {
-        f"gimbal {j.name.replace('_', ' ')}": reason
-        for j in structure.joints
-        if (j.state is JointState.FREE or (j.state is JointState.SPRUNG and j.stiffness == 0.0))
-        and not j.slides
-    }

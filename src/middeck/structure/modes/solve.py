@@ -13,22 +13,19 @@ from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.mass import carried_mass, mass_matrix
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
-from middeck.structure.eigenproblem.eigen import NOTHING, Eigenpairs, solve_pairs
+from middeck.structure.eigenproblem.eigen import NOTHING, solve_pairs
 from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.elements.motion_since_drawn import uncarried
-from middeck.structure.model.environment import Environment
 from middeck.structure.modes.lost_loose_or_buckled import (
-    beyond_travel,
     buckling_member,
-    far_bushings,
+    gone_too_far,
     loose_motions,
     moment_warnings,
     where_lost,
 )
 from middeck.structure.modes.motions.left_out_stiffness import component_warnings
 from middeck.structure.modes.motions.rigid_motions import rigid_basis
-from middeck.structure.modes.names.kind_warnings import kind_warnings
-from middeck.structure.modes.names.kinds import find_kinds
+from middeck.structure.modes.names.kinds import find_kinds, kind_warnings
 from middeck.structure.modes.names.naming import name_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
 from middeck.values import record
@@ -90,7 +87,14 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
     if count is not None and (count != int(count) or count < 1):
         raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
     if equilibrium.environment.spins and not standstill:
-        raise _spinning(equilibrium.environment)
+        turning = ", ".join(name for name, speed in equilibrium.environment.wheel_speeds if speed != 0.0)
+        raise ConfigError(
+            f"wheels spin ({turning}): the modes are complex, and real ones leave the momentum out",
+            where=f"environment {equilibrium.environment.title!r}",
+            hint="modes, response, design and qualify take the momentum; for compare, budget, path, "
+            "sensitivity, correlate and the rig set the speeds to zero; in Python "
+            "solve_modes(rest, standstill=True), then solve_gyroscopic_modes or build_plant",
+        )
     if not equilibrium.converged:
         raise _not_at_rest(equilibrium)
     K, M, lam, shapes, rigid = _solve(equilibrium, count)
@@ -127,17 +131,6 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
     )
 
 
-def _spinning(environment: Environment) -> ConfigError:
-    turning = ", ".join(name for name, speed in environment.wheel_speeds if speed != 0.0)
-    return ConfigError(
-        f"wheels spin ({turning}): the modes are complex, and real ones leave the momentum out",
-        where=f"environment {environment.title!r}",
-        hint="modes, response, design and qualify take the momentum; for compare, budget, path, sensitivity, "
-        "correlate and the rig set the speeds to zero; in Python solve_modes(rest, standstill=True), then "
-        "solve_gyroscopic_modes or build_plant",
-    )
-
-
 def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
     factor, frame, left, moved = where_lost(equilibrium)
     fell = any(damping > 0.0 for _, _, damping in equilibrium.history)
@@ -148,11 +141,7 @@ def _not_at_rest(equilibrium: Equilibrium) -> EquilibriumError:
         where=f"frame {frame!r}",
         hint="look at the residual history; check the supports, and the stiffness of what joins that frame"
         + ("; on the way the tangent lost its stability: something buckled or toppled" if fell else "")
-        + "".join(f"; joint {name!r} went beyond its travel" for name in beyond_travel(equilibrium))
-        + "".join(
-            f"; bushing {name!r} has turned far, and bears no more than 180 deg"
-            for name in far_bushings(equilibrium)
-        ),
+        + "".join(gone_too_far(equilibrium)),
         history=equilibrium.history,
         load_factor=factor,
         frame=frame,
@@ -183,8 +172,12 @@ def _solve(
     if np.any(nothing):
         raise _massless(model, free, int(np.argmax(nothing)))
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
-    pairs = _eigenpairs(model, free, free.matrix(at.tangent), free.matrix(mass), count, soft)
-    pairs, T = separate_rigid(model, config, loads, pairs, free), transport(config, model.tree)
+    K, M = free.matrix(at.tangent), free.matrix(mass)
+    pairs = solve_pairs(K, M, count, soft)
+    if pairs is None:
+        raise _massless(model, free, int(np.argmin(abs(K + M).sum(axis=0))))
+    pairs = separate_rigid(model, config, loads, pairs.pick(slice(count)), free)
+    T = transport(config, model.tree)
     rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, free, T)
     rank = np.argsort(~rigid, kind="stable")
     shapes = free.spread(pairs.shapes[:, rank])
@@ -194,19 +187,8 @@ def _solve(
     return at.tangent, mass, pairs.lam[rank], shapes, int(np.sum(rigid))
 
 
-def _eigenpairs(
-    model: Model, free: Freedom, K: sp.csr_array, M: sp.csr_array, count: int | None, soft: np.ndarray
-) -> Eigenpairs:
-    pairs = solve_pairs(K, M, count, soft)
-    if pairs is None:
-        raise _massless(model, free, int(np.argmin(abs(K + M).sum(axis=0))))
-    return Eigenpairs(pairs.lam[:count], pairs.shapes[:, :count], pairs.noise[:count])
-
-
 def _massless(model: Model, free: Freedom, worst: int) -> NumericalError:
-    coordinate = int(np.flatnonzero(free.active)[worst])
-    roots = model.tree.roots
-    frame = coordinate // 6 if coordinate < 6 * roots else coordinate - 5 * roots
+    frame = model.tree.frame_of(int(np.flatnonzero(free.active)[worst]))
     return NumericalError(
         "a motion has neither mass nor stiffness",
         where=f"frame {model.frames[frame]!r}",

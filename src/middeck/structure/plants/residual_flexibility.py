@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 import scipy.sparse as sp
 from jaxtyping import Float
 
@@ -24,6 +23,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
+from middeck.structure.assembly.redundant_constraints import pivots
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
@@ -80,7 +80,7 @@ def residual_flexibility(
         )
     K, M, free = _matrices(modes)
     held = np.zeros(order(K), dtype=bool)
-    held[_statically_determinate(free.coordinates(modes.shapes[:, :rigid]))] = True
+    held[pivots(free.coordinates(modes.shapes[:, :rigid]))] = True
     factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
     if factor is None:
         raise NumericalError(
@@ -122,7 +122,12 @@ def compare_static_gain(
     C = free.part((read.position + omega * read.rate - omega**2 * read.acceleration).T).T
     D = sp.csr_array(K - omega**2 * M)
     kept = _Kept(free.coordinates(modes.shapes[:, :count]), M, modes.omega[:count] ** 2 - omega**2)
-    _check_off_resonance(modes, omega)
+    near = np.abs(modes.omega - omega) <= RESONANT * omega
+    if omega > 0.0 and np.any(near):
+        raise NumericalError(
+            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} depends on its damping",
+            hint="another frequency_hz, below the first flexible mode",
+        )
     x, y = (kept.answer(F) + _dynamic_rest(D, kept, F) for F in (B, C.T))
     full, truncated = C @ x, C @ kept.answer(B)
     completed = truncated + residual_flexibility(modes, drive.force, read.position, count)
@@ -188,10 +193,8 @@ class _Kept(NamedTuple):
 def _answer_of_the_rest(
     D: sp.csr_array, factor: Factor, kept: _Kept, force: np.ndarray, free: np.ndarray
 ) -> Float[np.ndarray, "coordinate input"]:
-    """D^-1 ``force`` less what the kept modes answer, itself without any part along them.
-
-    The soft kept modes answer a million times more than the stiff rest: a difference would be rounding.
-    """
+    """D^-1 ``force`` less what the kept modes answer, itself without any part along them. The soft kept modes
+    answer a million times more than the stiff rest: a difference would be rounding."""
     by_modes = kept.answer(force)
     x = np.zeros_like(force)
     for _ in range(2):  # once more for what rounding has left
@@ -215,15 +218,6 @@ def _dynamic_rest(D: sp.csr_array, kept: _Kept, force: np.ndarray) -> Float[np.n
     )
 
 
-def _check_off_resonance(modes: Modes, omega: float) -> None:
-    near = np.abs(modes.omega - omega) <= RESONANT * omega
-    if omega > 0.0 and np.any(near):
-        raise NumericalError(
-            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} depends on its damping",
-            hint="another frequency_hz, below the first flexible mode",
-        )
-
-
 def _low_frequency(modes: Modes, moving: bool) -> float:
     """Zero, where neither rigid modes nor the outputs (rates, accelerations) make gains there meaningless."""
     swings = modes.frequency_hz[modes.omega > 0.0]
@@ -238,11 +232,3 @@ def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
     free = dynamic_freedom(equilibrium.model, equilibrium.config, in_world=True)
     K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
     return free.matrix(K), free.matrix(modes.mass), free
-
-
-def _statically_determinate(rigid: np.ndarray) -> np.ndarray:
-    """Coordinates that, held, stop every rigid mode: the pivots of a rank-revealing QR (Golub 1965)."""
-    if not rigid.shape[1]:
-        return np.zeros(0, dtype=int)
-    _, pivots = cast("tuple[Any, np.ndarray]", sla.qr(rigid.T, mode="r", pivoting=True))
-    return pivots[: rigid.shape[1]]

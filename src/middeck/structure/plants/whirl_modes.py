@@ -119,18 +119,19 @@ def solve_gyroscopic_modes(
     damped = estimate_damping(modes, damping, count=count)
     equilibrium = modes.equilibrium
     spin = spinning_wheels(equilibrium.model, equilibrium.config, equilibrium.environment)
+    still = GyroscopicModes(
+        standstill=modes,
+        omega=modes.omega[:count],
+        zeta=damped.zeta,
+        shapes=modes.shapes[:, :count].astype(complex),
+        whirl=np.zeros(count),
+        kind=modes.kind[:count],
+        name=modes.name[:count],
+        residual=modes.residual[:count],
+        warnings=damped.warnings,
+    )
     if not spin.turns:
-        return GyroscopicModes(
-            standstill=modes,
-            omega=modes.omega[:count],
-            zeta=damped.zeta,
-            shapes=modes.shapes[:, :count].astype(complex),
-            whirl=np.zeros(count),
-            kind=modes.kind[:count],
-            name=modes.name[:count],
-            residual=modes.residual[:count],
-            warnings=damped.warnings,
-        )
+        return still
     kept = min(len(modes.omega), max(WHOLE, 2 * count))
     omega, basis = modes.omega[:kept], modes.shapes[:, :kept]
     beyond = np.full(kept - count, damped.zeta[-1] if count else 0.0)
@@ -145,8 +146,8 @@ def solve_gyroscopic_modes(
     shapes[:, : found.drifts], names[: found.drifts] = rigid_basis(
         equilibrium, modes.mass, np.real(basis @ found.q[:, : found.drifts])
     )
-    return GyroscopicModes(
-        standstill=modes,
+    return dataclasses.replace(
+        still,
         omega=found.omega[:count],
         zeta=found.zeta[:count],
         shapes=shapes[:, :count],
@@ -221,7 +222,11 @@ def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarr
     null = np.vstack([-(g[rigid:, :rigid] @ drift) / w[:, None], drift, np.zeros((flexible, drift.shape[1]))])
     rest = cast("Any", sla.qr(null))[0][:, drift.shape[1] :]
     inner = rest.T @ A @ rest
-    values, vectors = np.linalg.eig(inner) if np.any(d) else _skew_eig(inner)
+    if np.any(d):
+        values, vectors = np.linalg.eig(inner)
+    else:
+        rate, vectors = np.linalg.eigh(0.5j * (inner - inner.T))
+        values = -1j * rate
     upper = np.imag(values) >= 0.0
     s, x = values[upper], rest @ vectors[:, upper]
     q = x[flexible:] * np.conj(s)  # from either state, as far as it tells
@@ -250,11 +255,6 @@ def _part_rigid(g: np.ndarray, spin: Spin, turn: np.ndarray) -> tuple[np.ndarray
     free = pairs[:, np.abs(rate) <= JOINED * sizes]
     real = np.linalg.svd(np.real(free @ free.conj().T))[0]  # a space that is its own conjugate
     return real[:, : free.shape[1]], pairs[:, rate > JOINED * sizes]
-
-
-def _skew_eig(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    rate, vectors = np.linalg.eigh(0.5j * (A - A.T))
-    return -1j * rate, vectors
 
 
 def _refined(
@@ -286,9 +286,7 @@ def _residual(modes: Modes, spin: Spin, basis: np.ndarray, d: np.ndarray, found:
 
 def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, ...]:
     """A warning where the modes beyond ``kept`` would move a frequency, by their flexibility at the wheels.
-
-    They give way to the torques f of the wheels by R f, which takes f^H R f from the stiffness of a mode.
-    """
+    They give way to the torques f of the wheels by R f, which takes f^H R f from the stiffness of a mode."""
     rigid = int(np.sum(modes.omega == 0.0))
     if kept < rigid:
         raise ConfigError(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -52,7 +50,7 @@ def descend(
         if residual < enough:
             break
         q, damping = _damped_step(model, config, at, mass, damping)
-        better = _shorten(_Descent(model, loads, mass, scale), config, at, q)
+        better = _shorten(model, loads, mass, scale, config, at.energy, residual, q)
         if better is None:
             if damping == 0.0 and stride(model, q) < unmoved(model, config):
                 enough = max(enough, ROUNDED)
@@ -64,33 +62,23 @@ def descend(
     return config, at, history, enough
 
 
-class _Descent(NamedTuple):
-    """Constants of one descent."""
-
-    model: Model
-    loads: Loads
-    mass: sp.csr_array
-    scale: np.ndarray
-
-    def at(self, config: Configuration) -> Assembly:
-        return assemble_carried(self.model, config, self.loads)
-
-    def imbalance(self, config: Configuration, at: Assembly) -> float:
-        return imbalance(at, static_freedom(self.model, config), self.scale)
-
-
 def _shorten(
-    way: _Descent, config: Configuration, at: Assembly, q: np.ndarray
+    model: Model,
+    loads: Loads,
+    mass: sp.csr_array,
+    scale: np.ndarray,
+    config: Configuration,
+    energy: float,
+    residual: float,
+    q: np.ndarray,
 ) -> tuple[Configuration, Assembly, int] | None:
-    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings.
-
-    None at rounding level.
-    """
+    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings. None at rounding
+    level."""
     for halvings in range(MAX_HALVINGS):
-        trial = closed(way.model, move_whole(way.model, config, q, way.mass))
+        trial = closed(model, move_whole(model, config, q, mass))
         if trial is not None:
-            new = way.at(trial)
-            if new.energy < at.energy or way.imbalance(trial, new) < way.imbalance(config, at):
+            new = assemble_carried(model, trial, loads)
+            if new.energy < energy or imbalance(new, static_freedom(model, trial), scale) < residual:
                 return trial, new, halvings
         q = 0.5 * q
     return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +12,12 @@ import scipy.linalg as sla
 from jaxtyping import Float, Inexact
 
 from middeck.errors import EquilibriumError
+from middeck.structure.assembly.component_states import PlacedComponent, place_components
 from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import check_links, link_warnings, links_at, static_freedom
 from middeck.structure.assembly.mesh import Model, mesh_structure
+from middeck.structure.assembly.places import poses_at
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.assembly.wheel_forces import check_speeds
 from middeck.structure.elements.frames import Configuration, frame_poses, rigid_columns
@@ -30,7 +33,6 @@ from middeck.structure.rest.imbalance import article_size, imbalance_scale, imba
 from middeck.structure.rest.motion_as_a_whole import face_as_drawn
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
-from middeck.structure.rest.slack_cables import refuse_slack_cables
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record
 
@@ -90,6 +92,11 @@ class Equilibrium:
         """Where the frames are at rest."""
         return frame_poses(self.model.tree, self.config)
 
+    @functools.cached_property
+    def components(self) -> list[PlacedComponent]:
+        """The reduced components at rest."""
+        return place_components(self.model, poses_at(self.model, self.config), self.loads)
+
     def moves(self, shapes: Inexact[np.ndarray, "coordinate mode"]) -> Inexact[np.ndarray, "pose 6 mode"]:
         """Shift and turn of every point of the model per unit of each mode; analytic."""
         model = self.model
@@ -124,12 +131,18 @@ def solve_equilibrium(
     check_environment(environment, model.structure)
     check_links(model)
     check_speeds(model, environment)
-    _check_idle(environment)
+    idle = [device.name for device in environment.hung if device.needs_gravity]
+    if idle and not np.any(environment.gravity):
+        raise EquilibriumError(
+            f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
+            where=f"environment {environment.title!r}",
+            hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
+        )
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
     _check_driven(model, environment, loads)
     settled = face_as_drawn(model, loads, settle(model, loads))
-    refuse_slack_cables(tuned.name, settled.assembly.tension)
+    _refuse_slack_cables(tuned.name, settled.assembly.tension)
     _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:
         _check_travel(model.structure, settled.config.angle)
@@ -145,33 +158,38 @@ def solve_equilibrium(
         history=settled.history,
         holding_torque=holding,
         tension=settled.assembly.tension,
-        reactions=(
-            *_clamp_reactions(model, environment, settled.config, settled.assembly.gradient),
-            *_bushing_reactions(model, environment, settled.config, loads),
-        ),
+        reactions=_reactions(model, environment, settled.config, loads, settled.assembly.gradient),
         enough=settled.enough,
         stable=settled.stable,
         followed=settled.followed,
     )
 
 
-def _clamp_reactions(
-    model: Model, environment: Environment, config: Configuration, gradient: np.ndarray
+def _reactions(
+    model: Model, environment: Environment, config: Configuration, loads: Loads, gradient: np.ndarray
 ) -> tuple[Reaction, ...]:
-    """Reactions of clamps: at rest dE/dq of a held coordinate is the force that holds it."""
+    """Of clamps, whose force is dE/dq of what they hold at rest, then of bushings to the ground."""
     taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
-    held = dict.fromkeys(clamp.node for clamp in environment.clamps)
-    at = {name: taken[6 * nodes.index(name) :][:6] for name in held}
-    return tuple(Reaction(name, load[:3], load[3:]) for name, load in at.items())
+    clamped = dict.fromkeys(clamp.node for clamp in environment.clamps)
+    found = [(name, taken[6 * nodes.index(name) :][:6]) for name in clamped]
+    pulls = -bushing_states(model, config, loads)[1].gradient[:, 6:]
+    found += [(b.name, pull) for b, pull in zip(environment.bushings, pulls, strict=True)]
+    return tuple(Reaction(name, load[:3], load[3:]) for name, load in found)
 
 
-def _bushing_reactions(
-    model: Model, environment: Environment, config: Configuration, loads: Loads
-) -> tuple[Reaction, ...]:
-    """Reactions of bushings to the ground on the article, at their attach points."""
-    load = -bushing_states(model, config, loads)[1].gradient[:, 6:]
-    return tuple(Reaction(b.name, f[:3], f[3:]) for b, f in zip(environment.bushings, load, strict=True))
+def _refuse_slack_cables(devices: Sequence[str], tension: Float[np.ndarray, " tie"]) -> None:
+    """A cable cannot push; the springs that follow the ``devices`` may."""
+    pull = dict(zip(devices, map(float, tension), strict=False))
+    slack = {name: value for name, value in pull.items() if value <= 0.0}
+    if slack:
+        named = ", ".join(f"{name!r} ({value:.3f} N)" for name, value in slack.items())
+        raise EquilibriumError(
+            f"slack at equilibrium: the cable of {named}",
+            where="suspension",
+            hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
+            tension_n=pull,
+        )
 
 
 def bushing_turns(
@@ -202,17 +220,6 @@ def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
             for j, angle in zip(model.structure.joints, config.angle, strict=True)
         ]
     )
-
-
-def _check_idle(environment: Environment) -> None:
-    heavy = bool(np.any(environment.gravity))
-    idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
-    if idle:
-        raise EquilibriumError(
-            f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
-            where=f"environment {environment.title!r}",
-            hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
-        )
 
 
 def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
@@ -269,16 +276,13 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
     weight = imbalance_weight(model, loads)
     gradient = assemble_carried(model, equilibrium.config, loads).gradient
     left = np.abs(static_freedom(model, equilibrium.config).within(gradient)) / scale
-    roots = model.tree.roots
-    turns = np.concatenate([np.tile(np.repeat([False, True], 3), roots), ~model.tree.slides])
-    worst = int(np.argmax(left)) if len(left) else 0
-    frame = worst // 6 if worst < 6 * roots else worst - 5 * roots
+    tree = model.tree
     return Imbalance(
-        float(left[~turns].max(initial=0.0)),
-        float(left[turns].max(initial=0.0)),
+        float(left[~tree.turns].max(initial=0.0)),
+        float(left[tree.turns].max(initial=0.0)),
         weight,
         min(article_size(model), 1.0),
-        model.frames[frame],
+        model.frames[tree.frame_of(int(np.argmax(left)) if len(left) else 0)],
     )
 
 
@@ -331,10 +335,8 @@ def _is_held(equilibrium: Equilibrium) -> bool:
 
 
 def _check_travel(structure: Structure, angle: Float[np.ndarray, " joint"]) -> None:
-    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops.
-
-    Held joints are checked with the structure; a sprung one goes where its load puts it.
-    """
+    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops. Held joints are checked with
+    the structure; a sprung one goes where its load puts it."""
     for joint, at in zip(structure.joints, angle, strict=True):
         low, high = joint.travel
         if not low <= at <= high:

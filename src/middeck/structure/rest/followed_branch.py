@@ -27,9 +27,9 @@ from middeck.structure.rest.rest_criteria import (
     UNMOVED,
     Settled,
     holding,
+    is_stable,
 )
 from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
-from middeck.structure.rest.stability import is_stable
 
 # Least part of the loads in one step of following them; iterations in one.
 LEAST_PART, MAX_NEWTON = 1e-3, 20
@@ -53,7 +53,7 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
-        found = _newton(model, _Way(config, inner), scale_loads(loads, part), part - done, mass, part < 1.0)
+        found = _newton(model, config, inner, scale_loads(loads, part), part - done, mass, part < 1.0)
         step = (part - done) * min(2.0, max(found.fitting, 0.25) if found.to is None else found.fitting)
         if found.to is None:
             continue
@@ -69,40 +69,38 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     )
 
 
-class _Way(NamedTuple):
-    """Where Newton's method is: the configuration, and the forces inside where they are unknowns."""
-
-    config: Configuration
-    inner: Inner | None
-
-
 class _Newton(NamedTuple):
     """Where Newton's method ended, None where it left the branch, and the residuals of its iterations.
-
-    ``fitting`` times the step of the loads would have made its first step as long as it may be.
-    """
+    ``fitting`` times the step of the loads would have made its first step as long as it may be."""
 
     fitting: float
-    to: _Way | None = None
+    to: tuple[Configuration, Inner | None] | None = None
     left: tuple[float, ...] = ()
 
 
-def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_array, rough: bool) -> _Newton:
-    """Newton's method from nearby, after a further ``part`` of what is prescribed.
-
-    Forces inside are unknowns (see `unfold`). It ends where the next step would be rounding, whatever
-    the loads are beside the weight; on the way a ``rough`` state will do, to which it contracts.
-    """
+def _newton(
+    model: Model,
+    start: Configuration,
+    inner: Inner | None,
+    loads: Loads,
+    part: float,
+    mass: sp.csr_array,
+    rough: bool,
+) -> _Newton:
+    """Newton's method from nearby, after a further ``part`` of what is prescribed. Forces inside are unknowns
+    (see `unfold`). It ends where the next step would be rounding, whatever the loads are beside the weight;
+    on the way a ``rough`` state will do, to which it contracts."""
     scale = imbalance_scale(model, loads)
-    config, moved = displace(model, way.config, loads, part)
-    inner = way.inner if moved is None else moved
+    config, moved = displace(model, start, loads, part)
+    inner = inner if moved is None else moved
     left, longest, before, fitting = [], 0.0, LONGEST_STEP, 0.5
     for _ in range(MAX_NEWTON):
         free = static_freedom(model, config)
         at = assemble_carried(model, config, loads, None, inner)
         left.append(imbalance(at, free, scale))
-        settled = left[-1] < TOLERANCE and _is_settled(left, before, longest)
-        if settled:
+        # The next step would be rounding: nothing is left, the last was short, or it did no good.
+        fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
+        if left[-1] < TOLERANCE and (left[-1] == 0.0 or before < SQUARED * longest or not fell):
             break
         held = holding(free.matrix(at.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
@@ -127,28 +125,20 @@ def _newton(model: Model, way: _Way, loads: Loads, part: float, mass: sp.csr_arr
             break
     else:
         return _Newton(0.5)
-    return _Newton(fitting, _Way(config, inner), tuple(left))
-
-
-def _is_settled(left: list[float], step: float, longest: float) -> bool:
-    """Whether Newton's next step is rounding: none is left, the last was short, or it did no good."""
-    fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
-    return left[-1] == 0.0 or step < SQUARED * longest or not fell
+    return _Newton(fitting, (config, inner), tuple(left))
 
 
 def rest_beside(
     model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
 ) -> Configuration | None:
     """The rest state on the branch of ``config``, the forces inside as unknowns; None where it is left."""
-    found = _newton(model, _Way(config, None), loads, 0.0, mass, rough=False)
-    return None if found.to is None else found.to.config
+    found = _newton(model, config, None, loads, 0.0, mass, rough=False)
+    return None if found.to is None else found.to[0]
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
-    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each.
-
-    The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
-    """
+    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each. The
+    rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it."""
     moved = np.flatnonzero(np.any(loads.push[:, 3:] != 0.0, axis=1))
     if not len(moved):
         return None
@@ -209,10 +199,10 @@ def displace(
 
 def with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:
     """Springs without free length keep their own forces, as stiff across as along wherever they point."""
-    if not len(inner.spring) and not len(inner.device):
+    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
+    if not np.any(linear[0]) and not np.any(linear[1]):
         return inner
     own = inner_forces(model, config, loads)
-    linear = [law.preload == law.stiffness * law.length for law in (own_law(model), loads.law)]
     return inner._replace(
         spring=np.where(linear[0], own.spring, inner.spring),
         device=np.where(linear[1], own.device, inner.device),

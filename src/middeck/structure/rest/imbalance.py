@@ -21,9 +21,7 @@ def imbalance_scale(model: Model, loads: Loads) -> Float[np.ndarray, " coordinat
     that is less: strict for large articles and for small ones.
     """
     weight = imbalance_weight(model, loads)
-    moment = weight * min(article_size(model), 1.0)
-    joints = np.where(model.tree.slides, weight, moment)
-    return np.concatenate([np.tile(np.repeat([weight, moment], 3), model.tree.roots), joints])
+    return np.where(model.tree.turns, weight * min(article_size(model), 1.0), weight)
 
 
 def imbalance_weight(model: Model, loads: Loads) -> float:

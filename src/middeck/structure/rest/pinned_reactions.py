@@ -74,7 +74,11 @@ def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedSta
         for factor in (*LOAD_FACTORS, 1.0):
             found = _settle_pinned(model, scale_loads(loads, factor), supports, mass, *found)
             if found is None:
-                raise _unsettled()
+                raise EquilibriumError(
+                    f"the article, held at its attach points, does not settle in {MAX_ITERATIONS} iterations",
+                    where="suspension.held",
+                    hint="hold more directions, or look for members too soft to carry the weight",
+                )
     return PinnedState(found[0], supports, found[1])
 
 
@@ -111,10 +115,8 @@ def _settle_pinned(
     *,
     contract: bool = False,
 ) -> tuple[Configuration, np.ndarray] | None:
-    """Newton's method from ``config`` and ``force``; None where it does not settle.
-
-    Or where its steps do not ``contract``: it is then on its way to some other branch.
-    """
+    """Newton's method from ``config`` and ``force``; None where it does not settle. Or where its steps do not
+    ``contract``: it is then on its way to some other branch."""
     scale = imbalance_scale(model, loads)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
@@ -133,7 +135,13 @@ def _settle_pinned(
         q, change = _constrained_step(K, G, free.part(at.gradient), slip, spring)
         before, size = size, float(np.abs(q).max(initial=0.0))
         if not (size < RUNAWAY_M or contract):
-            raise _mechanism()
+            raise EquilibriumError(
+                "the article, held at its attach points, is still a mechanism that moves under its weight",
+                where="suspension.held",
+                hint="hold enough directions: y and z at each of three points and x at one stop a straight "
+                "bus; if they are held, the article is far too soft or heavy: check the units of its lengths "
+                "and E",
+            )
         if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
             return None
         moved = closed(model, move_carried(model.tree, config, free.spread(q)))
@@ -146,11 +154,9 @@ def _settle_pinned(
 def _constrained_step(
     K: sp.csr_array, G: sp.csr_array, gradient: np.ndarray, slip: np.ndarray, spring: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton step (q, multipliers m): K q + G'm = -gradient, G q = -slip.
-
-    A ``spring`` at every support makes the matrix regular and changes nothing, for it adds the same to both
-    sides; the multipliers then follow from the compliance of the supports, S m = G q(m = 0) + slip.
-    """
+    """Newton step (q, multipliers m): K q + G'm = -gradient, G q = -slip. A ``spring`` at every support makes
+    the matrix regular and changes nothing, for it adds the same to both sides; the multipliers then follow
+    from the compliance of the supports, S m = G q(m = 0) + slip."""
     factor = factorise(sp.csr_array(K + spring * (G.T @ G)))
     q = np.full(len(gradient), np.inf)
     m = np.zeros(len(slip))
@@ -161,20 +167,3 @@ def _constrained_step(
         m = np.linalg.pinv(0.5 * (S + S.T), rcond=HELD_TWICE, hermitian=True) @ (G @ q + slip)
         q = q - across @ m
     return q, m
-
-
-def _mechanism() -> EquilibriumError:
-    return EquilibriumError(
-        "the article, held at its attach points, is still a mechanism that moves under its weight",
-        where="suspension.held",
-        hint="hold enough directions: y and z at each of three points and x at one stop a straight bus; "
-        "if they are held, the article is far too soft or heavy: check the units of its lengths and E",
-    )
-
-
-def _unsettled() -> EquilibriumError:
-    return EquilibriumError(
-        f"the article, held at its attach points, does not settle in {MAX_ITERATIONS} iterations",
-        where="suspension.held",
-        hint="hold more directions, or look for members too soft to carry the weight",
-    )

@@ -72,8 +72,7 @@ def split_rigid(
 
 def stride(model: Model, q: Float[np.ndarray, " coordinate"]) -> float:
     """The largest change that carried coordinates make: a turn [rad], or a shift over the article's size."""
-    turns = np.concatenate([np.tile(np.repeat([False, True], 3), model.tree.roots), ~model.tree.slides])
-    return float(np.abs(np.where(turns, q, q / article_size(model))).max(initial=0.0))
+    return float(np.abs(np.where(model.tree.turns, q, q / article_size(model))).max(initial=0.0))
 
 
 def unmoved(model: Model, config: Configuration) -> float:

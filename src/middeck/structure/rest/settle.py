@@ -12,8 +12,7 @@ from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.followed_branch import displace, follow, prescribed_steps
 from middeck.structure.rest.forces_as_unknowns import unfold
 from middeck.structure.rest.imbalance import imbalance_scale
-from middeck.structure.rest.rest_criteria import TOLERANCE, Settled
-from middeck.structure.rest.stability import is_stable
+from middeck.structure.rest.rest_criteria import TOLERANCE, Settled, is_stable
 
 # Residual accepted at intermediate load steps.
 ROUGH = 1e-4

@@ -13,14 +13,13 @@ from typing import NamedTuple, cast
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.assembly.environment_loads import Ground, Loads, no_loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, points_in_world
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment
 from middeck.structure.rest.pinned_reactions import PinnedPoints, PinnedState, settle_pinned, support_forces
-from middeck.structure.rest.slack_cables import refuse_slack_reactions
 from middeck.values import record
 
 LEAST_RISE = 1e-3
@@ -76,11 +75,16 @@ def _tuned_forces(
     environment: Environment, tuned: Sequence[Device], slope: dict[str, float], support: np.ndarray
 ) -> dict[str, float]:
     """Load of each tuned device by name: its share of the vertical reaction over its slope."""
-    attach = _tuned_attach(tuned)
-    reaction = support @ _up(environment)
-    refuse_slack_reactions(attach, np.real(reaction))
+    pull = dict(zip(_tuned_attach(tuned), support @ _up(environment), strict=True))
+    for name, value in pull.items():
+        if np.real(value) <= 0.0:
+            raise EquilibriumError(
+                f"the cable at {name!r} would be slack: its pinned reaction is {np.real(value):.3f} N",
+                where=f"suspension at {name!r}",
+                hint="move the attach points so that each carries load, or hang the article by fewer",
+                reactions_n={name: float(np.real(value)) for name, value in pull.items()},
+            )
     together = [d.attach for d in tuned]
-    pull = dict(zip(attach, reaction, strict=True))
     return {d.name: pull[d.attach] / together.count(d.attach) / slope[d.name] for d in tuned}
 
 
@@ -150,7 +154,11 @@ def _loads(model: Model, environment: Environment, lines: Sequence[_Line]) -> Lo
         no_loads(),
         gravity=environment.gravity,
         push=np.array(pushes).reshape(-1, 6),
-        ground=_ground(model, environment),
+        ground=Ground(
+            point=np.array([attach_index(model, b.attach) for b in environment.bushings], dtype=int),
+            stiffness=np.array([b.stiffness for b in environment.bushings]).reshape(-1, 6, 6),
+            axes=np.array([b.axes for b in environment.bushings]).reshape(-1, 3, 3),
+        ),
     )
     if not lines:
         return base
@@ -161,15 +169,6 @@ def _loads(model: Model, environment: Environment, lines: Sequence[_Line]) -> Lo
         attach_point=np.array([line.point for line in lines], dtype=int),
         law=SpringLaw(preload, stiffness, length),
         mass=np.array([line.mass for line in lines]),
-    )
-
-
-def _ground(model: Model, environment: Environment) -> Ground:
-    bushings = environment.bushings
-    return Ground(
-        point=np.array([attach_index(model, b.attach) for b in bushings], dtype=int),
-        stiffness=np.array([b.stiffness for b in bushings]).reshape(-1, 6, 6),
-        axes=np.array([b.axes for b in bushings]).reshape(-1, 3, 3),
     )
 
 
@@ -217,9 +216,7 @@ def _up(environment: Environment) -> Inexact[np.ndarray, "3"]:
 
 def _drawn(model: Model, device: Device) -> Inexact[np.ndarray, "3"]:
     """Undeformed place of its attach point."""
-    at = [attach_index(model, device.attach)]
-    point = PosePoints(model.points.frame[at], model.points.offset[at])
-    return points_in_world(point, model.drawn)[0]
+    return points_in_world(model.points.of(np.array([attach_index(model, device.attach)])), model.drawn)[0]
 
 
 def attach_index(model: Model, name: str) -> int:

@@ -19,14 +19,13 @@ from jaxtyping import Float, Int
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.parameters import Parameter
 from middeck.structure.sensitivity.patches import derivative
-from middeck.structure.sensitivity.repeated_modes import group_modes
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
@@ -58,10 +57,7 @@ class FrequencySensitivities:
 
     @property
     def relative(self) -> Float[np.ndarray, "parameter mode"]:
-        """Logarithmic sensitivities d ln f / d ln p.
-
-        Not a number where either of them is zero.
-        """
+        """Logarithmic sensitivities d ln f / d ln p. Not a number where either of them is zero."""
         values = np.array([p.value if p.value != 0.0 else np.nan for p in self.parameters])
         return self.d_hz * values[:, None] / np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
 
@@ -76,7 +72,7 @@ def differentiate_frequencies(
     rest state itself has no derivative, or where a softer member changes one of these frequencies.
     """
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
-    groups = group_modes(modes, count)
+    groups = tuple(tuple(group.tolist()) for group in by_frequency(modes.omega[:count] ** 2))
     softer, article = soften_modes(modes, count, "derivatives of frequencies")
     pairs = _pairs(modes, groups)
     moved = move_rest(article.rest, article.parameters(parameters))
@@ -121,19 +117,12 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
 
 
 def _whole(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
-    return _pair_derivatives(modes.equilibrium, moved, modes.shapes, pairs) + _of_ties(modes, moved, pairs)
-
-
-def _pair_derivatives(
-    rest: Equilibrium, moved: MovedRest, shapes: np.ndarray, pairs: _Pairs
-) -> Float[np.ndarray, "parameter pair"]:
     """phi_i'(dK - lambda dM) phi_j: by the parameters themselves, and by the way the rest state moves."""
-    out = _explicit(moved, shapes, pairs)
-    if not np.any(moved.motion):
-        return out
-    return out + moved.motion.T @ (
-        element_gradients(rest, shapes, *pairs) + tree_gradients(rest, shapes, *pairs)
-    )
+    at = modes.equilibrium, modes.shapes, *pairs
+    out = _explicit(moved, modes.shapes, pairs)
+    if np.any(moved.motion):
+        out = out + moved.motion.T @ (element_gradients(*at) + tree_gradients(*at))
+    return out + _of_ties(modes, moved, pairs)
 
 
 def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:

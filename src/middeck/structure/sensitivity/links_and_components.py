@@ -61,27 +61,20 @@ class Tied(NamedTuple):
         """Moves of dependent coordinates that take ``value`` from the rows."""
         if self.links is None:
             return np.zeros((self.model.tree.size, value.shape[1]))
-        step, axes = self.links[1].follow(value), self._axes
-        return step if axes is None else axes @ step
+        return self.links[1].follow(value)
 
     def multipliers(self, gradient: Float[np.ndarray, "coordinate ..."]) -> Float[np.ndarray, "row ..."]:
         """Multipliers that leave nothing of ``gradient`` at the dependent coordinates."""
         if self.links is None:
             return np.zeros((0, *gradient.shape[1:]))
-        axes = self._axes
-        return self.links[1].multipliers(gradient if axes is None else axes.T @ gradient)
-
-    @property
-    def _axes(self) -> sp.csr_array | None:
-        return None if self.model.held is None else self.model.held.axes
+        return self.links[1].multipliers(gradient)
 
     def check_repeated(self, parameter: Parameter, change: TieChange) -> None:
         """Raise `NumericalError` where a row that repeats others no longer does as ``parameter`` changes."""
         if self.links is None:
             return
         state, close = self.links
-        axes, basis = self._axes, close.basis
-        Z = basis if axes is None else sp.csr_array(axes @ basis)
+        Z = close.basis if close.axes is None else sp.csr_array(close.axes @ close.basis)
         for row, others in close.spare:
             kept = list(others)
             own, of_others = (state.jacobian[rows].toarray() for rows in ([row], kept))

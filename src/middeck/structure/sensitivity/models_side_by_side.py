@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,11 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.frames import Configuration, FrameTree, PosePoints
 from middeck.structure.elements.springs_and_cables import SpringLaw
+
+_joined = np.concatenate
+# Fields of a `Model` that are arrays by element or body, and those that number its poses.
+ARRAYS = ("element_triad", "body_mass", "body_inertia")
+POSES = ("element_ends", "body_point", "attach_point", "spring_ends", "bushing_ends", "load_point")
 
 
 class Raft(NamedTuple):
@@ -39,11 +44,10 @@ def merge_models(models: Sequence[Model]) -> Raft:
     frame = places(1)
     structure = dataclasses.replace(
         models[0].structure,
-        joints=tuple(j for m in models for j in m.structure.joints),
-        springs=tuple(s for m in models for s in m.structure.springs),
-        bushings=tuple(b for m in models for b in m.structure.bushings),
-        loads=tuple(p for m in models for p in m.structure.loads),
+        **{k: _chained(models, k) for k in ("joints", "springs", "bushings", "loads")},
     )
+    arrays: dict[str, Any] = {k: _joined([getattr(m, k) for m in models]) for k in ARRAYS}
+    arrays |= {k: _shifted([getattr(m, k) for m in models], poses) for k in POSES}
     merged = Model(
         structure=structure,
         frames=tuple(f for m in models for f in m.frames[: m.tree.roots])
@@ -60,22 +64,18 @@ def merge_models(models: Sequence[Model]) -> Raft:
             _joined([f[m.points.frame] for f, m in zip(frame, models, strict=True)]),
             _joined([m.points.offset for m in models]),
         ),
-        element_ends=_shifted([m.element_ends for m in models], poses),
-        element_triad=_joined([m.element_triad for m in models]),
         element_member=_shifted([m.element_member for m in models], members),
         beams=BeamProperties(
             **{k: _joined([getattr(m.beams, k) for m in models]) for k in BeamProperties.__dataclass_fields__}
         ),
-        body_point=_shifted([m.body_point for m in models], poses),
-        body_mass=_joined([m.body_mass for m in models]),
-        body_inertia=_joined([m.body_inertia for m in models]),
         attach_names=tuple(a for m in models for a in m.attach_names),
-        attach_point=_shifted([m.attach_point for m in models], poses),
-        spring_ends=_shifted([m.spring_ends for m in models], poses),
-        bushing_ends=_shifted([m.bushing_ends for m in models], poses),
-        load_point=_shifted([m.load_point for m in models], poses),
+        **arrays,
     )
     return Raft(merged, places(6), tuple(int(p) for p in poses[:-1]))
+
+
+def _chained(models: Sequence[Model], parts: str) -> tuple[Any, ...]:
+    return tuple(part for m in models for part in getattr(m.structure, parts))
 
 
 def merge_configurations(configs: Sequence[Configuration]) -> Configuration:
@@ -95,20 +95,12 @@ def merge_loads(raft: Raft, loads: Sequence[Loads]) -> Loads:
         law=SpringLaw(*law),
         mass=_joined([x.mass for x in loads]),
         push=_joined([x.push for x in loads]),
-        ground=_merge_ground(raft, [x.ground for x in loads]),
+        ground=Ground(
+            point=_joined([x.ground.point + p for x, p in zip(loads, raft.first_pose, strict=True)]),
+            stiffness=_joined([x.ground.stiffness for x in loads]),
+            axes=_joined([x.ground.axes for x in loads]),
+        ),
     )
-
-
-def _merge_ground(raft: Raft, ground: Sequence[Ground]) -> Ground:
-    return Ground(
-        point=_joined([g.point + p for g, p in zip(ground, raft.first_pose, strict=True)]),
-        stiffness=_joined([g.stiffness for g in ground]),
-        axes=_joined([g.axes for g in ground]),
-    )
-
-
-def _joined(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate(arrays)
 
 
 def _shifted(arrays: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:

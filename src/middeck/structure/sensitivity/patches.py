@@ -150,9 +150,8 @@ def columns(arrays: Sequence[np.ndarray], size: int) -> np.ndarray:
 
 def drawn_motion(model: Model, patch: Patch) -> np.ndarray:
     """Derivative of the undeformed configuration, as coordinates of the whole."""
-    out = np.zeros(model.tree.size)
-    step = np.zeros((len(patch.roots), 6))
-    step[:, :3] = derivative(patch.model.rest.x)
+    out, shift = np.zeros(model.tree.size), derivative(patch.model.rest.x)
+    step = np.hstack([shift, np.zeros_like(shift)])
     out[patch.coordinates] = np.concatenate([step.ravel(), derivative(patch.model.rest.angle)])
     return out
 
@@ -161,16 +160,6 @@ def restrict(patch: Patch, config: Configuration) -> Configuration:
     """The whole's configuration at the frames of a patch, complex so that all that follows from it is."""
     return Configuration(
         config.x[patch.roots].astype(complex), config.R[patch.roots], config.angle[patch.joints]
-    )
-
-
-def perturb_whole(model: Model, patch: Patch) -> Patch:
-    """The same perturbed structure with all that it has but links, which are in `ties`."""
-    return patch._replace(
-        model=lay_out(dataclasses.replace(patch.structure, links=())),
-        roots=np.arange(model.tree.roots),
-        joints=np.arange(len(model.tree.parent)),
-        coordinates=np.arange(model.tree.size),
     )
 
 

@@ -18,8 +18,10 @@ from middeck.errors import NumericalError
 from middeck.structure.assembly.energy import Assembly, assemble, energy_gradient
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.linked import static_coordinates, static_freedom
+from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import bushing_states, device_tension
-from middeck.structure.elements.frames import Configuration
+from middeck.structure.assembly.strain import strain_pull
+from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.modes.doubts.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -45,6 +47,8 @@ from middeck.structure.sensitivity.stiff_member_derivatives import soften_rest
 from middeck.values import record
 
 NO_LOAD = np.zeros(6)
+# A state with the derivative by one cause in its imaginary parts.
+Perturbed = tuple[Model, Configuration, Loads]
 
 
 @record(kw_only=True)
@@ -114,10 +118,9 @@ def _differentiated(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestS
     springs = [
         _spring_torque(p.structure, rest, moved.motion[roots:, i]) for i, p in enumerate(moved.patches)
     ]
-    along = [follow(patch, rest.config, moved.motion[:, p]) for p, patch in enumerate(moved.patches)]
-    tension = [
-        derivative(device_tension(patch.model, at, loads))
-        for patch, at, loads in zip(moved.patches, along, moved.loads, strict=True)
+    along = [
+        (patch.model, follow(patch, rest.config, moved.motion[:, p]), loads)
+        for p, (patch, loads) in enumerate(zip(moved.patches, moved.loads, strict=True))
     ]
     return RestSensitivities(
         parameters=tuple(parameters),
@@ -125,27 +128,23 @@ def _differentiated(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestS
         reaction=columns([derivative(t.reaction) for t in moved.tuned], len(rest.suspension.reaction)),
         stiffness=columns([derivative(t.stiffness) for t in moved.tuned], len(rest.suspension.stiffness)),
         holding_torque=moved.gradient[roots:] + columns(springs, len(rest.holding_torque)),
-        tension=columns(tension, len(rest.tension)),
+        tension=tension_slopes(rest, along),
         drawn=moved.drawn,
-        support=_supports(rest, moved, along),
+        support=support_slopes(rest, moved.gradient, along),
     )
 
 
-def _supports(rest: Equilibrium, moved: MovedRest, along: Sequence[Configuration]) -> np.ndarray:
-    pushed = [
-        derivative(-bushing_states(patch.model, at, loads)[1].gradient[:, 6:])
-        for patch, at, loads in zip(moved.patches, along, moved.loads, strict=True)
-    ]
-    return support_slopes(rest, moved.gradient, pushed)
+def tension_slopes(rest: Equilibrium, along: Sequence[Perturbed]) -> Float[np.ndarray, "device cause"]:
+    """Derivatives of the pull of each device, one a cause."""
+    return columns([derivative(device_tension(*at)) for at in along], len(rest.tension))
 
 
 def support_slopes(
-    rest: Equilibrium,
-    gradient: Float[np.ndarray, "coordinate cause"],
-    pushed: Sequence[Float[np.ndarray, "bushing 6"]],
+    rest: Equilibrium, gradient: Float[np.ndarray, "coordinate cause"], along: Sequence[Perturbed]
 ) -> Float[np.ndarray, "reaction 6 cause"]:
-    """Derivatives of clamp forces by the energy's ``gradient``, then ``pushed`` of bushings to the ground,
+    """Derivatives of clamp forces by the energy's ``gradient``, then those of bushings to the ground,
     one a cause: in the order of ``reactions``."""
+    pushed = [derivative(-bushing_states(*at)[1].gradient[:, 6:]) for at in along]
     free = static_freedom(rest.model, rest.config, in_world=True)
     taken = columns([free.beyond(own) for own in gradient.T], len(gradient))
     nodes = [node.name for node in rest.model.structure.nodes]
@@ -206,4 +205,27 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
         links.check_repeated(parameter, tie)
     return MovedRest(
         patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties, drawn
+    )
+
+
+def yield_further(rest: Equilibrium, strain: Float[np.ndarray, "element 6 field"]) -> RestMotion:
+    """Motion of the rest state by ``strain`` (stretch, y1, z1, y2, z2, twist) of each beam element and field.
+
+    Forces were D e; with D (e - strain) in their place the rest state moves by K_t^-1 B' D strain. Raises
+    `NumericalError` as `differentiate_rest`.
+    """
+    at = assemble(rest.model, rest.config, rest.loads)
+    pull = strain_pull(rest.model, rest.config, strain)
+    motion = StaticSolver.at(rest, at).solve(pull)
+    gradient = at.tangent @ motion - pull
+    links = Tied.at(rest.model, rest.config, static_coordinates(rest.model))
+    gradient = gradient + links.slope.T @ links.multipliers(gradient)
+    still = dataclasses.replace(rest.config, since_drawn=None)
+    along = [move(rest.model.tree, still, STEP * 1j * step) for step in motion.T]
+    moved = [(rest.model, there, rest.loads) for there in along]
+    return RestMotion(
+        motion=motion,
+        drawn=np.zeros_like(motion),
+        tension=tension_slopes(rest, moved),
+        support=support_slopes(rest, gradient, moved),
     )

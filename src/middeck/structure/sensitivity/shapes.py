@@ -28,14 +28,15 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.assembly.mesh import lay_out
+from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import mode_multipliers
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied
 from middeck.structure.sensitivity.parameters import Parameter
-from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
-from middeck.structure.sensitivity.repeated_modes import group_modes
+from middeck.structure.sensitivity.patches import columns, derivative, follow
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import Softened, soften_modes
 from middeck.values import record
@@ -74,11 +75,15 @@ def differentiate_modes(
 
 
 def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
-    """The rest state with the derivatives in one parameter in its imaginary parts.
-
-    Its residual, holding torques and tensions are not perturbed.
-    """
-    patch = perturb_whole(rest.model, moved.patches[number])
+    """The rest state with the derivatives in one parameter in its imaginary parts. Its residual, holding
+    torques and tensions are not perturbed."""
+    patch, tree = moved.patches[number], rest.model.tree
+    patch = patch._replace(
+        model=lay_out(dataclasses.replace(patch.structure, links=())),  # those are in `ties`
+        roots=np.arange(tree.roots),
+        joints=np.arange(len(tree.parent)),
+        coordinates=np.arange(tree.size),
+    )
     return dataclasses.replace(
         rest,
         model=patch.model,
@@ -99,15 +104,13 @@ def differentiate_shapes(
     pencil = _Pencil.of(modes)
     links = Tied.at(rest.model, rest.config, dynamic_coordinates(rest.model))
     held = mode_multipliers(modes, count)
-    groups = group_modes(modes, count)
     lam, shapes = modes.omega**2, modes.shapes
     changes = [_changes(at, tie) for at, tie in zip(perturbed, moved.ties, strict=True)]
     size = len(shapes)
     d_lambda = np.zeros((len(parameters), count, count))
     d_shapes = np.zeros((len(parameters), size, count))
-    for group in groups:
-        own = list(group)
-        for i in own:
+    for own in by_frequency(lam[:count]):
+        for i in own.tolist():
             load = columns([dK @ shapes[:, i] - lam[i] * (dM @ shapes[:, i]) for dK, dM in changes], size)
             load = load + columns([tie.slope.T @ held[:, i] for tie in moved.ties], size)
             slip = columns([tie.slope @ shapes[:, i] for tie in moved.ties], len(held))
@@ -146,9 +149,7 @@ class _Pencil(NamedTuple):
 
     def solve(self, lam: float, group: np.ndarray, load: np.ndarray, start: np.ndarray) -> np.ndarray:
         """x of (K - lam M) x = load but for forces of the group and of links, orthogonal to it in the mass.
-
-        It differs from ``start`` by what links allow.
-        """
+        It differs from ``start`` by what links allow."""
         A, own = sp.csr_array(self.own_K - lam * self.own_M), self.free.coordinates(group)
         inside = self.free.part(load - self.K @ start + lam * (self.M @ start))
         diagonal = np.abs(A.diagonal())

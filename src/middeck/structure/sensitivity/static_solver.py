@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -14,6 +14,7 @@ from middeck.structure.assembly.factorisation import Factor, factorise
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.assembly.redundant_constraints import pivots
 from middeck.structure.eigenproblem.eigen import ROUNDING, solve_pairs
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import JointState
@@ -43,8 +44,7 @@ class StaticSolver(NamedTuple):
         K = moves.matrix(at.tangent)
         M = moves.matrix(mass_matrix(rest.model, rest.config, rest.loads))
         free = _free_motions(rest, K, M, float(np.abs(moves.part(at.gradient)).max(initial=0.0)), moves)
-        _, pivots = cast("tuple[Any, np.ndarray]", sla.qr(free.T, mode="r", pivoting=True))
-        held = pivots[: free.shape[1]]
+        held = pivots(free)
         kept = np.setdiff1d(np.arange(len(free)), held)
         factor = factorise(sp.csr_array(K[kept][:, kept]))
         if factor is None:

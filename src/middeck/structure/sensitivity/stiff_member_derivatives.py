@@ -16,6 +16,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
+from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.section import Section
 from middeck.structure.modes.doubts.stiff_members import Stiffest, beside_devices, beside_modes
@@ -23,7 +24,6 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
 from middeck.structure.rest.imbalance import article_size
 from middeck.structure.sensitivity.parameters import Parameter, Path, read_parameter
-from middeck.structure.sensitivity.repeated_modes import group_modes
 
 # Up to this ratio rounding is 1e-5 of a derivative, and nothing is made softer.
 LEFT_ALONE = 1e8
@@ -170,8 +170,7 @@ def _first_apart(modes: Modes, softer: Modes, count: int) -> int:
 def _aligned(modes: Modes, softer: Modes, count: int) -> Float[np.ndarray, "coordinate mode"]:
     """Shapes of ``softer`` turned within equal frequencies, or in sign, to those of ``modes``."""
     shapes = softer.shapes.copy()
-    for group in group_modes(modes, count):
-        own = list(group)
+    for own in by_frequency(modes.omega[:count] ** 2):
         U, _, Vt = sla.svd(shapes[:, own].T @ (modes.mass @ modes.shapes[:, own]))
         shapes[:, own] = shapes[:, own] @ (U @ Vt)
     return shapes

@@ -109,11 +109,9 @@ def _equivalent_box(mass: float, moments: np.ndarray) -> np.ndarray:
 
 
 def _densities(structure: Structure) -> Iterator[str]:
-    """Bodies in the box of their inertia; points by their node's size, and by how near the next node is.
-
-    An inertia for form's sake is a point's: the same power of ten about all axes, or the same about all for
-    bodies of several masses, where that is too little for a box.
-    """
+    """Bodies in the box of their inertia; points by their node's size, and by how near the next node is. An
+    inertia for form's sake is a point's: the same power of ten about all axes, or the same about all for
+    bodies of several masses, where that is too little for a box."""
     parts = [part for part in (*structure.nodes, *structure.joints) if part.body.mass > 0.0]
     masses: dict[float, set[float]] = {}
     for part in parts:
@@ -245,10 +243,8 @@ def _bodies(structure: Structure, of: Measures) -> Iterator[str]:
 
 
 def _sections(structure: Structure, of: Measures, length: np.ndarray) -> Iterator[str]:
-    """One sentence a section, at the first member that has it.
-
-    A density of zero, or of a power of ten, is one for form's sake where its members weigh next to nothing.
-    """
+    """One sentence a section, at the first member that has it. A density of zero, or of a power of ten, is
+    one for form's sake where its members weigh next to nothing."""
     seen: dict[Section, str] = {}
     weight: dict[Section, float] = {}
     for member, long in zip(structure.members, length.tolist(), strict=True):

@@ -62,8 +62,8 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
     model = equilibrium.model
     whole, turned = fit_rotation(model, model.rest, equilibrium.config), node_rotations(equilibrium)
     tilt, heading = split_rotation(whole, up)
-    nodes = [rotation_exp(v) for v in turned.values()]
-    tilts = np.array([split_rotation(R, up)[0] for R in nodes])
+    nodes = rotation_exp(np.array([*turned.values()]))
+    ups, tilts = up @ nodes, np.array([split_rotation(R, up)[0] for R in nodes])
     T = rigid_columns(model.tree, model.rest, np.zeros(3))
     span, lies_off = _span(equilibrium, centre_of_mass(T, mass_matrix(model, model.rest)))
     return Attitude(
@@ -71,16 +71,12 @@ def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
         heading=heading,
         node=tuple(turned),
         node_tilt=tilts,
-        node_bending=np.array([_angle(up @ R, up @ whole) for R in nodes]),
+        node_bending=np.arctan2(np.linalg.norm(np.cross(ups, up @ whole), axis=1), ups @ (up @ whole)),
         device=equilibrium.devices,
         tension=equilibrium.tension,
         hangs_from=span,
         lies_off=lies_off,
     )
-
-
-def _angle(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
 def _span(equilibrium: Equilibrium, centre: np.ndarray) -> tuple[str, Float[np.ndarray, "3"]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -159,40 +159,34 @@ def _task(
     about: str | None,
     node: str | None,
 ) -> _Task:
+    level_axes = AXES.replace(AXES[int(np.argmax(np.abs(environment.gravity)))], "")
+    axes = level_axes if about is None else about
+    chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
+    task = _Task(structure, environment, chosen, axes, node)
+    for what, hint in _faults(task, level_axes):
+        raise ConfigError(what, where="level", hint=hint)
+    return task
+
+
+def _faults(task: _Task, level_axes: str) -> Iterator[tuple[str, str]]:
+    structure, environment, free, axes, node = task
     if not np.any(environment.gravity):
-        raise ConfigError(
-            "level is undefined without gravity", where="level", hint="take another environment"
-        )
+        yield "level is undefined without gravity", "take another environment"
     if not (environment.hung or environment.springs):
-        raise ConfigError(
-            "nothing hangs there: attach points are moved below the devices that hold them",
-            where=f"environment {environment.title!r}",
-            hint="take an environment with a [suspension], devices or springs",
-        )
+        what = f"nothing hangs in {environment.title!r}: attach points are moved below the devices"
+        yield f"{what} that hold them", "take an environment with a [suspension], devices or springs"
     points, nodes = [a.name for a in structure.attach_points], [n.name for n in structure.nodes]
     for name, axis in free:
         if name not in points or len(axis) != 1 or axis not in AXES:
-            raise ConfigError(
-                f"no offset {axis!r} of an attach point {name!r}",
-                where="level",
-                hint=f"x, y or z of {', '.join(points) or 'no attach point at all'}",
-            )
+            hint = f"x, y or z of {', '.join(points) or 'no attach point at all'}"
+            yield f"no offset {axis!r} of an attach point {name!r}", hint
     if node is not None and node not in nodes:
-        raise ConfigError(f"no node {node!r}", where="level", hint=f"one of {', '.join(nodes)}")
-    vertical = AXES[int(np.argmax(np.abs(environment.gravity)))]
-    axes = AXES.replace(vertical, "") if about is None else about
-    if not axes or len(set(axes)) < len(axes) or not set(axes) <= set(AXES) - {vertical}:
-        raise ConfigError(
-            f"no tilts about {axes!r}", where="level", hint=f"any of the axes {AXES.replace(vertical, '')}"
-        )
-    chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
-    if len(chosen) < len(axes):
-        raise ConfigError(
-            f"{len(chosen)} offsets cannot remove {len(axes)} tilts, about {' and '.join(axes)}",
-            where="level",
-            hint="free as many offsets as tilts, or name fewer tilts",
-        )
-    return _Task(structure, environment, chosen, axes, node)
+        yield f"no node {node!r}", f"one of {', '.join(nodes)}"
+    if not axes or len(set(axes)) < len(axes) or not set(axes) <= set(level_axes):
+        yield f"no tilts about {axes!r}", f"any of the axes {level_axes}"
+    if len(free) < len(axes):
+        what = f"{len(free)} offsets cannot remove {len(axes)} tilts, about {' and '.join(axes)}"
+        yield what, "free as many offsets as tilts, or name fewer tilts"
 
 
 def _moved(task: _Task, change: np.ndarray) -> Structure:
@@ -235,10 +229,8 @@ def _rates(task: _Task, at: _Hung) -> np.ndarray:
 
 
 def _within(rates: np.ndarray, at: _Hung, limit: float) -> np.ndarray | None:
-    """Newton's step, the shortest there is, with offsets that it would take beyond the limit left at it.
-
-    None where too few offsets remain.
-    """
+    """Newton's step, the shortest there is, with offsets that it would take beyond the limit left at it. None
+    where too few offsets remain."""
     step, free = np.zeros(len(at.change)), np.ones(len(at.change), dtype=bool)
     while True:
         left = at.tilt + rates[:, ~free] @ step[~free]

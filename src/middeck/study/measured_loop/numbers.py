@@ -9,7 +9,7 @@ from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.measured_loop.computation import SEEN_DB, MeasuredLoop
-from middeck.study.words import Claim, Numbers, at_most, largest
+from middeck.study.words import Claim, Numbers, at_most, fields, largest
 from middeck.systems.plants.plant import Plant
 
 
@@ -29,22 +29,18 @@ def fit_numbers(fit: FitResult, plant: Plant, band_hz: tuple[float, float], outp
     }
 
 
+OF_LOOPS = (
+    *("log10_authority", "predicted_db", "measured_db", "rms_error_db", "worst_error_db", "worst_hz"),
+    *("control_rms_nm", "stable", "cause", "static_db", "modes"),
+)
+
+
 def loop_numbers(loop: MeasuredLoop) -> Numbers:
     """The loop as predicted, as measured, and by the rig's own eigenvalues."""
     return {
         "predicted": response_numbers(loop.predicted),
         "measured": None if loop.measured is None else response_numbers(loop.measured),
-        "log10_authority": loop.log10_authority,
-        "predicted_db": loop.predicted_db,
-        "measured_db": loop.measured_db,
-        "rms_error_db": loop.rms_error_db,
-        "worst_error_db": loop.worst_error_db,
-        "worst_hz": loop.worst_hz,
-        "control_rms_nm": loop.control_rms_nm,
-        "stable": loop.stable,
-        "cause": loop.cause,
-        "static_db": loop.static_db,
-        "modes": loop.modes,
+        **fields(loop, *OF_LOOPS),
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
         "rig": loop.on_rig,
     }
@@ -61,7 +57,13 @@ def prediction_claims(loops: Iterable[MeasuredLoop], which: str) -> list[Claim]:
     seen = f"within {LINE_DB:g} dB wherever the open loop is within {SEEN_DB:g} dB of its peak"
     return [
         at_most(
-            f"{which}: predicted and measured rms agree within {RMS_DB:g} dB; difference [dB]", rms, RMS_DB
+            f"{which}: predicted and measured rms agree within {RMS_DB:g} dB; largest difference [dB]",
+            rms,
+            RMS_DB,
         ),
-        at_most(f"{which}: predicted and measured lines agree {seen}; largest [dB]", line, LINE_DB),
+        at_most(
+            f"{which}: predicted and measured frequency lines agree {seen}; largest difference [dB]",
+            line,
+            LINE_DB,
+        ),
     ]

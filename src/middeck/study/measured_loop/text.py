@@ -25,8 +25,10 @@ def held(loop: Numbers) -> str:
     parts: list[str] = []
     for stable, word in ((True, "stable"), (False, "unstable")):
         moved = [on["percent"] for on in loop["rig"] if on["stable"] is stable and on["percent"]]
-        parts += [f"{word} with the pair at {' and '.join(map(signed, moved))} %"] if moved else []
-    return " but ".join(parts) or "not tried with the pair moved"
+        parts += (
+            [f"{word} with the mode pair shifted by {' or '.join(map(signed, moved))} %"] if moved else []
+        )
+    return " but ".join(parts) or "not tried with the mode pair shifted"
 
 
 def decibels(loop: Numbers) -> str:
@@ -56,7 +58,7 @@ def loops_table(caption: str, loops: Numbers) -> Table:
               "worst_error_db": 2, "worst_hz": 2, "control_rms_nm": 3}  # fmt: skip
     rows = [[name, *cells(loop, digits)] for name, loop in loops.items()]
     head = ("loop", "log10 authority", "predicted [dB]", "measured [dB]", "error of rms [dB]",
-            "largest error of a line [dB]", "at [Hz]", "torque of the law, rms [N m]")  # fmt: skip
+            "largest error on a frequency line [dB]", "at [Hz]", "rms control torque [N m]")  # fmt: skip
     return Table(caption, head, rows)
 
 
@@ -68,7 +70,7 @@ def modes_table(loops: Numbers, which: str = "CL1, CL2, CL3") -> Table:
         peaks = (fixed(loop["modes"][k]["db"] if loop["modes"] else None, 1) for loop in loops.values())
         rows.append([f"{mode['frequency_hz']:.2f} Hz", *peaks])
     head = ("payload at", *(f"{name} [dB]" for name in loops))
-    return Table(f"Measured peaks over the open loop's, {which}", head, rows)
+    return Table(f"Measured peaks relative to open loop, {which}", head, rows)
 
 
 def rig_table(loops: Numbers, pair_hz: float | None) -> Table:
@@ -86,6 +88,6 @@ def rig_table(loops: Numbers, pair_hz: float | None) -> Table:
         for on in loop["rig"]
     ]
     pair = "the pair" if pair_hz is None else f"the pair near {pair_hz:g} Hz"
-    head = ("loop", "shift [%]", "loop is", "payload [dB]", "gain margin [dB]", "at [Hz]",
+    head = ("loop", "shift [%]", "stability", "payload [dB]", "gain margin [dB]", "at [Hz]",
             "phase margin [deg]", "at [Hz]")  # fmt: skip
-    return Table(f"On the rig without limits and noise, {pair} shifted: {', '.join(loops)}", head, rows)
+    return Table(f"Rig without limits and noise, with {pair} shifted: {', '.join(loops)}", head, rows)

@@ -16,12 +16,14 @@ from middeck.systems.poles.inert_modes import inert_modes, silence_inert
 from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.sampling.delayed_sampling import is_sum, split_delays
+from middeck.systems.state_space.feedback import beside
 from middeck.systems.state_space.modal_system import (
     ModalSystem,
     modal_to_statespace,
     output_rows,
     select_modes,
 )
+from middeck.systems.state_space.reached_states import reached_states
 from middeck.systems.state_space.statespace import StateSpace, add, gain_system, series
 from middeck.values import record
 
@@ -87,7 +89,7 @@ def _states(system: StateSpace, names: tuple[str, ...], which: np.ndarray) -> Na
 def _joined_to_no_port(system: StateSpace) -> np.ndarray:
     """Inert states: separated by exact zeros from all states that are controllable or observable."""
     joined = np.any(system.B, axis=1) | np.any(system.C, axis=0)
-    return ~_spread((system.A != 0.0) | (system.A.T != 0.0), joined)
+    return ~reached_states((system.A != 0.0) | (system.A.T != 0.0), joined)
 
 
 def evaluate_approximation(
@@ -211,14 +213,7 @@ def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray,
 
 def _on_path(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """States between an input and an output, by exact zeros."""
-    return _spread(A != 0.0, np.any(B, axis=1)) & _spread(A.T != 0.0, np.any(C, axis=0))
-
-
-def _spread(acts: np.ndarray, start: np.ndarray) -> np.ndarray:
-    reached = start
-    while np.any(more := acts[:, reached].any(axis=1) & ~reached):
-        reached = reached | more
-    return reached
+    return reached_states(A, np.any(B, axis=1)) & reached_states(A.T, np.any(C, axis=0))
 
 
 def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
@@ -254,7 +249,7 @@ def _put_delays(delay_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _late(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
     """A Pade approximation for each delayed channel."""
     each = {tau: pade(_if_late(tau), order) for tau in dict.fromkeys(delay_s)}
-    return StateSpace(*(_block([getattr(each[tau], name) for tau in delay_s]) for name in "ABCD"))
+    return beside(*(each[tau] for tau in delay_s))
 
 
 def _if_late(tau: float) -> float:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import cast
 
 import numpy as np
-import scipy.sparse.csgraph as csgraph
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.systems.plants.plant import Plant, name_states
+from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -79,10 +78,9 @@ def _shift_blocks(
     plant: Plant, system: StateSpace, frequency: Mapping[str, float], damping: Mapping[str, float]
 ) -> StateSpace:
     A, names = system.A.copy(), name_states(plant)
-    loops = _loops(system.A)
     for name in dict.fromkeys((*frequency, *damping)):
         index = mode_states(names, name)
-        if np.any(np.isin(loops, loops[index]) & ~np.isin(np.arange(len(loops)), index)):
+        if _is_in_a_loop(system.A, index):
             raise ConfigError(
                 f"{name} is in a loop with other states: what a shift changes cannot be told from them",
                 hint="shift the plant without the loop, then close it again",
@@ -118,7 +116,7 @@ class ModeCoordinates:
 def mode_coordinates(A: np.ndarray, B: np.ndarray, index: np.ndarray, name: str) -> ModeCoordinates:
     """Coordinates of the mode with the states ``index``; raises `ConfigError` where it does not oscillate."""
     block = A[np.ix_(index, index)]
-    pushes = np.hstack([B[index], A[np.ix_(index, np.setdiff1d(np.arange(len(A)), index))]])
+    pushes = np.hstack([B[index], A[index][:, _others(A, index)]])
     # Without any input, the second state counts as the rate.
     push = np.linalg.svd(pushes)[0][:, 0] if np.any(pushes) else np.array([0.0, 1.0])
     decay, squared = -float(np.trace(block)) / 2.0, float(np.linalg.det(block))
@@ -139,7 +137,7 @@ def _refuse_accelerations(
 ) -> None:
     """Refuse rows that read q'' = force - 2 zeta omega q' - omega^2 q: those with a direct term, whose part
     of q' is 2 zeta of that of omega q."""
-    others = np.setdiff1d(np.arange(len(system.A)), index)
+    others = _others(system.A, index)
     driven = np.any(system.B[index], axis=0)
     direct = np.any(np.vstack([system.D, system.B[others]])[:, driven], axis=1)
     rows = np.vstack([system.C, system.A[others]])[:, index]
@@ -167,12 +165,29 @@ def mode_states(names: tuple[str, ...], name: str) -> Int[np.ndarray, " 2"]:
     return index
 
 
-def _loops(A: np.ndarray) -> Int[np.ndarray, " state"]:
-    """Label of the strongly connected component of each state."""
-    found = cast(
-        "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
-    )
-    return found[1]
+def _others(A: np.ndarray, index: np.ndarray) -> Int[np.ndarray, " state"]:
+    return np.delete(np.arange(len(A)), index)
+
+
+def _is_in_a_loop(A: np.ndarray, index: np.ndarray) -> bool:
+    """Whether the states ``index`` are in a strongly connected component with others."""
+    others = _others(A, index)
+    if not (A[index][:, others].any() and A[others][:, index].any()):
+        return False
+    own = [np.isin(loop, index) for loop in strong_components(A)]
+    return any(np.any(one) and not np.all(one) for one in own)
+
+
+def natural_hz(plant: Plant) -> dict[str, float]:
+    """The frequency [Hz] of each mode that oscillates, by name."""
+    names, A = np.array(name_states(plant)), remove_delays(plant).system.A
+    found: dict[str, float] = {}
+    for name in dict.fromkeys(names.tolist()):
+        index = np.flatnonzero(names == name)
+        values = np.linalg.eigvals(A[np.ix_(index, index)])
+        if len(index) == 2 and np.any(np.imag(values)):
+            found[name] = float(np.abs(values[0]) / (2.0 * np.pi))
+    return found
 
 
 def scale_inputs(plant: Plant, inputs: tuple[str, ...], factor: float) -> Plant:

@@ -13,8 +13,8 @@ from scipy.special import factorial, stdtrit
 from middeck.campaign.confidence_of_draws import CONFIDENCE, level, probability_interval
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
+from middeck.control.loop.authority import find_participation
 from middeck.control.loop.closed_loop import close_loop
-from middeck.control.loop.participation import find_participation
 from middeck.control.qualification import decibels
 from middeck.errors import NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays

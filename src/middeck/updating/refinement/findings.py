@@ -90,9 +90,9 @@ def _of_other_pairs(refined: Refined) -> Iterator[str]:
         yield (
             f"{survey}: the measured mode of {first.measured_hz:.4g} Hz was taken for the model's of "
             f"{first.paired_hz:.4g} Hz and may as well be that of {first.other_hz:.4g} Hz{others}: shapes do "
-            f"not tell them apart, the priors allow either, and if it is, {first.unknown} is off by "
-            f"{first.off:.2g} of its stated deviations. {advice}, modes that are missing, or narrower "
-            "spreads would tell"
+            f"not distinguish them, the priors allow either, and if it is, {first.unknown} is wrong by "
+            f"{first.off:.2g} of its standard deviations. {advice}, the missing modes, or narrower spreads "
+            "would decide"
         )
 
 
@@ -117,7 +117,7 @@ def _of_the_search(refined: Refined) -> Iterator[str]:
         beside = f" and {readings} static readings" if readings else ""
         yield (
             f"{pairs} measured modes{beside} for {len(refined.unknowns)} unknowns: the values of most "
-            "follow from their priors; more modes, other gimbal angles or added masses would tell more"
+            "follow from their priors; measure more modes, other gimbal angles or added masses"
         )
 
 
@@ -127,9 +127,9 @@ def _of_contradictions(refined: Refined) -> Iterator[str]:
     if by > CONTRADICT:
         means = [f"{name} by {100.0 * off:+.2g} %" for name, off in off_the_rest(refined)]
         yield (
-            f"the surveys contradict one another: their frequencies are {by:.1f} times as far from any one "
-            f"article as they state, in the mean {', '.join(means)}; their deviations were widened by this "
-            "factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
+            "the surveys contradict one another: their frequencies differ from those of any one article by "
+            f"{by:.1f} times their standard deviations, on average {', '.join(means)}; these were widened by "
+            "this factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
         )
 
 
@@ -141,7 +141,7 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
                 "the prior right, or does it make up for something that the model lacks?"
             )
     if names := unseen(refined):
-        yield f"the tests say nothing about {', '.join(names)}"
+        yield f"the tests do not determine {', '.join(names)}"
     for group in together(refined):
         yield f"the tests determine a combination of {' and '.join(group)}, but not each of them"
 
@@ -157,20 +157,21 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
             sort, size = MODES[k], tau[k]
             if size > ABOVE * noise:
                 yield (
-                    f"the {sort} modes stay {100.0 * size:.2g} % off whatever the unknowns, where the test "
-                    f"states {100.0 * stated:.2g} %: an error of the model, which predictions carry"
+                    f"no unknowns fit the {sort} modes better than {100.0 * size:.2g} %,"
+                    " where the test states "
+                    f"{100.0 * stated:.2g} %: a model error, which the predicted intervals include"
                 )
     shown, std = refined.shear
     if -shown > ABOVE * std:
         yield (
-            f"the modes ask for {shown:.2g} +- {std:.2g} times the shear and finer mesh that the model "
-            "lacks, a negative amount: another error moves all modes one way"
+            f"the frequencies show {shown:.2g} +- {std:.2g} times the effect of shear flexibility and mesh "
+            "refinement, which the model lacks; it cannot be negative: another error shifts all modes one way"
         )
     if shown > ABOVE * std:
         yield (
-            f"the modes ask for {shown:.2g} +- {std:.2g} times the shear and finer mesh that the model lacks "
-            "(1: shear of tubes, infinitely many elements); predictions carry it, but members with a shear "
-            "stiffness, or more elements, would be better"
+            f"the frequencies show {shown:.2g} +- {std:.2g} times the effect of shear flexibility and mesh "
+            "refinement, which the model lacks (1: shear of tubes, infinitely many elements); predictions "
+            "include it, but members with a shear stiffness, or more elements, would be better"
         )
     if refined.statics:
         yield from _of_statics(refined, *tau[MODAL : MODAL + len(STATIC)].tolist())
@@ -205,9 +206,9 @@ def _of_damping(refined: Refined) -> Iterator[str]:
     by = max((float(d.std[0] / log_std(d.survey)[d.pairs[0, 1]]) for d in several), default=1.0)
     if by > CONTRADICT:
         yield (
-            f"the surveys contradict one another in damping: their ratios are {by:.1f} times as far from any "
-            "one article as they state; their deviations were widened by this factor. Was one test taken at "
-            "another amplitude? Friction makes damping depend on it"
+            "the surveys contradict one another in damping: their ratios differ from those of any one "
+            f"article by {by:.1f} times their standard deviations; these were widened by this factor. Was "
+            "one test taken at another amplitude? Friction makes damping depend on it"
         )
     for d in refined.damped:
         if d.left_out:
@@ -231,8 +232,8 @@ def _of_damping(refined: Refined) -> Iterator[str]:
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     if size > ABOVE * known and errors_shown(problem, refined.estimate.tau)[-1]:
         yield (
-            f"the damping ratios stay {100.0 * size:.2g} % off whatever the unknowns, where the test states "
-            f"{100.0 * known:.2g} %: an error of the model, which predictions carry"
+            f"no unknowns fit the damping ratios better than {100.0 * size:.2g} %, where the test states "
+            f"{100.0 * known:.2g} %: a model error, which the predicted intervals include"
         )
 
 
@@ -241,11 +242,11 @@ def _of_statics(refined: Refined, shared: float, own: float) -> Iterator[str]:
     if shared > ABOVE * noise:
         yield (
             f"deflections under load differ from the refined model by {100.0 * shared:.2g} %, where the "
-            f"gauges state {100.0 * noise:.2g} %: an error of the model, common to load cases that strain "
-            "the same members, which predictions carry"
+            f"gauges state {100.0 * noise:.2g} %: a model error, common to load cases that strain the same "
+            "members, which the predicted intervals include"
         )
     if own > ABOVE * noise:
         yield (
             f"static readings scatter by {100.0 * own:.2g} %, where the gauges state {100.0 * noise:.2g} %: "
-            "an error of the rig or of the model, which every prediction carries"
+            "an error of the rig or of the model, which the predicted intervals include"
         )

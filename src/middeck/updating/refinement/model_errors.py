@@ -26,22 +26,24 @@ class OwnErrors(NamedTuple):
     """Shapes with errors of their own, the mass in which they are orthonormal, and whose they are.
 
     That is the mass of the first survey's set-up; ``survey`` and ``pair`` in it say where each was seen.
+    ``drawn`` are the shapes of each survey's modes, as drawn.
     """
 
     shapes: Float[np.ndarray, "coordinate error"]
     mass: sp.csr_array
     survey: Int[np.ndarray, " error"]
     pair: Int[np.ndarray, " error"]
+    drawn: tuple[Float[np.ndarray, "coordinate mode"], ...]
 
     @staticmethod
     def of(compared: Sequence[Compared]) -> OwnErrors:
         """Those of all surveys, in their order; of a later one the rest of a shape without those before."""
         first = compared[0]
-        drawn = modes_as_drawn(first.modes)
-        mass, shapes = drawn.mass, drawn.shapes[:, first.pairs[:, 0]]
+        drawn = [modes_as_drawn(one.modes) for one in compared]
+        mass, shapes = drawn[0].mass, drawn[0].shapes[:, first.pairs[:, 0]]
         place = [(0, k) for k in range(len(first.pairs))]
         for number, later in enumerate(compared[1:], start=1):
-            seen = modes_as_drawn(later.modes).shapes[:, later.pairs[:, 0]]
+            seen = drawn[number].shapes[:, later.pairs[:, 0]]
             for k, shape in enumerate(seen.T):
                 part = shapes.T @ (mass @ shape)
                 if part @ part < HALF * (shape @ (mass @ shape)):
@@ -49,7 +51,7 @@ class OwnErrors(NamedTuple):
                     shapes = np.column_stack([shapes, left / np.sqrt(left @ (mass @ left))])
                     place.append((number, k))
         survey, pair = np.array(place, dtype=int).reshape(-1, 2).T
-        return OwnErrors(shapes, mass, survey, pair)
+        return OwnErrors(shapes, mass, survey, pair, tuple(one.shapes for one in drawn))
 
     def shared_with(self, others: Modes) -> Float[np.ndarray, "mode error"]:
         """Part of each of the modes that each of the shapes is, in strain of the whole.
@@ -57,7 +59,13 @@ class OwnErrors(NamedTuple):
         For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of,
         each by its share, and of cross terms that nobody knows.
         """
-        shapes = modes_as_drawn(others).shapes
+        return self._shares(modes_as_drawn(others).shapes)
+
+    def of_survey(self, number: int) -> Float[np.ndarray, "mode error"]:
+        """`shared_with` the modes of one of the surveys."""
+        return self._shares(self.drawn[number])
+
+    def _shares(self, shapes: np.ndarray) -> Float[np.ndarray, "mode error"]:
         weighted = self.mass @ shapes
         size = np.einsum("im,im->m", shapes, weighted)
         return ((self.shapes.T @ weighted) ** 2 / size).T

@@ -72,8 +72,8 @@ def _of_modes(compared: Sequence[Compared]) -> _Errors:
     own = [np.arange(len(c.rows)) < len(c.pairs) for c in compared]
     S = np.vstack(
         [
-            np.where(mine[:, None], errors.shared_with(c.modes)[c.rows[:, 1]], 0.0)
-            for c, mine in zip(compared, own, strict=True)
+            np.where(mine[:, None], errors.of_survey(k)[c.rows[:, 1]], 0.0)
+            for k, (c, mine) in enumerate(zip(compared, own, strict=True))
         ]
     )
     return _Errors(

@@ -55,9 +55,7 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
 
 class _Shapes(NamedTuple):
     """Measured shapes, their deviations, motion of the model, its paired modes, and which are close.
-
-    ``motion`` has the channels, then all nodes; ``straight`` says which of its rows are in metres.
-    """
+    ``motion`` has the channels, then all nodes; ``straight`` says which of its rows are in metres."""
 
     read: np.ndarray
     std: np.ndarray
@@ -131,11 +129,11 @@ def how_it_reads(read: np.ndarray, moved: np.ndarray, still: float) -> str:
     if sizes[1] <= still or abs(both) < ALIKE * sizes[0] * sizes[1] or not both:
         if sizes[0] < NOTHING * sizes[1]:
             return "reads nothing where the model moves: is it dead? The"
-        return "does not read what the model moves there: another axis or place? The"
+        return "does not follow the model's motion there: another axis or place? The"
     by = both / sizes[1] ** 2
     if abs(by + 1.0) < WRONG:
-        return "reads with the other sign. The"
-    return f"reads {by:.2g} times what the model moves there: its calibration or unit? The"
+        return "reads with the opposite sign. The"
+    return f"reads {by:.2g} times the model's motion there: its calibration or unit? The"
 
 
 def _said(compared: Compared, row: int, matter: str) -> str:
@@ -143,5 +141,5 @@ def _said(compared: Compared, row: int, matter: str) -> str:
     channel = f"channel {measured.node[row]} {measured.direction[row]}"
     return (
         f"{compared.survey.name}: {channel} {matter} other channels agree with the model; "
-        "correct it or leave it out, for it shifts and widens all that is stated"
+        "correct it or leave it out, for it biases all results and widens their intervals"
     )

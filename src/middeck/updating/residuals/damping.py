@@ -160,7 +160,7 @@ def log_std(survey: Survey) -> Float[np.ndarray, " measured"]:
     zeta, stated = np.nan_to_num(survey.measured.damping), survey.measured.damping_std
     if stated is None and survey.damping_std is None and np.any(zeta != 0.0):
         raise ConfigError(
-            "the survey does not state how well it knows its damping, which an unknown moves",
+            "the survey states no standard deviations of its damping ratios, which an unknown changes",
             where=survey.name,
             hint="damping_std with the modes, or damping_std = 0.1 with the survey, relative",
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field
 from enum import Enum
 
@@ -55,19 +55,20 @@ class Gauge:
     std: float = 0.0
 
     def __post_init__(self) -> None:
-        where, turns = f"gauge {self.name!r}", self.kind is GaugeKind.TILT
+        for what, hint in self._faults():
+            raise ConfigError(what, where=f"gauge {self.name!r}", hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
+        turns = self.kind is GaugeKind.TILT
         if not 0.0 <= self.std < np.inf:
-            raise ConfigError(f"a deviation of {self.std}", where=where, hint="zero or more, in its unit")
+            yield f"a deviation of {self.std}", "zero or more, in its unit"
         if self.kind is not GaugeKind.FORCE and not np.any(self.direction):
-            raise ConfigError("no direction", where=where, hint="a vector in the axes of the world")
+            yield "no direction", "a vector in the axes of the world"
         if turns and not np.any(self.line):
-            raise ConfigError("a tilt of no line", where=where, hint="a vector in the axes of its node")
+            yield "a tilt of no line", "a vector in the axes of its node"
         if turns and not np.any(np.cross(self.line, self.direction)):
-            raise ConfigError(
-                "a line along the direction towards which it is to turn",
-                where=where,
-                hint="one across it: of a chord along x its tilt towards z",
-            )
+            what = "a line along the direction towards which it is to turn"
+            yield what, "one across it: of a chord along x its tilt towards z"
 
     @property
     def unit(self) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -61,36 +64,30 @@ class MeasuredResponse:
     line_error: float = 0.002
 
     def __post_init__(self) -> None:
+        for what, hint in self._faults():
+            raise ConfigError(what, where=WHERE, hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         errors = (self.delay_s, self.modal_error, self.line_error)
         if not all(0.0 <= e < np.inf for e in errors) or not self.line_error > 0.0:
-            raise ConfigError(
-                f"a delay of {self.delay_s} s, errors of {self.modal_error} and {self.line_error}",
-                where=WHERE,
-                hint="zero or positive, the error of a line above zero",
-            )
+            what = f"a delay of {self.delay_s} s, errors of {self.modal_error} and {self.line_error}"
+            yield what, "zero or positive, the error of a line above zero"
         if self.band_hz is not None and not 0.0 <= self.band_hz[0] < self.band_hz[1] < np.inf:
-            raise ConfigError(f"a band of {self.band_hz} Hz", where=WHERE, hint="low < high")
+            yield f"a band of {self.band_hz} Hz", "low < high"
         if self.response is None and not self.anti_resonances:
-            raise ConfigError("nothing measured", where=WHERE, hint="a response, or anti-resonances")
-        if isinstance(self.response, FrequencyResponse) and self.response.variance is None:
-            raise ConfigError(
-                "the response does not state how well it is known",
-                where=WHERE,
-                hint="its variance, as `estimate_response` gives it",
-            )
-        if isinstance(self.response, FrequencyResponse) and self.response.hold_s:
-            raise ConfigError(
-                "the response includes the hold of its inputs", where=WHERE, hint="`release_hold`"
-            )
+            yield "nothing measured", "a response, or anti-resonances"
+        if isinstance(self.response, FrequencyResponse):
+            if self.response.variance is None:
+                what = "the response does not state how well it is known"
+                yield what, "its variance, as `estimate_response` gives it"
+            if self.response.hold_s:
+                yield "the response includes the hold of its inputs", "`release_hold`"
         if isinstance(self.response, ModelCovariance) and not (self.band_hz and self.band_hz[0] > 0.0):
-            raise ConfigError("a fitted response without its band", where=WHERE, hint="band_hz, from above 0")
-        both = [z for z in self.anti_resonances if (z.output, z.input) in self._heard]
-        if both:
-            raise ConfigError(
-                f"the response from {both[0].input} to {both[0].output} is given, its anti-resonances again",
-                where=WHERE,
-                hint="either",
-            )
+            yield "a fitted response without its band", "band_hz, from above 0"
+        for zero in self.anti_resonances:
+            if (zero.output, zero.input) in self._heard:
+                what = f"the response from {zero.input} to {zero.output} is given"
+                yield f"{what}, its anti-resonances again", "either"
 
     @property
     def _heard(self) -> list[tuple[str, str]]:
@@ -185,14 +182,8 @@ def _fitted(test: MeasuredResponse, known: ModelCovariance) -> list[MeasuredPath
 def _heard_only(path: MeasuredPath) -> MeasuredPath:
     off = np.hypot(path.noise, np.linalg.norm(path.common, axis=1))
     heard = np.isfinite(path.H) & np.isfinite(off) & (off < NOISY * np.abs(path.H))
-    return MeasuredPath(
-        output=path.output,
-        input=path.input,
-        hz=path.hz[heard],
-        H=path.H[heard],
-        noise=path.noise[heard],
-        common=path.common[heard],
-    )
+    rows = {name: getattr(path, name)[heard] for name in ("hz", "H", "noise", "common")}
+    return dataclasses.replace(path, **rows)
 
 
 def _lines(hz: Float[np.ndarray, " line"], band_hz: tuple[float, float] | None) -> np.ndarray:

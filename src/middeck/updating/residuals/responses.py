@@ -13,6 +13,7 @@ one, and further by the factor by which they still miss more.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,8 +34,7 @@ from middeck.updating.residuals.modal_transfer import (
     transfer_of,
     transfer_slopes,
 )
-from middeck.updating.unknowns.loop_unknowns import LoopSlopes, loop_slopes
-from middeck.updating.unknowns.unknowns import Bound
+from middeck.updating.unknowns.unknowns import Bound, LoopSlopes, loop_slopes
 from middeck.values import record
 
 # Standard deviations of ln zeta of a mode whose damping the survey does not state, and where it states no
@@ -143,10 +143,7 @@ def _beside(
 
 def with_poles(transfer: ModalTransfer, poles: Poles) -> ModalTransfer:
     """``transfer`` at other poles."""
-    names = ("psi", "phi", "phi_rate", "phi_acceleration")
-    return ModalTransfer(
-        omega=poles.omega, zeta=poles.zeta, **{name: getattr(transfer, name) for name in names}
-    )
+    return dataclasses.replace(transfer, omega=poles.omega, zeta=poles.zeta)
 
 
 def compare_response(
@@ -193,11 +190,9 @@ def _independent(
     unknowns: int,
 ) -> ComparedResponse:
     """Independent rows that say all that the measured ones do, no more than there are unknowns and one.
-
     Common errors n are unknowns of deviation one beside x. Of the triangular factor of both, divided by the
-    rows' own deviations, the part below n is what remains for x (Bjorck 1996, 2.7), and its last column
-    the residual, whose square is that of all rows under their covariance.
-    """
+    rows' own deviations, the part below n is what remains for x (Bjorck 1996, 2.7), and its last column the
+    residual, whose square is that of all rows under their covariance."""
     whole, common, count = np.zeros((0, unknowns + 1)), 0, 0
     if found:
         std = np.concatenate([r.std for r in found])[:, None]
@@ -231,12 +226,10 @@ def _rms(values: np.ndarray) -> float:
 def _of_path(
     beside: _Beside, measured: MeasuredPath, open_x: np.ndarray
 ) -> tuple[_Rows, Complex[np.ndarray, " line"]]:
-    """Log magnitude and phase; and the complex errors.
-
-    ln(1 + d) is d to first order, wrong by half its square: where a pole that no survey measured, or a sum
-    that nearly cancels, may move a line by d of itself, that is an error of the line's own. Gains and delay
-    are linear in the logarithm whatever their size.
-    """
+    """Log magnitude and phase; and the complex errors. ln(1 + d) is d to first order, wrong by half its
+    square: where a pole that no survey measured, or a sum that nearly cancels, may move a line by d of
+    itself, that is an error of the line's own. Gains and delay are linear in the logarithm whatever their
+    size."""
     path = beside.outputs.index(measured.output), beside.inputs.index(measured.input)
     s, H = 2j * np.pi * measured.hz, measured.H
     parts = beside.model.parts(s, *path)

@@ -26,8 +26,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.sensitivity.parameters import read_parameter
-from middeck.structure.sensitivity.rest import differentiate_rest
-from middeck.structure.sensitivity.yielding import yield_further
+from middeck.structure.sensitivity.rest import differentiate_rest, yield_further
 from middeck.updating.residuals.gauges import Gauge, lengths, read, slopes
 from middeck.updating.residuals.surveys import set_up
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change

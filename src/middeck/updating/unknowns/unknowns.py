@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from fnmatch import fnmatchcase
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +12,7 @@ from middeck.errors import ConfigError
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.structure.sensitivity.frequencies import differentiate_products
 from middeck.structure.sensitivity.parameters import (
     Parameter,
@@ -19,7 +21,6 @@ from middeck.structure.sensitivity.parameters import (
     read_parameter,
     set_parameter,
 )
-from middeck.updating.unknowns.loop_unknowns import LOOP, check_loop_unknown
 from middeck.values import record
 
 ENVIRONMENT, DAMPING, FRICTION = "environment.", "damping.", "friction."
@@ -53,29 +54,23 @@ class Unknown:
     added: bool = False
 
     def __post_init__(self) -> None:
+        for what, hint in self._faults():
+            raise ConfigError(what, where=f"unknown {self.name!r}", hint=hint)
+
+    def _faults(self) -> Iterator[tuple[str, str]]:
         if not (0.0 < self.spread < np.inf and np.isfinite(self.mean)):
-            raise ConfigError(
-                f"a spread of {self.spread} and a mean of {self.mean}",
-                where=f"unknown {self.name!r}",
-                hint="a positive standard deviation, e.g. 0.1 for 10 % of a factor",
-            )
+            what = f"a spread of {self.spread} and a mean of {self.mean}"
+            yield what, "a positive standard deviation, e.g. 0.1 for 10 % of a factor"
         if any(name.startswith(LOOP) for name in self.parameters):
-            check_loop_unknown(self.name, self.parameters, self.added)
+            yield from _loop_faults(self.parameters, self.added)
         if self.added and any(name.startswith((DAMPING, FRICTION)) for name in self.parameters):
-            raise ConfigError(
-                "an amount added to damping or friction, which could make it negative",
-                where=f"unknown {self.name!r}",
-                hint="a factor: leave added out; spread = 1.0 is a factor of 2.7, one standard deviation",
-            )
+            what = "an amount added to damping or friction, which could make it negative"
+            yield what, "a factor: leave added out; spread = 1.0 is a factor of 2.7, one standard deviation"
         of_environment = {name.startswith(ENVIRONMENT) for name in self.parameters}
         if not self.parameters or len(of_environment) > 1:
-            raise ConfigError(
-                "one unknown changes parameters of both the article and the environment"
-                if self.parameters
-                else "no parameter",
-                where=f"unknown {self.name!r}",
-                hint="parameters of the article alone, such as members.E, or of the environment alone",
-            )
+            both = "one unknown changes parameters of both the article and the environment"
+            hint = "parameters of the article alone, such as members.E, or of the environment alone"
+            yield both if self.parameters else "no parameter", hint
 
 
 @record
@@ -150,3 +145,47 @@ def product_slopes(
         for parameter in own:
             out[:, k] += next(found) * (1.0 if bound[k].unknown.added else parameter.value)
     return out
+
+
+LOOP = "loop."
+DELAY, SENSOR, MOTOR = "loop.delay_s", "loop.sensor_gain.", "loop.motor_gain."
+
+
+def _loop_faults(parameters: Sequence[str], added: bool) -> Iterator[tuple[str, str]]:
+    """A name that no loop has, a factor where a sum is meant, or a sum."""
+    for parameter in parameters:
+        if not parameter.startswith(LOOP):
+            yield "parameters of the loop and of the article together", "an unknown for each"
+        if parameter != DELAY and not parameter.startswith((SENSOR, MOTOR)):
+            yield f"a loop has no {parameter}", f"{DELAY}, {SENSOR}NAME or {MOTOR}NAME"
+        if added != (parameter == DELAY):
+            what = "is added to, in seconds" if parameter == DELAY else "is a factor"
+            yield f"{parameter} {what}", f"added = {str(parameter == DELAY).lower()}"
+
+
+@record
+class LoopSlopes:
+    """Which unknowns move the delay, and the gain of each output and input: one or zero."""
+
+    delay: Float[np.ndarray, " unknown"]
+    output: Float[np.ndarray, "output unknown"]
+    input: Float[np.ndarray, "input unknown"]
+
+    @property
+    def any(self) -> np.ndarray:
+        """Whether each unknown moves anything here."""
+        return (np.vstack([self.delay, self.output, self.input]) != 0.0).any(axis=0)
+
+
+def loop_slopes(
+    unknowns: Sequence[Sequence[str]], inputs: Sequence[str], outputs: Sequence[str]
+) -> LoopSlopes:
+    """Derivatives by unknowns, named by their parameters; an angle and its rate are one sensor's."""
+    sensors = [f"{SENSOR}{name.removesuffix(RATE)}" for name in outputs]
+    motors = [f"{MOTOR}{name}" for name in inputs]
+
+    def moved(names: Sequence[str]) -> np.ndarray:
+        rows = [[any(fnmatchcase(n, p) for p in own) for own in unknowns] for n in names]
+        return np.array(rows, dtype=float).reshape(len(names), len(unknowns))
+
+    return LoopSlopes(moved([DELAY])[0], moved(sensors), moved(motors))

@@ -219,34 +219,21 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
     crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
     omega, L = add_ends(loop, ratio, curve)
     ends = find_ends(loop, at)
-    loops = [
-        _describe(name, i, (lambda s, i=i: ratio(s)[:, i], omega, L[:, i]), crossings, ends, stability.stable)
-        for i, name in enumerate(broken_at(loop, at))
-    ]
-    loops = [
-        dataclasses.replace(one, delay_s=np.append(0.0, [] if one.delay_s is None else one.delay_s))
-        if none and stability.stable
-        else one
-        for one, none in zip(loops, bears_no_delay(loop, at), strict=True)
-    ]
-    if loop.period_s is not None:
-        known = delays and plant.period_s is None
-
-        def limits() -> list[float]:
-            if not stability.stable:
-                return [0.0] * len(loops)
-            return sampled_delay_limits(loop, plant, compensator, at, curve[0])
-
-        loops = [dataclasses.replace(one, delay_s=None) for one in loops]
-        loops = _with_limits(loops, limits()) if known else loops
+    held, stable = loop.period_s is not None, stability.stable
+    limits = [0.0] * len(broken_at(loop, at))
+    if held and stable and delays and plant.period_s is None:
+        limits = sampled_delay_limits(loop, plant, compensator, at, curve[0])
+    loops: list[LoopMargins] = []
+    for i, (name, none) in enumerate(zip(broken_at(loop, at), bears_no_delay(loop, at), strict=True)):
+        one = _describe(name, i, (lambda s, i=i: ratio(s)[:, i], omega, L[:, i]), crossings, ends, stable)
+        delay_s = one.delay_s
+        if held:
+            known = delays and plant.period_s is None
+            delay_s = np.array([limits[i]] if 0.0 < limits[i] < np.inf else []) if known else None
+        elif none and stable:
+            delay_s = np.append(0.0, [] if delay_s is None else delay_s)
+        loops.append(dataclasses.replace(one, delay_s=delay_s))
     return Margins(stability, tuple(loops))
-
-
-def _with_limits(loops: list[LoopMargins], limits: list[float]) -> list[LoopMargins]:
-    return [
-        dataclasses.replace(loop, delay_s=np.array([limit] if 0.0 < limit < np.inf else []))
-        for loop, limit in zip(loops, limits, strict=True)
-    ]
 
 
 def _describe(

@@ -44,20 +44,14 @@ def measure_rms(
 
 def measure_metric(plant: Plant, compensator: Compensator | None, performance: Performance) -> float:
     """Weighted rms of all outputs together, otherwise as `measure_rms`."""
-    require_one_each(
-        "weights", len(performance.weights), tuple(plant.outputs[i] for i in plant.output_indices(plant.z))
-    )
+    require_one_each("weights", len(performance.weights), plant.z)
     rms = measure_rms(plant, compensator, performance)
     return float(np.linalg.norm(performance.weights * rms)) if np.isfinite(rms).all() else np.inf
 
 
 def _delayed_rms(plant: Plant, compensator: Compensator, performance: Performance) -> Float[np.ndarray, " z"]:
     system = compensator.system  # refuses a sampled compensator, stable loop or not
-    require_one_each(
-        "intensities",
-        len(performance.intensity),
-        tuple(plant.inputs[i] for i in plant.input_indices(plant.w)),
-    )
+    require_one_each("intensities", len(performance.intensity), plant.w)
     loop = FeedbackLoop(loop_path(plant, compensator), system)
     if not decide_loop(loop).stable:
         return np.full(len(plant.z), np.inf)

@@ -13,7 +13,7 @@ from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, form_loop
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.systems.state_space.statespace import StateSpace
+from middeck.systems.state_space.statespace import select_paths
 from middeck.values import record
 
 CANCELLED = 1e-8
@@ -68,10 +68,8 @@ def _pair(mode: str, reads: str, drives: str, pole: complex, zeros: np.ndarray) 
 
 
 def _path_zeros(loop: FeedbackLoop, row: int, column: int) -> Complex[np.ndarray, " zero"]:
-    law = loop.law
-    matrices = law.A, law.B[:, [column]], law.C[[row]], law.D[[row]][:, [column]]
-    zeros = transmission_zeros(StateSpace(*matrices))
-    poles = np.linalg.eigvals(law.A)
+    zeros = transmission_zeros(select_paths(loop.law, [column], [row]))
+    poles = np.linalg.eigvals(loop.law.A)
     away = np.abs(zeros[:, None] - poles).min(axis=1, initial=np.inf)
     return _as_rates(loop, zeros[away > CANCELLED * np.abs(zeros)])
 

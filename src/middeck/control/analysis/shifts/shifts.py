@@ -21,8 +21,8 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.errors import ConfigError
 from middeck.systems.plants.mode_blocks import part_modes
-from middeck.systems.plants.mode_shift import shift_modes
-from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.plants.mode_shift import natural_hz, shift_modes
+from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import none_grows
 from middeck.values import record
 
@@ -108,17 +108,7 @@ def _named(plant: Plant) -> Plant:
 
 
 def _oscillating(plant: Plant) -> tuple[str, ...]:
-    inside = remove_delays(partition_modes(plant).active)
-    if inside.modal is not None:
-        moving = zip(inside.modal.names, inside.modal.omega, strict=True)
-        return tuple(name for name, omega in moving if omega > 0.0)
-    names, rates = name_states(inside), inside.system.A
-    blocks = {name: np.flatnonzero(np.array(names) == name) for name in dict.fromkeys(names)}
-    return tuple(
-        name
-        for name, index in blocks.items()
-        if len(index) == 2 and np.any(np.imag(np.linalg.eigvals(rates[np.ix_(index, index)])) != 0.0)
-    )
+    return tuple(natural_hz(partition_modes(plant).active))
 
 
 def _allowed(mode: str, plant_at: Callable[[float], Plant], law: Compensator, most: float) -> AllowedShift:

@@ -199,36 +199,16 @@ def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
 
 def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
     """The verdict on the roots of `find_roots`."""
-    if not len(roots):
-        return LoopStability(
-            stable=True,
-            pole=complex(-np.inf, 0.0),
-            frequency_hz=0.0,
-            margin=np.inf,
-            damping=1.0,
-            growing=0,
-            decays=True,
-        )
-    lead = complex(roots[np.argmax(np.real(roots))])
+    lead = complex(roots[np.argmax(np.real(roots))]) if len(roots) else complex(-np.inf)
     pole = complex(lead.real, abs(lead.imag))
     damping = -pole.real / abs(pole) if 0.0 < abs(pole) < np.inf else float(pole.real < 0.0)
-    if np.isinf(lead):
-        return LoopStability(
-            stable=False,
-            pole=pole,
-            frequency_hz=np.inf,
-            margin=-np.inf,
-            damping=0.0,
-            growing=-1,
-            decays=False,
-        )
-    growing = int(np.sum(np.real(roots) > growth_limits(roots, period_s)))
+    chain = pole.real == np.inf
     return LoopStability(
-        stable=none_grows(roots, period_s),
+        stable=not chain and none_grows(roots, period_s),
         pole=pole,
         frequency_hz=pole.imag / (2.0 * np.pi),
         margin=-pole.real,
         damping=float(damping),
-        growing=growing,
-        decays=all_decay(roots, period_s),
+        growing=-1 if chain else int(np.sum(np.real(roots) > growth_limits(roots, period_s))),
+        decays=not chain and all_decay(roots, period_s),
     )

@@ -15,13 +15,17 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.h2.law_form import LawForm
-from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import Uncertainty
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
-from middeck.control.robust.problem.robust_compensator import RobustCompensator
-from middeck.control.robust.problem.several_plants import Problem, law_of, pose_problem, true_costs, whole_law
+from middeck.control.lqg.weights import LQGWeights, Shaping
+from middeck.control.robust.problem.several_plants import (
+    Problem,
+    RobustCompensator,
+    law_of,
+    pose_problem,
+    report_law,
+    true_costs,
+)
 from middeck.control.robust.search.continuation import Arrival, approach, carry_on
 from middeck.control.robust.search.smooth_maximum import blend
 from middeck.errors import ConfigError
@@ -92,17 +96,11 @@ def design_multimodel(
 def _result(problem: Problem, arrival: Arrival, over: Over) -> MultiModelCompensator:
     costs = true_costs(problem, arrival.law)
     multipliers = blend(costs, POWERS[over][-1])[1]
-    part = partition_modes(problem.nominal)
     return MultiModelCompensator(
-        dynamics=whole_law(arrival.law, problem.form),
-        inputs=measured_ports(part.active),
-        outputs=driven_ports(part.active),
-        authority=problem.authority,
-        order=len(arrival.law.A) - len(problem.shaping.integral),
+        **report_law(problem, arrival.law),
         cost=float(costs.mean() if over == "mean" else costs.max()),
         costs=costs,
         gradient=arrival.gradient,
         history=arrival.history,
-        inert=part.inert,
         multipliers=multipliers / multipliers.sum(),
     )

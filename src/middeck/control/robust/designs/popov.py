@@ -15,21 +15,20 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import LawForm, arrange, pack, scale_states, station_ports, unpack
-from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
 from middeck.control.robust.problem.directions import Directions, shift_directions
-from middeck.control.robust.problem.robust_compensator import Attempt, RobustCompensator
 from middeck.control.robust.problem.several_plants import (
+    Attempt,
     Problem,
+    RobustCompensator,
     law_of,
     models_of,
     pose_problem,
+    report_law,
     true_costs,
-    whole_law,
 )
 from middeck.control.robust.search.continuation import RESTARTS, approach, carry_on
 from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
@@ -220,18 +219,12 @@ def _improve(
 
 
 def _result(problem: Problem, directions: Directions, place: _Place) -> PopovCompensator:
-    part = partition_modes(problem.nominal)
     return PopovCompensator(
-        dynamics=whole_law(place.law, problem.form),
-        inputs=measured_ports(part.active),
-        outputs=driven_ports(part.active),
-        authority=problem.authority,
-        order=len(place.law.A) - len(problem.shaping.integral),
+        **report_law(problem, place.law),
         cost=place.bound,
         costs=true_costs(problem, place.law),
         gradient=place.gradient,
         history=place.history,
-        inert=part.inert,
         directions=directions,
         multipliers=place.multipliers,
     )

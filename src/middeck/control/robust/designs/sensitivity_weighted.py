@@ -18,15 +18,18 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import LawForm
 from middeck.control.h2.nominal_law import solve_lqg
-from middeck.control.law.compensator import driven_ports, measured_ports
-from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.robust.problem.directions import Directions, stiffness_directions
-from middeck.control.robust.problem.robust_compensator import Attempt, RobustCompensator
-from middeck.control.robust.problem.several_plants import Problem, models_of, pose_problem, whole_law
+from middeck.control.robust.problem.several_plants import (
+    Attempt,
+    Problem,
+    RobustCompensator,
+    models_of,
+    pose_problem,
+    report_law,
+)
 from middeck.control.robust.search.smooth_maximum import evaluate_models
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
@@ -154,18 +157,12 @@ def _result(
     tried: tuple[Attempt, ...],
 ) -> SensitivityWeightedCompensator:
     law, regulator, estimator, cost = _solve(models[0], directions, strength)
-    part = partition_modes(problem.nominal)
     return SensitivityWeightedCompensator(
-        dynamics=whole_law(law, problem.form),
-        inputs=measured_ports(part.active),
-        outputs=driven_ports(part.active),
-        authority=problem.authority,
-        order=len(models[0].A),
+        **report_law(problem, law),
         cost=cost,
         costs=np.array([evaluate_cost(model, law).cost for model in models]),
         gradient=max(regulator.residual, estimator.residual),
         history=tried,
-        inert=part.inert,
         strength=strength,
         regulator=regulator,
         estimator=estimator,

@@ -16,8 +16,7 @@ from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.robust.designs.multimodel import MultiModelCompensator, design_multimodel
 from middeck.control.robust.problem.several_plants import law_of
 from middeck.errors import NumericalError

@@ -1,9 +1,10 @@
-"""Problem of one law for several plants: the plants at each size of the perturbation and authority."""
+"""One law for several plants: its problem at each size of the perturbation and authority, and its result."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -11,13 +12,12 @@ from jaxtyping import Float
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.law_form import LawForm
-from middeck.control.law.compensator import Compensator
+from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
 from middeck.control.lqg.design_model import append_integrals
-from middeck.control.lqg.shaping import Shaping
-from middeck.control.lqg.weights import LQGWeights
+from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.statespace import StateSpace, series
@@ -132,6 +132,19 @@ def whole_law(law: Law, form: LawForm) -> StateSpace:
     return filtered if form.after is None else series(filtered, form.after)
 
 
+def report_law(problem: Problem, law: Law) -> dict[str, Any]:
+    """Fields that the compensators of all robust designs have of their problem and law."""
+    part = partition_modes(problem.nominal)
+    return {
+        "dynamics": whole_law(law, problem.form),
+        "inputs": measured_ports(part.active),
+        "outputs": driven_ports(part.active),
+        "authority": problem.authority,
+        "order": len(law.A) - len(problem.shaping.integral),
+        "inert": part.inert,
+    }
+
+
 def law_of(compensator: Compensator) -> Law:
     """The matrices of a strictly proper compensator; raises `ConfigError` for another."""
     system = compensator.system
@@ -187,3 +200,42 @@ def _require_stabilisable(plant: Plant, shaping: Shaping) -> None:
         complaint="no measurement in y sees it",
         hint="measure it, or leave it out of the design if no input reaches it either",
     )
+
+
+@record(kw_only=True)
+class Attempt:
+    """One stage of the search for a design.
+
+    Attributes:
+        size: Size of the perturbations from 0 (nominal model) to 1; for sensitivity weighting the strength
+            tried.
+        cost: Cost at the end of the stage.
+    """
+
+    size: float
+    cost: float
+
+
+@record(kw_only=True)
+class RobustCompensator(Compensator):
+    """A compensator made for more than one plant.
+
+    Attributes:
+        authority: 1/rho.
+        order: Number of free states, without those of fixed filters and integrals.
+        cost: Value minimised: the mean or the maximum over the models, a bound, or a weighted cost.
+        costs: E[z' W^2 z + rho u' R u] on each design model, the nominal one first; ``inf`` where unstable.
+            With a `Shaping`, of what its filters and integrals make of them.
+        gradient: Norm of the gradient over the cost where the method descends, in coordinates of unit size;
+            the largest relative residual where it solves Riccati equations.
+        history: Stages of the search.
+        inert: Uncontrollable and unobservable modes of the nominal plant.
+    """
+
+    authority: float
+    order: int
+    cost: float
+    costs: Float[np.ndarray, " model"]
+    gradient: float
+    history: tuple[Attempt, ...]
+    inert: tuple[str, ...]

@@ -10,8 +10,7 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, discounted
 from middeck.control.h2.law_form import order_of, shifted, station_ports
 from middeck.control.h2.nominal_law import lqg_law
-from middeck.control.robust.problem.robust_compensator import Attempt
-from middeck.control.robust.problem.several_plants import Problem, models_of
+from middeck.control.robust.problem.several_plants import Attempt, Problem, models_of
 from middeck.control.robust.search.smooth_maximum import Stations, improve
 from middeck.control.robust.search.starting_laws import (
     LADDER,

@@ -14,8 +14,9 @@ from middeck.systems.poles.stability import growth_limits
 
 RIGHTMOST, NEWTON_STEPS = 6, 3
 DECIDES = 30.0
-NEAR = 1e-3
-"""Largest correction relative to the pole; a root further away belongs to another pole."""
+NEAR, DOUBT = 1e-3, 2.0
+"""Largest correction relative to the pole; a root further away belongs to another pole. And from how many of
+these corrections on a pole's distance from its limit leaves nothing to decide."""
 
 
 def exact_growth(
@@ -23,8 +24,9 @@ def exact_growth(
 ) -> Float[np.ndarray, " plant"]:
     """Largest growth of each loop's roots beyond their `growth_limits`; ``poles`` have approximated delays.
 
-    The poles furthest right are carried by Newton steps on det(I - K(s) G(s)) to roots with the exact delay.
-    Where that determinant has no root nearby (a pole that the loop does not move) the pole itself counts.
+    Of the poles furthest right, those that a correction of `NEAR` can carry across their limit are carried
+    by Newton steps on det(I - K(s) G(s)) to roots with the exact delay. Where that determinant has no root
+    nearby (a pole that the loop does not move) the pole itself counts.
     """
     return np.array([_growth(p, law, values) for p, values in zip(plants, poles, strict=True)], dtype=float)
 
@@ -32,12 +34,14 @@ def exact_growth(
 def _growth(plant: Plant, law: Law, values: np.ndarray) -> float:
     if not plant.delayed:
         return _beyond(values)
-    upper = values[np.imag(values) >= 0.0]
-    upper = upper[np.argsort(-np.real(upper))]
-    # Skip roots so far left that exp(-s tau) overflows: they do not decide stability.
-    count = np.count_nonzero(-np.real(upper[:RIGHTMOST]) * plant.delay_s.max(initial=0.0) < DECIDES)
-    lead, rest = upper[:count], upper[count:]
-    roots = np.concatenate([_corrected(plant, law, lead), rest])
+    roots = values[np.imag(values) >= 0.0]
+    roots = roots[np.argsort(-np.real(roots))]
+    lead = roots[:RIGHTMOST]
+    open_ = np.abs(np.real(lead) - growth_limits(lead)) <= DOUBT * NEAR * np.abs(lead)
+    # Roots so far left that exp(-s tau) overflows do not decide stability.
+    open_ &= -np.real(lead) * plant.delay_s.max(initial=0.0) < DECIDES
+    if open_.any():
+        lead[open_] = _corrected(plant, law, lead[open_])
     return _beyond(roots)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import warnings
 from collections.abc import Sequence
 
@@ -27,9 +28,12 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.rounding import is_vague
 from middeck.systems.poles.stability import all_decay
+from middeck.systems.state_space.statespace import poles
 from middeck.values import record
 
 UNDECIDED = NoiseOutcome(False, np.inf, np.inf)
+KEPT = 512
+"""Plants of which the approximation is remembered, a hundred kilobytes each."""
 
 
 @record(kw_only=True)
@@ -207,8 +211,7 @@ def _approximated(
 ) -> list[NoiseOutcome | None]:
     """All plants together with approximated delays, but exactly where that is needed; None if undecided."""
     of_law = is_vague(compensator.system)
-    # Modal plants have no mixed states.
-    vague = [of_law or (p.modal is None and is_vague(remove_delays(p).system)) for p in plants]
+    vague = [of_law or _is_mixed(p) for p in plants]
     known = [p for p, its in zip(plants, vague, strict=True) if not its]
     together = iter(_together(known, compensator, weights, measured=measured))
     found = [None if its else next(together) for its in vague]
@@ -225,9 +228,10 @@ def _together(
     """Outcomes with approximated delays; None for a plant that these, or rounding, leave undecided."""
     system = compensator.system
     law = Law(system.A, system.B, system.C)
-    orders = [pade_order(phase_of_modes(p, system)) if p.delayed else 1 for p in plants]
+    turning = float(np.abs(np.imag(poles(system))).max(initial=0.0))
+    orders = [_order(p, turning) if p.delayed else 1 for p in plants]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
-    models = [generalize(approximate_delays(p, order), weights, 1.0) for p in plants]
+    models = [_model(p, order, weights) for p in plants]
     values, rms, control = _rms(models, [law] * len(models), measured=measured)
     stable = exact_growth(plants, law, values) <= 0.0
     found: list[NoiseOutcome | None] = []
@@ -236,6 +240,31 @@ def _together(
         lost = np.isnan(rms[i]) or (plant.delayed and not (agreed and is_within(order, plant, values[i])))
         found.append(None if lost else NoiseOutcome(bool(stable[i]), float(rms[i]), float(control[i])))
     return found
+
+
+# What no law changes: the compensators of a promise are tried on the same plants one after the other.
+_once = functools.lru_cache(maxsize=KEPT)
+
+
+@_once
+def _is_mixed(plant: Plant) -> bool:
+    """Modal plants have no mixed states."""
+    return plant.modal is None and is_vague(remove_delays(plant).system)
+
+
+@_once
+def _phase(plant: Plant) -> float:
+    return phase_of_modes(plant)
+
+
+@_once
+def _model(plant: Plant, order: int, weights: LQGWeights) -> GeneralizedPlant:
+    return generalize(approximate_delays(plant, order), weights, 1.0)
+
+
+def _order(plant: Plant, turning: float) -> int:
+    """Order of the delays' approximation under a law with poles of up to ``turning`` [rad/s]."""
+    return pade_order(max(_phase(plant), turning * float(plant.delay_s.max(initial=0.0))))
 
 
 def _outcomes(
@@ -255,7 +284,7 @@ def _rms(
     """Poles, rms of the weighted outputs, and of the weighted input, plant by plant; ``nan`` where rounding
     leaves stability open.
     """
-    poles: list[np.ndarray] = [np.zeros(0)] * len(models)
+    found: list[np.ndarray] = [np.zeros(0)] * len(models)
     rms, control = np.full(len(models), np.inf), np.full(len(models), np.inf)
     closed = [closed_matrices(m, law) for m, law in zip(models, laws, strict=True)]
     for group in same_shapes([c[0].shape for c in closed]):
@@ -265,10 +294,10 @@ def _rms(
         inputs = models[group[0]].B2.shape[1]
         outputs = each.shape[1] - inputs
         for j, i in enumerate(group):
-            poles[i] = values[j]
+            found[i] = values[j]
             rms[i] = np.linalg.norm(each[j, :outputs])
             control[i] = np.linalg.norm(each[j, outputs:])
-    return poles, rms, control
+    return found, rms, control
 
 
 def _measured(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> Float[np.ndarray, "loop output"]:

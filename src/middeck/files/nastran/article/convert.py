@@ -47,8 +47,8 @@ class Conversion(NamedTuple):
         return "clamp" in self.environment or "bushing" in self.environment
 
 
-def likely_units(deck: Deck) -> list[Units]:
-    """Units in which the materials and the size of ``deck`` are plausible, the likeliest first."""
+def materials_and_size(deck: Deck) -> tuple[list[tuple[float, float]], float]:
+    """Young's modulus and density (times PARAM WTMASS) of each MAT1, and the extent, in the deck's units."""
     places = place_grids(deck.entries).grids
     factor = weight_factor(deck)
     x = np.array(list(places.values())).reshape(-1, 3)
@@ -60,7 +60,12 @@ def likely_units(deck: Deck) -> list[Units]:
         except ValueError:
             continue
         materials.append((material.E, factor * material.rho))
-    return guess_units(materials, size)
+    return materials, size
+
+
+def likely_units(deck: Deck) -> list[Units]:
+    """Units in which the materials and the size of ``deck`` are plausible, the likeliest first."""
+    return guess_units(*materials_and_size(deck))
 
 
 def convert_deck(

@@ -52,9 +52,14 @@ class LoadSets:
         """
         faults: list[Fault] = []
         found: list[dict[str, Any]] = []
-        chosen = None if self.chosen is None else self.chosen & {*self.direct, *self.sums}
+        there = {*self.direct, *self.sums}
+        chosen = None if self.chosen is None else self.chosen & there
+        lost = sorted(self.chosen - there) if self.chosen else []
+        self.refused += [
+            (f"load set {sid}", 0, "case control selects it, and no load has it") for sid in lost
+        ]
         summed = {integer(text) for sid in (chosen or self.sums) for text in self._terms(sid)[1::2]}
-        for sid in sorted({*self.direct, *self.sums}):
+        for sid in sorted(there):
             if chosen is not None and sid not in chosen:
                 if sid in summed:
                     continue
@@ -146,8 +151,11 @@ class LoadSets:
             factor, number = real(texts[i]), integer("".join(texts[i + 1 : i + 2]))
             if not any(texts[i : i + 2]):
                 continue
-            if factor is None or number not in self.direct:
+            if factor is None or number is None:
                 faults.append(entry.fault(f"no factor and set of loads: {texts[i : i + 2]}", "rest"))
+            elif number not in self.direct:
+                why = "is a LOAD itself" if number in self.sums else "has no load"
+                faults.append(entry.fault(f"load set {number} {why}", "rest", "sum FORCE, MOMENT and GRAV"))
             else:
                 parts += [(entry["s"] * factor, part) for part in self.direct[number]]
         return parts

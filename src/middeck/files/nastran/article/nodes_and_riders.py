@@ -109,7 +109,7 @@ def _check(
     grid = basis.entries.numbered("GRID")
     faults += [
         grid[rider].fault(
-            f"its components {components} are held and depend on grid {carriers[rider]} too",
+            f"its components {components} are held (SPC or its PS) and depend on grid {carriers[rider]} too",
             hint=f"hold grid {carriers[rider]}",
         )
         for rider, components in parts.held.items()

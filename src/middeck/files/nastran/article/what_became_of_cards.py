@@ -17,7 +17,7 @@ REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
 NO_PART = {
     "sets of a reduction: the article is not reduced": REDUCTION,
-    "an article that is free needs none": ("SUPORT", "SUPORT1"),
+    "free or held, an article needs no reference supports": ("SUPORT", "SUPORT1"),
     "how to solve": ("EIGR", "EIGRL"),
 }
 NOT_SELECTED = "not selected by case control"

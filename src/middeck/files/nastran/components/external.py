@@ -134,6 +134,8 @@ def read_external(
         if number is not None
         else next(iter(bulk.supers.values()), bulk.main)
     )
+    if matrices is None and all(card.name != "DMIG" for card in own):  # in a file of their own
+        own = own + [card for card in bulk.main if card.name == "DMIG"]
     return component_of(own, matrices, units, name, str(cards[-1]))
 
 

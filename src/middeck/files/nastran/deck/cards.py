@@ -69,6 +69,8 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
                 continue
         else:
             text = (text.expandtabs(8) if tabs else text).rstrip()
+            if len(text) > 80:
+                faults += [_beyond(line, part) for part in text[80:].split() if _is_number(part)]
             head = text[:8].strip()
             if stars and "*" in head:
                 row = _cut_large(head, text, line)
@@ -145,7 +147,8 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
     """Marks of continuations that are nowhere: those of a last row that announce one, and lone numbers.
 
     A number that no continuation names is a field too many, but where the lines of the deck are ``counted``,
-    and where it is whole and a continuation without a name follows: Nastran too passes over it.
+    and where it is whole, a continuation without a name follows, and the eighth field is blank: Nastran too
+    passes over it. Behind a filled one it may be the next of a list, such as a grid of an RBE3.
     """
     faults: list[Fault] = []
     for row, after in zip(group, [*group[1:], None], strict=True):
@@ -156,9 +159,17 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
             if after is None:
                 hint = "is the deck whole? if the card ends here, clear its tenth field"
                 faults.append(_fault(row[LINE], f"the continuation {tail!r} is missing", hint))
-        elif is_free or not (counted or (after is not None and integer(tail) is not None)):
+        elif is_free or not (
+            counted or (after is not None and not _is_full(row) and integer(tail) is not None)
+        ):
             faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
     return faults
+
+
+def _is_full(row: Row) -> bool:
+    """Whether a row's last field, the one before its mark, is filled."""
+    room = ROW // 2 if row[LARGE] else ROW
+    return len(row[FIELDS]) == room and bool(row[FIELDS][-1])
 
 
 def _is_number(text: str) -> bool:
@@ -167,6 +178,10 @@ def _is_number(text: str) -> bool:
 
 def _no_mark(line: Line, tail: str) -> Fault:
     return _fault(line, f"a number, {tail}, where the mark of a continuation stands", f"{BREAK}; {SEQUENCE}")
+
+
+def _beyond(line: Line, number: str) -> Fault:
+    return _fault(line, f"a number, {number}, behind column 80, where no field is", BREAK)
 
 
 def _are_counted(groups: list[list[Row]]) -> bool:

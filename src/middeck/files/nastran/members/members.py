@@ -170,7 +170,9 @@ class _Reader:
         if not length > 0.0:
             self._say(entry, "a member of no length", "gb")
         elif not np.linalg.norm(np.cross(up, along)) > LEAST_SINE * length * np.linalg.norm(up):
-            self._say(entry, "its orientation vector is zero or along the member", "x1")
+            what = "its orientation vector is zero or along the member"
+            hint = "a vector is in the displacement axes of GA, unless OFFT begins with B"
+            self.faults.append(entry.fault(what, "x1", hint))
         return ends, up
 
     def _orientation(self, entry: Entry, a: np.ndarray, frame: str) -> np.ndarray | None:

@@ -6,11 +6,12 @@ import struct
 
 import numpy as np
 
+from middeck.realtime.engine.interface.checksum import checksum
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
-REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qq")
-"""Magic, sample, alive, then outputs; magic, sample, then sensors."""
+REQUEST, REPLY = struct.Struct("<qq"), struct.Struct("<q")
+"""Behind the check: sample, alive, then outputs; sample, then sensors."""
 END = -1
 """The sample of an engine's last request."""
 HOLD = 2
@@ -23,8 +24,9 @@ class RigSession:
     """A rig, where it stands, and its last reply; `answer` takes one datagram.
 
     Time of the rig is the engine's sample number. A request that was answered before gets the same reply; one
-    whose number has grown by n moves the rig by n samples. An engine with another address begins anew at
-    sample 0, as does any after a last request, and the rig goes on from where it is.
+    whose number has grown by n moves the rig by n samples. It follows one engine: that of another address
+    relieves it at its sample 0, or joins at any after a last request, and the rig goes on from where it is.
+    Other requests of other engines, late or of one that was relieved, move nothing.
     """
 
     def __init__(self, rig: EngineRig) -> None:
@@ -36,23 +38,26 @@ class RigSession:
         self.reply = b""
 
     def answer(self, data: bytes, sender: object = None) -> bytes | None:
-        """The reply to a datagram; None where there is none: an end, an old request, or something else."""
-        outputs, rest = divmod(len(data) - REQUEST.size, 8)
-        if outputs < 1 or rest:
+        """The reply; None for an end, and for what is old, changed on the way or of no engine."""
+        body = unseal(data, "ASKED")
+        outputs = (len(body) - REQUEST.size) // 8
+        if outputs < 1:
             return None
-        magic, sample, alive = REQUEST.unpack_from(data)
-        if magic != constants()["MAGIC"] or sample < END:
+        sample, alive = REQUEST.unpack_from(body)
+        if sample < END:
             return None
         if sample == END:
             self.engine = None if sender == self.engine else self.engine
             return None
         if sender != self.engine:
-            self.engine, self.sample, self.alive, self.stale = sender, 0, -1, 0
-            self.outputs, self.ahead, self.reply = outputs, 0, self._reply(0)
+            if self.engine is not None and sample > 0:
+                return None
+            self.engine, self.sample, self.alive, self.stale = sender, sample, -1, 0
+            self.outputs, self.ahead, self.reply = outputs, 0, self._reply(sample)
         if not self.sample <= sample <= self.sample + LONGEST or outputs != self.outputs:
             return None
         if sample > self.sample:
-            u = np.frombuffer(data, "<f8", outputs, REQUEST.size)
+            u = np.frombuffer(body, "<f8", outputs, REQUEST.size)
             self._follow(sample - self.sample, u if np.isfinite(u).all() else np.zeros(outputs), alive)
             self.sample, self.reply = sample, self._reply(sample)
         return self.reply
@@ -84,4 +89,14 @@ class RigSession:
     def _reply(self, sample: int) -> bytes:
         if self.sensors is None:
             self.sensors = self.rig.readings()
-        return REPLY.pack(constants()["MAGIC"], sample) + np.ascontiguousarray(self.sensors, "<f8").tobytes()
+        return seal(REPLY.pack(sample) + np.ascontiguousarray(self.sensors, "<f8").tobytes(), "ANSWERED")
+
+
+def seal(body: bytes, start: str) -> bytes:
+    """The datagram: a check, begun with the constant ``start`` ("ASKED" or "ANSWERED"), and ``body``."""
+    return struct.pack("<Q", checksum(body, constants()[start])) + body
+
+
+def unseal(data: bytes, start: str) -> bytes:
+    """What stands behind the check; nothing where it does not fit."""
+    return data[8:] if len(data) % 8 == 0 and seal(data[8:], start) == data else b""

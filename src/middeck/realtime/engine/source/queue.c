@@ -1,6 +1,6 @@
 #include "queue.h"
 
-#include <string.h>
+#include "checksum.h"
 
 static whole size_asked(const command *c)
 {
@@ -39,24 +39,11 @@ static int load(queue *q, const shared *f, engine *e, const command *c, enum ans
     return 0;
 }
 
-/* FNV-1a over the words of a command but its check. */
-static whole check_of(const command *c)
-{
-    uint64_t words[sizeof *c / 8], sum = 0xcbf29ce484222325u;
-    size_t k;
-
-    memcpy(words, c, sizeof words);
-    for (k = 0; k < sizeof words / 8 - 1; ++k)
-        sum = (sum ^ words[k]) * 0x100000001b3u;
-    memcpy(words, &sum, sizeof sum);
-    return (whole)words[0];
-}
-
 /* A command of this number, if it is whole: its words may arrive in any order, its check comes out when all are there. */
 static int read_command(const shared *f, whole number, command *c)
 {
     *c = f->commands[number % COMMANDS];
-    return c->number == number && c->check == check_of(c);
+    return c->number == number && (uint64_t)c->check == checksum(0xcbf29ce484222325u, c, sizeof *c / 8 - 1);
 }
 
 static int was_early(const queue *q, whole number)
@@ -81,9 +68,9 @@ static int makes_safe(const command *c)
 }
 
 /* What would undo what a later command has made safe. */
-static int is_undone_by(const command *c, const command *later)
+static int is_withdrawn(const queue *q, const command *c)
 {
-    return (c->kind == ENGAGE && later->kind != SILENCE) || (c->kind == EXCITE && later->kind != DISENGAGE);
+    return (c->kind == ENGAGE && c->number < q->no_engage) || (c->kind == EXCITE && c->number < q->no_excite);
 }
 
 static void answer_early(queue *q, shared *f, engine *e, const command *c, enum answer answer)
@@ -92,14 +79,18 @@ static void answer_early(queue *q, shared *f, engine *e, const command *c, enum 
     answer_command(f, e, c, answer);
 }
 
-/* Those before it that would undo it are withdrawn. */
+/* Those before it that would undo it are withdrawn, also what has not arrived yet. */
 static void withdraw_before(queue *q, shared *f, engine *e, const command *later)
 {
     whole number;
     command c;
 
+    if (later->kind != SILENCE)
+        q->no_engage = later->number;
+    if (later->kind != DISENGAGE)
+        q->no_excite = later->number;
     for (number = f->acknowledged + 1; number < later->number; ++number)
-        if (!was_early(q, number) && read_command(f, number, &c) && is_undone_by(&c, later))
+        if (!was_early(q, number) && read_command(f, number, &c) && is_withdrawn(q, &c))
             answer_early(q, f, e, &c, WITHDRAWN);
 }
 
@@ -129,7 +120,7 @@ int take_commands(queue *q, shared *f, engine *e)
         if (!read_command(f, f->acknowledged + 1, &c) || (c.kind == LOAD && !load(q, f, e, &c, &answer)))
             break;
         if (c.kind != END && c.kind != LOAD)
-            answer = engine_command(e, &c);
+            answer = is_withdrawn(q, &c) ? WITHDRAWN : engine_command(e, &c);
         answer_command(f, e, &c, answer);
         acknowledge(f, c.number);
         if (c.kind == END)

@@ -20,6 +20,7 @@ typedef struct {
     loading load;
     int under_way;
     whole early[COMMANDS]; /* numbers of commands carried out, or withdrawn, before their turn */
+    whole no_engage, no_excite; /* such a command before this number is withdrawn, whenever it arrives */
 } queue;
 
 /* Copy what waits to be loaded, then check the copy: what is checked is what will run. */

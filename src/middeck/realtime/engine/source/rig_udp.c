@@ -1,7 +1,8 @@
 /* An article in another process, over UDP on this machine's loopback interface.
 
-   Sample k asks with (MAGIC, k, alive, outputs since sample k - 1) and is answered by (MAGIC, k, sensors). A request that was
-   lost is sent again; the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. */
+   Sample k asks with (check, k, alive, outputs since sample k - 1) and is answered by (check, k, sensors). The check is that of
+   the words behind it, begun with ASKED or ANSWERED: what was changed on the way is as good as lost. A request that was lost is sent again;
+   the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
@@ -11,18 +12,19 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include "checksum.h"
 #include "rig.h"
 
 enum { TRIES = 20, OTHERS = 64, LOST_MS = 1 }; /* OTHERS: datagrams that are no answer, after which a try is over */
 
 typedef struct {
-    uint64_t magic;
+    uint64_t check;
     whole sample, alive;
     real numbers[CHANNELS];
 } request;
 
 typedef struct {
-    uint64_t magic;
+    uint64_t check;
     whole sample;
     real numbers[CHANNELS];
 } reply;
@@ -50,15 +52,22 @@ static enum rig_answer found(udp_rig *r, int lost)
     return lost ? RIG_LOST : RIG_READ;
 }
 
+/* Of all words of a datagram but the first. */
+static uint64_t check_of(uint64_t start, const uint64_t *first, size_t size)
+{
+    return checksum(start, first + 1, size / sizeof *first - 1);
+}
+
 static void send_request(udp_rig *r)
 {
+    r->out.check = check_of(ASKED, &r->out.check, r->out_size);
     if (send(r->socket, &r->out, r->out_size, MSG_DONTWAIT) < 0)
         return; /* as if it had been lost on the way */
 }
 
 static int is_answer(const udp_rig *r, const reply *in, ssize_t got)
 {
-    return got == (ssize_t)r->in_size && in->magic == MAGIC && in->sample == r->out.sample;
+    return got == (ssize_t)r->in_size && in->sample == r->out.sample && in->check == check_of(ANSWERED, &in->check, r->in_size);
 }
 
 static enum rig_answer read_udp(rig *face, real *y)
@@ -116,7 +125,6 @@ rig *open_udp_rig(const settings *set)
     r.face.write = write_udp;
     r.face.close = close_udp;
     r.face.set = set;
-    r.out.magic = MAGIC;
     r.out_size = sizeof r.out - sizeof r.out.numbers + (size_t)set->outputs * sizeof(real);
     r.in_size = sizeof(reply) - sizeof r.out.numbers + (size_t)set->inputs * sizeof(real);
     there.sin_family = AF_INET;

@@ -143,18 +143,21 @@ def _pulses(
     settings: EngineSettings, article: LinearArticle, count: int
 ) -> Float[np.ndarray, "output sample sensor"]:
     """Sensors of the held article after one sample of a unit of each output."""
-    outputs = article.B.shape[1]
-    x, memory = article.B.copy(), np.zeros((len(settings.hold), 2, outputs))
-    found = np.zeros((count, len(article.C), outputs))
+    sections = [path.section for path in settings.hold]
+    b0, b1, b2 = np.reshape([section.b for section in sections], (-1, 3)).T[:, :, None]
+    a1, a2 = np.reshape([section.a for section in sections], (-1, 2)).T[:, :, None]
+    reads, pushed = (
+        [path.input for path in settings.hold],
+        article.B[:, [path.output for path in settings.hold]],
+    )
+    x, s1, s2 = article.B.copy(), 0.0, 0.0
+    found = np.zeros((count, len(article.C), article.B.shape[1]))
     for k in range(1, count):
         found[k] = y = article.C @ x
-        push = np.zeros((outputs, outputs))
-        for path, s in zip(settings.hold, memory, strict=True):
-            b, a, value = path.section.b, path.section.a, y[path.input]
-            out = b[0] * value + s[0]
-            s[0], s[1] = b[1] * value - a[0] * out + s[1], b[2] * value - a[1] * out
-            push[path.output] += out
-        x = article.A @ x + article.B @ push
+        value = y[reads]
+        out = b0 * value + s1
+        s1, s2 = b1 * value - a1 * out + s2, b2 * value - a2 * out
+        x = article.A @ x + pushed @ out
     return found.transpose(2, 0, 1)
 
 

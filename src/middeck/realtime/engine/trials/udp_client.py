@@ -8,11 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LARGEST, LOOPBACK
-from middeck.realtime.engine.rigs.udp_replies import END, REPLY, REQUEST
+from middeck.realtime.engine.rigs.udp_replies import END, REPLY, REQUEST, seal, unseal
 
 TRIES, OTHERS = 20, 64
 """How often it asks, and datagrams that are no answer after which a try is over."""
@@ -40,7 +39,7 @@ class RigClient(EngineRig):
             except (TimeoutError, ConnectionError):
                 continue
             if data is not None:
-                self.now = np.frombuffer(data, "<f8", offset=REPLY.size)
+                self.now = np.frombuffer(unseal(data, "ANSWERED"), "<f8", offset=REPLY.size)
                 break
         if self.now is None:
             raise DataError(SILENT, where="UDP", hint=START_IT)
@@ -58,9 +57,9 @@ class RigClient(EngineRig):
         self.socket.close()
 
     def _request(self, u: np.ndarray) -> bytes:
-        head = REQUEST.pack(constants()["MAGIC"], self.sample, self.sample)
-        return head + np.ascontiguousarray(u, "<f8").tobytes()
+        head = REQUEST.pack(self.sample, self.sample)
+        return seal(head + np.ascontiguousarray(u, "<f8").tobytes(), "ASKED")
 
     def _answers(self, data: bytes) -> bool:
-        fits = len(data) > REPLY.size and (len(data) - REPLY.size) % 8 == 0
-        return fits and REPLY.unpack_from(data) == (constants()["MAGIC"], self.sample)
+        body = unseal(data, "ANSWERED")
+        return len(body) > REPLY.size and REPLY.unpack_from(body) == (self.sample,)

@@ -24,7 +24,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 # Members that depart from one line by less than this part of its length are one line.
 ONE_LINE = 1e-3
 # Least length over width (root mean squares), and cosine to a world axis that gives a direction its letter.
-SLENDER, LETTERED = 2.0, 0.9
+SLENDER, LETTERED = 1.5, 0.9
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
 FEWEST, MOST, FRAMES_EACH = 4, 12, 4
 # Few points beside the axis may not tell torsion and bending apart: opposite parts would have all shares.
@@ -72,7 +72,9 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     ends = model.element_ends.ravel()
     middle = half @ place[ends] / half.sum()
     r = place - middle
-    spread, axes = np.linalg.eigh((half[:, None] * r[ends]).T @ r[ends])
+    both = r[model.element_ends].sum(axis=1)  # integrals over straight elements: no name hangs on the mesh
+    moments = (half[:, None] * r[ends]).T @ r[ends] + (half[::2, None] * both).T @ both
+    spread, axes = np.linalg.eigh(moments / 3.0)
     if not spread[2] >= SLENDER**2 * spread[1]:
         return None
     axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
@@ -185,10 +187,8 @@ class _Lines:
 
 def _across(axis: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Two unit vectors across, one as near to a world axis as can be, and the names of bending along them.
-
     That is the plane of bending where its normal has a letter, or the letter of the direction; one name for
-    both where one of them has neither.
-    """
+    both where one of them has neither."""
     e = np.eye(3)[int(np.argmin(np.abs(axis)))]
     e = e - (axis @ e) * axis
     e = e / np.linalg.norm(e)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.assembly.component_states import component_states
 from middeck.structure.elements.component import ComponentElement
 from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -36,12 +35,8 @@ def left_out(
     the part, by which its own stiffness changes: a kink that opens ties bending to twist otherwise. So it is
     an estimate by experience rather than a bound: forces that pull and push cancel in part.
     """
-    parts = equilibrium.model.structure.components
-    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
-    out = np.zeros((len(parts), len(lam)))
-    for k, (part, element, (state, rows)) in enumerate(
-        zip(parts, equilibrium.model.components, states, strict=True)
-    ):
+    out = np.zeros((len(equilibrium.components), len(lam)))
+    for k, (part, element, state, rows) in enumerate(equilibrium.components):
         pull = (element.stiffness @ state.deformation)[: 6 * len(part.grids)].reshape(-1, 6)[:, :3]
         work, length = _virial(part, pull @ part.axes, part.axes.T @ state.axes.T @ equilibrium.loads.gravity)
         strain = state.slope @ (rows @ shapes)
@@ -81,8 +76,7 @@ def component_warnings(
                 f"estimate both change the frequency of mode {worst} ({hz:.4g} Hz) by up to "
                 f"{100.0 * cost[worst]:.2g} %"
             )
-    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
-    for part, (state, _) in zip(parts, states, strict=True):
+    for part, _, state, _ in equilibrium.components:
         turns = state.deformation[: 6 * len(part.grids)].reshape(-1, 6)[:, 3:]
         bent = np.linalg.norm(turns, axis=1)
         if bent.max() > LARGE:
@@ -94,10 +88,8 @@ def component_warnings(
 
 
 def _virial(part: Component, pull: np.ndarray, gravity: np.ndarray) -> tuple[float, float]:
-    """Forces times lengths [N m] in the component's axes, and its length [m].
-
-    The length is that of its grids, and of a rod with its largest second moment of mass.
-    """
+    """Forces times lengths [N m] in the component's axes, and its length [m]. The length is that of its
+    grids, and of a rod with its largest second moment of mass."""
     m, centre, inertia = body_of(part)
     arms = part.positions - centre
     second = 0.5 * np.trace(inertia) * np.eye(3) - inertia

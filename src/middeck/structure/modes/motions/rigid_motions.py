@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.elements.frames import rigid_columns
-from middeck.structure.model.article import Joint, JointState
+from middeck.structure.model.article import JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 
 AXES = "xyz"
@@ -34,7 +34,8 @@ def rigid_motions(
     joints = np.zeros((model.tree.size, len(moving)))
     joints[6 * roots + moving, np.arange(len(moving))] = 1.0
     names = [f"translation {a}" for a in AXES] + [f"rotation {a}" for a in AXES]
-    names += [_joint_name(model.structure.joints[j]) for j in moving]
+    for joint in (model.structure.joints[j] for j in moving):
+        names.append(f"{'slide' if joint.slides else 'gimbal'} {joint.name.replace('_', ' ')}")
     return np.hstack([motions, joints]), tuple(names)
 
 
@@ -62,10 +63,6 @@ def _with_links(joints: np.ndarray, space: np.ndarray, M: sp.csr_array) -> np.nd
     within = np.abs(space[own] @ moves - np.eye(len(own))).max(axis=0, initial=0.0) < NEW_PART
     outside = _norm(joints - space @ (space.T @ (M @ joints)), M) >= NEW_PART * _norm(joints, M)
     return np.where(within & outside, space @ moves, joints)
-
-
-def _joint_name(joint: Joint) -> str:
-    return f"{'slide' if joint.slides else 'gimbal'} {joint.name.replace('_', ' ')}"
 
 
 def centre_of_mass(
@@ -119,10 +116,8 @@ def rigid_basis(
 
 
 def _amounts(motions: np.ndarray, mode: np.ndarray, M: sp.csr_array) -> Float[np.ndarray, " motion"]:
-    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia.
-
-    That of rotations is their largest: about axes across each other, the larger angle counts.
-    """
+    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia. That
+    of rotations is their largest: about axes across each other, the larger angle counts."""
     own = _norm(motions, M)
     unit = motions / np.where(own > 0.0, own, 1.0)
     parts = np.linalg.lstsq(unit.T @ (M @ unit), unit.T @ (M @ mode), rcond=NEW_PART**2)[0]

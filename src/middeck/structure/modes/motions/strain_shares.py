@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.structure.assembly.beam_ends import element_poses
-from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.beam import beam_deformations
 from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
@@ -75,18 +74,13 @@ def _tie_energies(
     stretch[length == 0.0] = np.sum(apart[length == 0.0] ** 2, axis=1)  # the same in all directions
     between, _ = bushing_states(model, equilibrium.config, equilibrium.loads)
     ends = changes[model.bushing_ends].reshape(len(model.bushing_ends), 12, shapes.shape[1])
+    parts = [0.5 * np.diagonal(c.state.squares(c.rows @ shapes)) for c in equilibrium.components]
     return (
         0.5 * (k[:, None] * stretch).T,
         0.5 * (of_joints[:, None] * shapes[6 * model.tree.roots :] ** 2).T,
         0.5 * np.einsum("bim,bij,bjm->mb", ends, between.material, ends),
-        _component_energies(equilibrium, shapes),
+        np.array(parts).reshape(len(parts), shapes.shape[1]).T,
     )
-
-
-def _component_energies(equilibrium: Equilibrium, shapes: np.ndarray) -> np.ndarray:
-    states = component_states(equilibrium.model, equilibrium.config, equilibrium.loads)
-    each = [0.5 * np.diagonal(state.squares(rows @ shapes)) for state, rows in states]
-    return np.column_stack(each) if each else np.zeros((shapes.shape[1], 0))
 
 
 def strain_share(
@@ -154,9 +148,7 @@ def _each_member(equilibrium: Equilibrium, changes: np.ndarray) -> np.ndarray:
 
 def _element_energies(equilibrium: Equilibrium, changes: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
     """Elements by the hundred, whose arrays stay in the cache, and the energy of each of their deformations.
-
-    That is (element, 6, mode); ``changes`` are those of all poses.
-    """
+    That is (element, 6, mode); ``changes`` are those of all poses."""
     model = equilibrium.model
     x, T = element_poses(model, equilibrium.config)
     _, slope = beam_deformations(model.beams, x, T)

@@ -7,7 +7,9 @@ import re
 from collections import Counter
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
+from scipy.sparse.csgraph import connected_components
 
 from middeck.structure.elements.rotations import cross
 from middeck.structure.model.article import Structure
@@ -95,13 +97,6 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
 def straight_lines(structure: Structure) -> list[int]:
     """Number of the first member of each member's line."""
     members, along = structure.members, member_geometry(structure).triad[:, :, 0]
-    before = list(range(len(members)))
-
-    def first(m: int) -> int:
-        while before[m] != m:
-            before[m] = m = before[before[m]]
-        return m
-
     at: dict[str, list[int]] = {}
     for m, member in enumerate(members):
         at.setdefault(member.start, []).append(m)
@@ -109,8 +104,10 @@ def straight_lines(structure: Structure) -> list[int]:
     pairs = [pair for some in at.values() for pair in itertools.combinations(some, 2)]
     met = np.array(pairs, dtype=int).reshape(-1, 2)
     sine = np.linalg.norm(cross(along[met[:, 0]], along[met[:, 1]]), axis=1)
-    for m, other in met[sine < STRAIGHT].tolist():
-        if members[other].section == members[m].section:
-            low, high = sorted((first(m), first(other)))
-            before[high] = low
-    return [first(m) for m in range(len(members))]
+    on = [(a, b) for a, b in met[sine < STRAIGHT].tolist() if members[a].section == members[b].section]
+    a, b = np.array(on, dtype=int).reshape(-1, 2).T
+    graph = sp.coo_array((np.ones(len(a)), (a, b)), shape=(len(members),) * 2)
+    _, first, line = np.unique(
+        connected_components(graph, directed=False)[1], return_index=True, return_inverse=True
+    )
+    return first[line].tolist()

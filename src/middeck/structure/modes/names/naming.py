@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from middeck.structure.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
@@ -71,9 +71,7 @@ def name_modes(
 
 def _order(bent: np.ndarray, before: Sequence[np.ndarray | None]) -> int:
     """Place of a bending among those in its plane: one across is none of them, one half way is half of one.
-
-    Modes of one frequency, of which any basis will do, have half of each plane.
-    """
+    Modes of one frequency, of which any basis will do, have half of each plane."""
     shared = np.array([np.sum(bent * other) for other in before if other is not None])
     clear = np.where(shared > 1.0 - UNCLEAR, 1.0, np.where(shared < UNCLEAR, 0.0, 0.5))
     return 1 + int(clear.sum() + 0.5)
@@ -94,7 +92,9 @@ def deformation_names(
     deformation of the members. Two that are nearly equal are both named, and modes of one frequency that
     `turn_apart` leaves alike are named alike.
     """
-    mean = _mean_of_groups(len(lam), repeated_apart(equilibrium.model.tree, M, lam, shapes))
+    mean = np.eye(len(lam))  # over each group: a mean over all of its modes does not depend on their basis
+    for group in repeated_apart(equilibrium.model.tree, M, lam, shapes):
+        mean[np.ix_(group, group)] = 1.0 / len(group)
     strain = mean @ strain_energy(equilibrium, shapes)
     if not len(lam) or on_one_line(equilibrium):
         return [Wording(PARTS[i]) for i in np.argmax(strain, axis=1)]
@@ -134,14 +134,6 @@ def _turning(
     return names, (twice / np.einsum("im,im->m", shapes, M @ shapes)).T
 
 
-def _mean_of_groups(count: int, groups: list[Int[np.ndarray, " member"]]) -> np.ndarray:
-    """Averages over each group: a mean over all of its modes does not depend on their basis."""
-    mean = np.eye(count)
-    for group in groups:
-        mean[np.ix_(group, group)] = 1.0 / len(group)
-    return mean
-
-
 def _ordinal(count: int) -> str:
     """First to tenth, then 11th, 12th, 21st ...
 
@@ -155,10 +147,8 @@ def _ordinal(count: int) -> str:
 
 
 def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -> list[str]:
-    """Label of each mode's largest effective mass, each motion's relative to its own.
-
-    Of motions that clamps and links leave: all of an article that floats in one piece.
-    """
+    """Label of each mode's largest effective mass, each motion's relative to its own. Of motions that clamps
+    and links leave: all of an article that floats in one piece."""
     if equilibrium.model.held is None and in_one_piece(equilibrium.model):
         motions, names = rigid_motions(equilibrium, M)
     else:

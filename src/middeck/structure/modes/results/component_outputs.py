@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import points_in_world
 from middeck.structure.model.component import WAYS, Component, rigid_vectors
@@ -38,10 +37,7 @@ class Recovered(NamedTuple):
 def recover_outputs(modes: Modes, component: str) -> Recovered:
     """Results of the component's output transformation; raises `ConfigError` for one that has none."""
     at = modes.equilibrium
-    states = component_states(at.model, at.config, at.loads)
-    for part, element, (state, rows) in zip(
-        at.model.structure.components, at.model.components, states, strict=True
-    ):
+    for part, element, state, rows in at.components:
         if part.name == component and part.recovery is not None:
             back = part.recovery @ element.basis
             return Recovered(part.outputs, back @ state.deformation, back @ state.seen(rows @ modes.shapes))
@@ -105,15 +101,14 @@ def motions_inside(
 ) -> list[Float[np.ndarray, " coordinate"]]:
     """Motion per unit coordinate of points inside components, by component, point and way in W (of six)."""
     at = modes.equilibrium
-    states = component_states(at.model, at.config, at.loads) if asked else []
     found: list[np.ndarray] = []
     for k, point, way in asked:
-        part, (state, rows) = at.model.structure.components[k], states[k]
+        part, element, state, rows = at.components[k]
         outputs = [f"{point.name} {w}" for w in WAYS[way - way % 3 :][:3]]
         if part.recovery is None or not set(outputs) <= set(part.outputs):
             what = f"component {part.name!r} has no output {point.name} {WAYS[way]}"
             raise ConfigError(what, where="measured channels", hint="leave the channel out")
-        recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ at.model.components[k].basis
+        recovery = part.recovery[[part.outputs.index(x) for x in outputs]] @ element.basis
         own = (state.axes @ part.axes)[way % 3] @ recovery
         poses = own[: len(own) - state.modal].reshape(-1, 3) @ state.axes.T  # as by `seen`
         found.append(np.asarray(rows.T @ np.concatenate([poses.ravel(), own[poses.size :]])))

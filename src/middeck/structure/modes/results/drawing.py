@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.assembly.beam_ends import element_poses
-from middeck.structure.assembly.component_states import component_states
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.elements.beam_centre_line import beam_curve
@@ -313,21 +312,15 @@ def _ties(model: Model) -> Iterator[_Stroke]:
 
 
 def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
-    """From the centre of mass of each component to its grids, and to the points that its outputs move.
-
-    What else it is inside is not known. Its centre of mass moves by the momentum of all of its coordinates,
-    the modal ones too.
-    """
+    """From the centre of mass of each component to its grids, and to the points that its outputs move. What
+    else it is inside is not known. Its centre of mass moves by the momentum of all of its coordinates, the
+    modal ones too."""
     model = equilibrium.model
     lines: list[Strand] = []
     places = [np.zeros((2, 0, 3))]
     moved = [np.zeros((shapes.shape[1], 0, 3))]
-    states = component_states(model, equilibrium.config, equilibrium.loads)
-    for part, element, (state, rows) in zip(
-        model.structure.components, model.components, states, strict=True
-    ):
-        grids = PosePoints(model.points.frame[element.point], model.points.offset[element.point])
-        *at, at_grids = _moved(equilibrium, grids, shapes)
+    for part, element, state, rows in equilibrium.components:
+        *at, at_grids = _moved(equilibrium, model.points.of(element.point), shapes)
         points, weight = inner_points(part), element.weights[:, 0] / element.weights[:, 0].sum()
         about = [element.moment, *(part.axes @ (p.place - weight @ part.positions) for p in points)]
         shift = np.array([element.drag, *(part.axes @ p.shift @ element.basis for p in points)])
@@ -356,9 +349,8 @@ def _spokes(x: Float[np.ndarray, "state point 3"]) -> Float[np.ndarray, "state s
 def _cables(equilibrium: Equilibrium, shapes: np.ndarray, longest: float) -> _Piece:
     """The lower part of each device, straight to its anchor, which does not move."""
     model, loads = equilibrium.model, equilibrium.loads
-    feet = PosePoints(model.points.frame[loads.attach_point], model.points.offset[loads.attach_point])
     places: list[np.ndarray] = []
-    drawn, rest, moved = _moved(equilibrium, feet, shapes)
+    drawn, rest, moved = _moved(equilibrium, model.points.of(loads.attach_point), shapes)
     part = np.zeros((len(rest), 1))
     for x in (drawn, rest):
         span = loads.anchor - x

@@ -30,23 +30,13 @@ GRAVITY_MODES = Chapter(
     needs=(compare_environments,),
     compute=compute,
     entries=(
-        Entry(key="figure_4", numbers=numbers.figure_4),
-        Entry(key="figure_5", numbers=numbers.figure_5),
+        Entry("figure_4", numbers.figure_4),
+        Entry("figure_5", numbers.figure_5),
     ),
     drawings=(
-        Drawing(
-            key="figure-3", title=TITLE_3, draw=figure_3, sentence=text.figure_3, tables=text.rest_tables
-        ),
-        Drawing(
-            key="figure-4", title=TITLE_4, draw=figure_4, sentence=text.figure_4, tables=text.mode_tables
-        ),
-        Drawing(
-            key="figure-5",
-            title=TITLE_5,
-            draw=figure_5,
-            sentence=text.figure_5,
-            tables=text.orthogonality_tables,
-        ),
+        Drawing("figure-3", TITLE_3, figure_3, sentence=text.figure_3, tables=text.rest_tables),
+        Drawing("figure-4", TITLE_4, figure_4, sentence=text.figure_4, tables=text.mode_tables),
+        Drawing("figure-5", TITLE_5, figure_5, sentence=text.figure_5, tables=text.orthogonality_tables),
     ),
     result=text.result,
 )

@@ -16,15 +16,15 @@ from scipy.spatial import ConvexHull
 from middeck.plot.shapes import round_down
 from middeck.plot.style import COLOUR, WIDTH_IN, new_figure, note, styled
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.elements.frames import PosePoints, points_in_world
+from middeck.structure.elements.frames import points_in_world
 from middeck.structure.gravity.compare_modes import ModeComparison
-from middeck.structure.model.article import Body
 from middeck.structure.model.environment import Environment
+from middeck.structure.modes.results.drawing import Drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 
-# Lengths over the size of the article: the largest exaggerated displacement, the room for names of nodes, the
-# drawn part of each cable, and the distance of cables with words of their own.
-SHOWN, LABELS, CABLE, APART = 0.04, 0.08, 0.23, 0.2
+# Lengths over the size of the article: the largest exaggerated displacement, the room for names of nodes, and
+# the distance of cables with words of their own.
+SHOWN, LABELS, APART = 0.04, 0.08, 0.2
 TALL = 0.5  # height over both widths, from which on all four views stand in one row
 WIDE_IN, TALLEST_IN, AROUND_IN = 4.3, 7.0, 1.6
 COUNTS = {1: "one point", 2: "two points", 3: "three points"}
@@ -39,18 +39,6 @@ class Look(NamedTuple):
     falls: bool
 
 
-class RestDrawing(NamedTuple):
-    """A rest state whose displacements from the undeformed state are drawn ``factor`` times.
-
-    ``size`` is the largest extent of the article [m]; ``beside``: whether all views stand in one row.
-    """
-
-    rest: Equilibrium
-    factor: float
-    size: float
-    beside: bool
-
-
 @styled
 def figure_3(comparison: ModeComparison) -> Figure:
     """The article in both environments, from the side and from the end of it."""
@@ -63,9 +51,11 @@ def figure_3(comparison: ModeComparison) -> Figure:
     looks = _looks(lab.environment, extent)
     figure, grid = _panels(extent, looks)
     for row, (environment, title) in zip(grid, titles.items(), strict=True):
-        drawing = RestDrawing(getattr(comparison, environment).equilibrium, factor, size, _rows(grid) == 1)
+        rest = getattr(comparison, environment).equilibrium
         for axes, look in zip(row, looks, strict=True):
-            _draw_view(axes, drawing, look, COLOUR[environment])
+            _draw_view(axes, rest, factor, look, COLOUR[environment])
+            if _rows(grid) == 2:
+                _name_cables(axes, rest, factor, look, APART * size)
             axes.set_xlabel(f"{AXIS[look.right]} [m]")
         row[0].set_title(title if _rows(grid) == 2 else title.partition(":")[0])
         _name_end(row[1])
@@ -180,95 +170,54 @@ def _largest_displacement(rest: Equilibrium) -> float:
     return float(np.linalg.norm(rest.config.x - rest.model.rest.x, axis=1).max(initial=0.0))
 
 
-def _shown(drawing: RestDrawing, points: PosePoints) -> Float[np.ndarray, "pose 3"]:
-    model = drawing.rest.model
-    at_rest = points_in_world(points, model.drawn)
-    now = points_in_world(points, drawing.rest.poses)
-    return at_rest + drawing.factor * (now - at_rest)
-
-
-def _draw_view(axes: Axes, drawing: RestDrawing, look: Look, colour: str) -> None:
-    if np.any(drawing.rest.loads.gravity):
-        _draw_members(axes, drawing._replace(factor=0.0), look, COLOUR["ghost"], 1.0)
-        _draw_cables(axes, drawing, look)
-    _draw_members(axes, drawing, look, colour, 2.2)
-    _draw_bodies(axes, drawing, look, colour)
+def _draw_view(axes: Axes, rest: Equilibrium, factor: float, look: Look, colour: str) -> None:
+    """Members, bodies on their arms and cables, displaced ``factor`` times; behind them members as drawn."""
+    drawing, hung = build_rest_drawing(rest), bool(np.any(rest.loads.gravity))
+    structure = rest.model.structure
+    shade = {node.name: "#555555" for node in structure.nodes}
+    shade |= {joint.name: colour for joint in structure.joints if np.any(joint.body.cg)}
+    arms = {joint.name for joint in structure.joints}
+    flat, at = _flat(drawing, factor, look)
+    for line in drawing.lines:
+        some = slice(line.first, line.last)
+        if line.what == "member":
+            if hung:
+                axes.plot(*flat[some].T, color=COLOUR["ghost"], linewidth=1.0, zorder=2)
+            axes.plot(*at[some].T, color=colour, linewidth=2.2, zorder=2)
+        elif line.what == "body" and line.name in shade:
+            _draw_box(axes, at[some], shade[line.name])
+        elif line.what == "rigid" and line.name in arms:
+            axes.plot(*at[some].T, color="black", linewidth=0.9, zorder=2.5)
+        elif line.what == "cable" and hung:
+            axes.plot(*at[some].T, color=COLOUR["ink"], linewidth=0.9, zorder=1.5)
+            axes.plot(*at[line.last - 1], marker=(2, 0, 60), color=COLOUR["ink"], markersize=9)
     axes.set_aspect("equal", adjustable="box")
     axes.margins(0.05)
 
 
-def _draw_members(axes: Axes, drawing: RestDrawing, look: Look, colour: str, width: float) -> None:
-    model = drawing.rest.model
-    world = _shown(drawing, model.points)
-    right, up = look.right, look.up
-    for member in range(len(model.structure.members)):
-        ends = model.element_ends[model.element_member == member]
-        chain = world[np.concatenate([ends[:1, 0], ends[:, 1]])]
-        axes.plot(chain[:, right], chain[:, up], color=colour, linewidth=width, zorder=2)
+def _flat(drawing: Drawing, factor: float, look: Look) -> tuple[np.ndarray, np.ndarray]:
+    """Points as drawn, and displaced from there ``factor`` times as far as at rest."""
+    drawn, rest = (x[:, [look.right, look.up]] for x in (drawing.drawn, drawing.rest))
+    return drawn, drawn + factor * (rest - drawn)
 
 
-def _draw_bodies(axes: Axes, drawing: RestDrawing, look: Look, colour: str) -> None:
-    """Nodes as boxes of their size; a carried body as its arm and the box that has its inertia."""
-    model = drawing.rest.model
-    for frame, node in enumerate(model.structure.nodes):
-        _draw_box(axes, drawing, look, frame, np.zeros(3), np.full(3, node.size), "#555555")
-    for joint in model.structure.joints:
-        frame = model.frames.index(joint.name)
-        arm = [(model.frames.index(joint.parent), np.zeros(3)), (frame, np.zeros(3)), (frame, joint.body.cg)]
-        _draw_line(axes, drawing, look, arm)
-        if np.any(joint.body.cg):
-            _draw_box(axes, drawing, look, frame, joint.body.cg, _box_size(joint.body), colour)
+def _draw_box(axes: Axes, corners: Float[np.ndarray, "corner 2"], colour: str) -> None:
+    if np.linalg.matrix_rank(corners - corners[0], tol=1e-9) == 2:
+        outline = corners[ConvexHull(corners).vertices]
+        box = Polygon(outline, facecolor=colour, edgecolor="black", linewidth=0.6, alpha=0.55, zorder=3)
+        axes.add_patch(box)
 
 
-def _box_size(body: Body) -> Float[np.ndarray, "3"]:
-    """Edges of the uniform box with this mass and these moments of inertia; zero where none exists."""
-    moments = np.diag(body.inertia)
-    return np.sqrt(np.maximum(6.0 / body.mass * (moments.sum() - 2.0 * moments), 0.0))
-
-
-def _draw_box(
-    axes: Axes,
-    drawing: RestDrawing,
-    look: Look,
-    frame: int,
-    centre: np.ndarray,
-    size: np.ndarray,
-    colour: str,
-) -> None:
-    signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-    corners = _shown(drawing, PosePoints(np.full(8, frame), centre + signs * size))
-    right, up = look.right, look.up
-    flat = corners[:, [right, up]]
-    if np.linalg.matrix_rank(flat - flat[0], tol=1e-9) == 2:
-        outline = flat[ConvexHull(flat).vertices]
-        axes.add_patch(
-            Polygon(outline, facecolor=colour, edgecolor="black", linewidth=0.6, alpha=0.55, zorder=3)
-        )
-
-
-def _draw_line(axes: Axes, drawing: RestDrawing, look: Look, points: list[tuple[int, np.ndarray]]) -> None:
-    frames, offsets = zip(*points, strict=True)
-    world = _shown(drawing, PosePoints(np.array(frames), np.array(offsets)))
-    right, up = look.right, look.up
-    axes.plot(world[:, right], world[:, up], color="black", linewidth=0.9, zorder=2.5)
-
-
-def _draw_cables(axes: Axes, drawing: RestDrawing, look: Look) -> None:
-    """The lowest part of each cable, straight to its anchor; with words where there is room for them."""
-    rest, points = drawing.rest, drawing.rest.model.points
-    at = rest.loads.attach_point
-    right, up = look.right, look.up
-    feet = _shown(drawing, PosePoints(points.frame[at], points.offset[at]))
-    apart = np.diff(np.sort(feet[:, right])) > APART * drawing.size
-    each = not drawing.beside and bool(np.all(apart))
-    for k in range(len(at)):
-        span = rest.loads.anchor[k] - feet[k]
-        top = feet[k] + span * min(1.0, CABLE * drawing.size / float(np.linalg.norm(span)))
-        line = np.array([feet[k], top])
-        axes.plot(line[:, right], line[:, up], color=COLOUR["ink"], linewidth=0.9, zorder=1.5)
-        axes.plot(top[right], top[up], marker=(2, 0, 60), color=COLOUR["ink"], markersize=9)
-        if each:
-            length = float(np.linalg.norm(span))
-            text = f"{rest.devices[k]}: {rest.tension[k]:.1f} N\n{length:.2f} m cable"
-            last = k == len(feet) - 1
-            note(axes, text, top[[right, up]], (-6 if last else 6, -14), ha="right" if last else "left")
+def _name_cables(axes: Axes, rest: Equilibrium, factor: float, look: Look, apart: float) -> None:
+    """Tension and length of each cable at its upper end, where there is room for words."""
+    drawing = build_rest_drawing(rest)
+    at, cables = _flat(drawing, factor, look)[1], [line for line in drawing.lines if line.what == "cable"]
+    feet = np.array([line.first for line in cables], dtype=int)
+    if not np.any(rest.loads.gravity) or np.any(np.diff(np.sort(at[feet, 0])) <= apart):
+        return
+    length = np.linalg.norm(rest.loads.anchor - drawing.rest[feet], axis=1)
+    for k, line in enumerate(cables):
+        text = f"{line.name}: {rest.tension[k]:.1f} N\n{length[k]:.2f} m cable"
+        last = k == len(cables) - 1
+        place = (-6 if last else 6, -14)
+        note(axes, text, at[line.last - 1], place, ha="right" if last else "left")

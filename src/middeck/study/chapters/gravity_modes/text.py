@@ -46,29 +46,30 @@ def figure_5(figures: Numbers) -> str:
     pairs = np.array(figures["figure_4"]["pairs"], dtype=int).reshape(-1, 2)
     sides = [figures["figure_4"][side]["kind"] for side in ("orbit", "lab")]
     rigid, hung = ([i for i, k in enumerate(kinds) if k != "flexible"] for kinds in sides)
-    said = "Without gravity's effects the matrix would be diagonal"
+    said = "Without gravity and suspension the matrix would be diagonal."
     parts = []
     if rigid and hung:
         mixed = int(np.count_nonzero(matrix[np.ix_(rigid, hung)] > COUPLED))
         parts.append(
-            f"{mixed} of the {len(rigid) * len(hung)} entries between rigid-body and suspension modes exceed"
-            f" {COUPLED:g}"
+            f" {mixed} of the {len(rigid) * len(hung)} entries between rigid-body and suspension modes exceed"
+            f" {COUPLED:g}."
         )
     if len(pairs) > 1:
         parts.append(_flexible_couplings(matrix, pairs))
-    return f"{said}; here {', while '.join(parts)}." if parts else f"{said}."
+    return said + "".join(parts)
 
 
 def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:
     paired = float(matrix[pairs[:, 0], pairs[:, 1]].min())
     block = matrix[np.ix_(pairs[:, 0], pairs[:, 1])] * (1.0 - np.eye(len(pairs)))
     row, column = (int(k) for k in np.unravel_index(np.argmax(block), block.shape))
-    keeps = "every flexible mode keeps" if paired > PAIRED else "not every flexible mode keeps"
-    beside = "the next one" if abs(row - column) == 1 else "not the next one"
+    keeps = "Every flexible mode keeps" if paired > PAIRED else "Not every flexible mode keeps"
+    beside = "its neighbour" if abs(row - column) == 1 else "not its neighbour"
     return (
-        f"{keeps} its pair (the weakest {fixed(paired, 3)}) and the largest coupling beside the pairs"
-        f" is {fixed(float(block.max()), 3)} (0-g mode {pairs[row, 0]} with 1-g mode {pairs[column, 1]},"
-        f" {beside})"
+        f" {keeps} its pair: the smallest entry of a pair is {fixed(paired, 3)}."
+        " The largest entry outside the"
+        f" pairs is {fixed(float(block.max()), 3)} (0-g mode {pairs[row, 0]} with 1-g mode"
+        f" {pairs[column, 1]}, {beside})."
     )
 
 

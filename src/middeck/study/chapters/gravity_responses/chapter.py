@@ -15,20 +15,18 @@ GRAVITY_RESPONSES = Chapter(
     share=0.01,
     stream=1,
     compute=computation.compute,
-    entries=(
-        Entry(key="figure_6", numbers=numbers.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),
-    ),
+    entries=(Entry("figure_6", numbers.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),),
     drawings=(
         Drawing(
-            key="figure-6a",
-            title=partial(text.title, output=0),
-            draw=partial(figure_6, output=0),
+            "figure-6a",
+            partial(text.title, output=0),
+            partial(figure_6, output=0),
             sentence=partial(text.sentence, output=0),
         ),
         Drawing(
-            key="figure-6b",
-            title=partial(text.title, output=1),
-            draw=partial(figure_6, output=1),
+            "figure-6b",
+            partial(text.title, output=1),
+            partial(figure_6, output=1),
             sentence=partial(text.sentence, output=1),
             tables=text.response_tables,
         ),

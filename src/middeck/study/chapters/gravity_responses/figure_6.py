@@ -12,13 +12,14 @@ from middeck.plot.curves import bode_figure, draw_bode, wrapped_phase_deg
 from middeck.plot.port_words import port_words
 from middeck.plot.style import COLOUR, DASHES, LABEL, styled
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
+from middeck.study.words import fields
 
 
 @styled
 def figure_6(responses: GravityResponses, output: int) -> Figure:
     """The first rate, the payload's, or the second, the bus's at the torque wheels."""
     figure, magnitude, phase = bode_figure(4.6, responses.orbit.frequency_hz)
-    sides = {"rig": responses.rig, "orbit": responses.orbit, "lab": responses.lab}
+    sides = fields(responses, "rig", "orbit", "lab")
     for side, response in sides.items():
         H, width = response.H[:, output, 0], 2.4 if side == "rig" else 1.1
         style: dict[str, Any] = {"color": COLOUR[side], "linewidth": width, "linestyle": DASHES[side]}

@@ -6,12 +6,12 @@ import numpy as np
 
 from middeck.files.json.results import response_numbers
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
-from middeck.study.words import Claim, Numbers, below
+from middeck.study.words import Claim, Numbers, below, fields
 
 
 def figure_6(responses: GravityResponses) -> Numbers:
     """Rates of payload and bus per torque, in this order of the outputs."""
-    sides = {"orbit": responses.orbit, "lab": responses.lab, "rig": responses.rig}
+    sides = fields(responses, "orbit", "lab", "rig")
     names = ("payload_z_rate", "bus_z_rate")
     error = responses.magnitude_error
     return {
@@ -36,11 +36,19 @@ def figure_6_claims(responses: GravityResponses) -> list[Claim]:
     error = responses.magnitude_error
     names = [port.name for port in responses.rig.outputs]
     rows = [
-        below("phase gap above 5 Hz equals the delay within 0.2 ms; largest gap [ms]", largest, 0.2, "ms")
+        below(
+            "the phase of the rig relative to the model above 5 Hz is that of its"
+            " delay within 0.2 ms; largest difference [ms]",
+            largest,
+            0.2,
+            "ms",
+        )
     ]
     for k, name in enumerate(names):
         where = "where both are measured" if error is None else "in {:g}-{:g} Hz".format(*error.band_hz)
         ratio = None if error is None else float(error.lab_db[k] / error.orbit_db[k])
-        text = f"{name}: the 1-g model's log-magnitude error {where} is below the 0-g one's; ratio"
+        text = (
+            f"{name}: the log-magnitude error of the 1-g model {where} is below that of the 0-g model; ratio"
+        )
         rows.append(below(text, ratio, 1.0, ""))
     return rows

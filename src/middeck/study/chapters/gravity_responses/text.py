@@ -28,7 +28,7 @@ def sentence(figures: Numbers, output: int) -> str:
     if numbers["phase_gap_s"] is None:
         return f"{follows}; nothing is measured above 5 Hz, where the phase would show the rig's delay."
     return (
-        f"{follows}. The phase between them above 5 Hz is that of a delay of"
+        f"{follows}. Above 5 Hz the phase of the rig relative to the 1-g model is that of a delay of"
         f" {fixed(1e3 * numbers['phase_gap_s'][output], 2)} ms; the rig's delay is"
         f" {fixed(1e3 * numbers['delay_s'], 2)} ms."
     )
@@ -48,6 +48,12 @@ def response_tables(figures: Numbers) -> list[Table]:
         ]
         for k, name in enumerate(numbers["outputs"])
     ]
-    head = ("output", "0-g error [dB]", "1-g error [dB]", "phase gap as delay [ms]", "rig's delay [ms]")
+    head = (
+        "output",
+        "0-g error [dB]",
+        "1-g error [dB]",
+        "phase difference as delay [ms]",
+        "rig's delay [ms]",
+    )
     where = "" if band is None else f" in {band[0]:g}-{band[1]:g} Hz"
     return [Table(f"Models against the simulated rig, rms of log magnitude{where}", head, rows)]

@@ -19,16 +19,12 @@ MEASURED_CONTROL = Chapter(
     needs=(rig_article,),
     compute=computation.compute,
     entries=(
-        Entry(key="figure_9a", numbers=numbers.figure_9a),
-        Entry(key="figure_9b", numbers=numbers.figure_9b),
+        Entry("figure_9a", numbers.figure_9a),
+        Entry("figure_9b", numbers.figure_9b),
     ),
     drawings=(
-        Drawing(
-            key="figure-9a", title=TITLE_A, draw=figure_9a, sentence=text.figure_9a, tables=text.fit_tables
-        ),
-        Drawing(
-            key="figure-9b", title=TITLE_B, draw=figure_9b, sentence=text.figure_9b, tables=text.loop_tables
-        ),
+        Drawing("figure-9a", TITLE_A, figure_9a, sentence=text.figure_9a, tables=text.fit_tables),
+        Drawing("figure-9b", TITLE_B, figure_9b, sentence=text.figure_9b, tables=text.loop_tables),
     ),
     result=text.result,
     shortfalls=text.shortfalls,

@@ -16,6 +16,11 @@ from middeck.study.measured_loop.text import (
 from middeck.study.words import Line, Numbers, Table, deviation, fixed, percent, signed
 
 LOOPS = {"low": "CL1", "high": "CL2", "robust": "CL3"}
+DESIGNS = {
+    "low": "CL1 (low authority)",
+    "high": "CL2 (high authority)",
+    "robust": "CL3 (designed for two records)",
+}
 
 
 def figure_9a(figures: Numbers) -> str:
@@ -41,11 +46,10 @@ def figure_9b(figures: Numbers) -> str:
     numbers = figures["figure_9b"]
     angle = port_words(figures["figure_9a"]["output"])
     pair = f"the pair of modes near {numbers['pair_shift_hz']:g} Hz"
+    changes = "; ".join(f"{words} {changed(numbers[key])}" for key, words in DESIGNS.items())
     return (
-        f"Controllers designed on the fit change the {angle} rms angle by {changed(numbers['low'])} at low"
-        f" authority (CL1), by {changed(numbers['high'])} at high (CL2), and by {changed(numbers['robust'])}"
-        f" where the design is for two records at once (CL3), the second with {pair} at"
-        f" {signed(numbers['drifted']['shift_percent'])} %. With that pair moved,"
+        f"Change of the {angle} rms angle by controllers designed on the fit: {changes}. The second record of"
+        f" CL3 has {pair} shifted by {signed(numbers['drifted']['shift_percent'])} %. On the rig,"
         f" {'; '.join(f'{who} is {held(numbers[key])}' for key, who in LOOPS.items())}."
     )
 
@@ -53,8 +57,11 @@ def figure_9b(figures: Numbers) -> str:
 def result(figures: Numbers) -> Line:
     """The measured change of each loop."""
     nine = figures["figure_9b"]
-    loops = ", ".join(f"{who} {decibels(nine[key])}" for key, who in LOOPS.items())
-    return Line(f"Designed on a measured response, payload angle on the simulated rig: {loops}.", "figure-9b")
+    loops = ", ".join(f"{words} {decibels(nine[key])}" for key, words in DESIGNS.items())
+    return Line(
+        f"Payload rms angle on the simulated rig, controllers designed on measured responses: {loops}.",
+        "figure-9b",
+    )
 
 
 def shortfalls(figures: Numbers) -> list[Line]:
@@ -84,11 +91,11 @@ def loop_tables(figures: Numbers) -> list[Table]:
     drifted, fitted = numbers["drifted"], figures["figure_9a"]
     both = zip(sorted(fitted["natural_hz"]), sorted(drifted["natural_hz"]), strict=True)
     return [
-        loops_table("Payload rms angle in the band, over the open loop's", loops),
+        loops_table("Payload rms angle in the band, relative to open loop", loops),
         modes_table(loops),
         rig_table(loops | {"LQG for one record at CL3's authority": {"rig": numbers["one_model"]}},
                    numbers["pair_shift_hz"]),
-        Table("Modes of the two records that CL3 is for",
+        Table("Fitted modes of the two records for which CL3 is designed",
               ("first record [Hz]", f"pair at {signed(drifted['shift_percent'])} % [Hz]"),
               [[fixed(f, 4), fixed(g, 4)] for f, g in both]),
     ]  # fmt: skip

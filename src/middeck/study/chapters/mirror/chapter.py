@@ -15,15 +15,10 @@ MIRROR = Chapter(
     share=0.04,
     stream=5,
     compute=computation.compute,
-    entries=(Entry(key="mirror", numbers=numbers.mirror, claims=numbers.mirror_claims),),
+    entries=(Entry("mirror", numbers.mirror, claims=numbers.mirror_claims),),
     drawings=(
         Drawing(
-            key="mirror",
-            title=TITLE,
-            draw=drawing.mirror,
-            sentence=text.mirror,
-            tables=text.mirror_tables,
-            note=SOURCE,
+            "mirror", TITLE, drawing.mirror, sentence=text.mirror, tables=text.mirror_tables, note=SOURCE
         ),
     ),
     result=text.result,

@@ -11,9 +11,8 @@ def mirror(figures: Numbers) -> str:
     ours = " / ".join(fixed(100.0 * e, 2) for e in numbers["held_out_nrmse"])
     theirs = " / ".join(fixed(100.0 * e, 2) for e in numbers["published_nrmse"])
     return (
-        f"On measurements of a real spacecraft steering mirror a model of {numbers['states']} states"
-        f" leaves {ours} %"
-        f" of the three outputs of a held-out record unexplained, where {theirs} % is published."
+        f"On a held-out record of a real spacecraft steering mirror, the rms error of a model of"
+        f" {numbers['states']} states is {ours} % of the rms of the three outputs. Published are {theirs} %."
     )
 
 
@@ -22,8 +21,8 @@ def result(figures: Numbers) -> Line:
     numbers = figures["mirror"]
     ours, theirs = (max(numbers[key]) for key in ("held_out_nrmse", "published_nrmse"))
     return Line(
-        f"On a real mirror the model leaves at most {percent(ours)} of a held-out record unexplained;"
-        f" {percent(theirs)} is published.",
+        f"Largest relative rms error on a held-out record of a real mirror: {percent(ours)}, published"
+        f" {percent(theirs)}.",
         "mirror",
     )
 

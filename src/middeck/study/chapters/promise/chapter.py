@@ -15,22 +15,12 @@ PROMISE = Chapter(
     share=0.6,
     stream=6,
     compute=computation.compute,
-    entries=(Entry(key="promise", numbers=numbers.promise, claims=numbers.promise_claims),),
+    entries=(Entry("promise", numbers.promise, claims=numbers.promise_claims),),
     drawings=(
         Drawing(
-            key="promise",
-            title=TITLE_A,
-            draw=drawing.promised_and_came,
-            sentence=text.promise,
-            tables=text.promise_tables,
+            "promise", TITLE_A, drawing.promised_and_came, sentence=text.promise, tables=text.promise_tables
         ),
-        Drawing(
-            key="promise-routes",
-            title=TITLE_B,
-            draw=drawing.routes,
-            sentence=text.routes,
-            tables=text.route_tables,
-        ),
+        Drawing("promise-routes", TITLE_B, drawing.routes, sentence=text.routes, tables=text.route_tables),
     ),
     result=text.result,
     shortfalls=text.shortfalls,

@@ -40,7 +40,7 @@ from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
 
 FLEXIBLE = 10  # frequencies that are judged together
-SHEET = "{}, sheet"
+SHEET = "{}, nominal"
 MEASURED = "{}, measured"
 
 

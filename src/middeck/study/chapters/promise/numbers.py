@@ -9,7 +9,7 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept
 from middeck.study.chapters.promise.ground import GroundTest
-from middeck.study.words import Claim, Numbers, above, at_most, row
+from middeck.study.words import Claim, Numbers, above, at_most, fields, row
 from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.refinement.findings import findings
 
@@ -24,7 +24,7 @@ def promise(kept: PromiseKept) -> Numbers:
     f, law = kept.frequencies, kept.ground_law
     return {
         "tests": [_test(one) for one in kept.ground.tests],
-        "frequencies": {"true_hz": f.true_hz, "refined_hz": f.refined_hz, "sheet_hz": f.sheet_hz},
+        "frequencies": {**fields(f, "true_hz", "refined_hz", "sheet_hz")},
         "draws": kept.plan.draws,
         "shares": LEVELS,
         "orbit": kept.there,
@@ -42,9 +42,7 @@ def promise(kept: PromiseKept) -> Numbers:
         ],
         "verdicts": {v.name: {"inside": v.inside, "pessimism_db": v.pessimism} for v in kept.verdicts},
         "score": {
-            "count": kept.score.count,
-            "coverage": kept.score.coverage,
-            "brier": kept.score.brier,
+            **fields(kept.score, "count", "coverage", "brier"),
             "pessimism_db": kept.score.pessimism,
         },
         "measured": {
@@ -82,32 +80,40 @@ def promise_claims(numbers: Numbers) -> list[Claim]:
     turned = law["stable_on_the_ground"] and not law["stable_in_orbit"]
     near_rest = turned and law["growth_hz"] <= NEAR_REST_HZ
     return [
-        at_most("rms error of the first flexible 0-g frequencies, refined in 1-g [%]", refined, PERCENT, "%"),
+        at_most(
+            "rms error of the first flexible frequencies in 0-g, model refined in 1-g [%]",
+            refined,
+            PERCENT,
+            "%",
+        ),
         above(
-            "rms error of those frequencies as drawn over that as refined; ratio",
+            f"the nominal model has over {LEAST_TIMES:g} times that error; ratio",
             sheet / refined,
             LEAST_TIMES,
             "times",
         ),
         row(
-            "outcomes within their 95 % intervals [%]",
+            "outcomes within their promised 95 % intervals [%]",
             100.0 * numbers["score"]["coverage"] >= COVERED,
             100.0 * numbers["score"]["coverage"],
             f"\u2265 {COVERED:g}",
             "%",
         ),
         at_most(
-            "promised median and rig in 0-g differ, in the median of the compensators, by [dB]",
+            "difference of the promised median rms from the rms on the rig in 0-g,"
+            " median of the compensators [dB]",
             median_error_db(numbers),
             WITH_FRICTION_DB,
         ),
         at_most(
-            f"design refined in 1-g behind one on a 0-g record, if both reach {-ENOUGH_DB:g} dB; most [dB]",
+            f"a design on the model refined in 1-g is at most {ROUTES_DB:g} dB worse"
+            f" than one on a 0-g record, if both reach {-ENOUGH_DB:g} dB; largest difference [dB]",
             route_gap_db(numbers),
             ROUTES_DB,
         ),
         row(
-            "a 1-g record for all motors: stable in 1-g, unstable near 0 Hz in 0-g; growth at [Hz]",
+            "a design for all motors on a 1-g record is stable in 1-g, and unstable near 0"
+            " Hz in 0-g; unstable at [Hz]",
             near_rest,
             law["growth_hz"] if turned else None,
             f"\u2264 {NEAR_REST_HZ:g}",

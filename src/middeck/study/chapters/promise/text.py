@@ -8,21 +8,30 @@ from middeck.study.words import Line, Numbers, Table, fixed, percent, significan
 
 SECTION = "promise"
 REST_HZ = 0.005  # below which a growing pole is no oscillation
-ROUTES = {"sheet": "model as drawn", "refined": "refined on 1-g records", "measured": "record from orbit"}
+ROUTES = {
+    "sheet": "nominal model",
+    "refined": "model refined on 1-g records",
+    "measured": "fit to a record from orbit",
+}
 
 
 def promise(figures: Numbers) -> str:
     """How good the promise was."""
     numbers = figures["promise"]
     score, apart = numbers["score"], median_error_db(numbers)
-    decibels = "" if apart is None else f"; decibels were promised within {fixed(apart, 2)} dB in the median"
+    decibels = (
+        ""
+        if apart is None
+        else " The promised median rms of a loop differs from that on the rig in orbit by"
+        f" {fixed(apart, 2)} dB (median of the compensators)."
+    )
     set_ups = "one set-up" if len(numbers["tests"]) == 1 else f"{len(numbers['tests'])} set-ups"
     return (
-        f"Refined on records of {set_ups} in 1-g alone, the article's first"
-        f" {len(numbers['frequencies']['true_hz'])} flexible frequencies in orbit were promised within"
-        f" {significant(frequency_error(numbers, 'refined_hz'), 2)} % rms (as drawn:"
-        f" {significant(frequency_error(numbers, 'sheet_hz'), 2)} %){decibels}. Of {score['count']} outcomes"
-        f" {percent(score['coverage'], 0)} lay within their 95 % intervals."
+        f"The model is refined on records of {set_ups} in 1-g alone. Its error of the first"
+        f" {len(numbers['frequencies']['true_hz'])} flexible frequencies in orbit is"
+        f" {significant(frequency_error(numbers, 'refined_hz'), 2)} % rms (nominal model:"
+        f" {significant(frequency_error(numbers, 'sheet_hz'), 2)} %).{decibels} Of {score['count']} outcomes"
+        f" {percent(score['coverage'], 0)} are within their promised 95 % intervals."
     )
 
 
@@ -30,16 +39,16 @@ def routes(figures: Numbers) -> str:
     """Which way led where."""
     numbers = figures["promise"]
     law, top = numbers["ground_law"], {key: values[-1] for key, values in by_route(numbers).items()}
-    reached = ", ".join(f"{ROUTES[key]}: {_decibel(db)}" for key, db in top.items())
-    grows = f"grows at {fixed(law['growth_hz'], 2)} Hz" if law["growth_hz"] >= REST_HZ else "diverges"
+    reached = ", ".join(f"{ROUTES[key]} {_decibel(db)}" for key, db in top.items())
+    pole = f"a pole at {fixed(law['growth_hz'], 2)} Hz" if law["growth_hz"] >= REST_HZ else "a real pole"
     turned = (
-        f"A compensator for all motors designed on the 1-g record is stable there and {grows} in orbit:"
-        " gravity cannot be taken out of a measurement."
+        "A compensator for all motors designed on the 1-g record is stable in 1-g, but unstable in orbit with"
+        f" {pole}: a fitted model includes gravity and suspension, which cannot be removed from it."
         if law["stable_on_the_ground"] and not law["stable_in_orbit"]
         else "A compensator for all motors designed on the 1-g record is"
         f" {'stable' if law['stable_in_orbit'] else 'unstable'} in orbit."
     )
-    return f"Measured on the rig in orbit at the highest authority, {reached}. {turned}"
+    return f"Rms on the rig in orbit at the highest authority, by model of the design: {reached}. {turned}"
 
 
 def _decibel(db: float | None) -> str:
@@ -50,11 +59,12 @@ def result(figures: Numbers) -> Line:
     """Frequencies and decibels, promised and come."""
     numbers = figures["promise"]
     apart = median_error_db(numbers)
-    loops = "" if apart is None else f", decibels within {fixed(apart, 2)} dB in the median"
+    loops = "" if apart is None else f"; rms of the loops {fixed(apart, 2)} dB in the median"
     error = significant(frequency_error(numbers, "refined_hz"), 2)
     count = len(numbers["frequencies"]["true_hz"])
     return Line(
-        f"Promised from 1-g records for 0-g: the first {count} flexible frequencies within {error} % rms"
+        f"Error of the promise for 0-g, made from 1-g records: first {count}"
+        f" flexible frequencies {error} % rms"
         f"{loops}.",
         SECTION,
     )
@@ -83,7 +93,7 @@ def promise_tables(figures: Numbers) -> list[Table]:
     ]
     limits = [[str(k), text] for k, text in enumerate(numbers["not_valid_for"], start=1)]
     return [
-        Table("Ground tests", ("set-up", "certain modes", *joints), tests),
+        Table("Ground tests", ("set-up", "modes used", *joints), tests),
         _loops_table(numbers),
         Table("What the promise is not valid for", ("", "limit"), limits),
     ]
@@ -105,7 +115,7 @@ def _loops_table(numbers: Numbers) -> Table:
     ]
     head = ("compensator", "promised stable", "stable in the sweep", "2.5 % [dB]", "median [dB]",
             "97.5 % [dB]", "rig in orbit [dB]", "without friction and limits [dB]")  # fmt: skip
-    return Table(f"Compensators: promise of {numbers['draws']} draws, and outcome", head, rows)
+    return Table(f"Compensators: promise from {numbers['draws']} draws, and outcome on the rig", head, rows)
 
 
 def _on_rig(came: Numbers) -> str:
@@ -127,4 +137,4 @@ def route_tables(figures: Numbers) -> list[Table]:
         for k, level in enumerate(numbers["authority_log10"])
     ]
     head = ("log10 authority", *(f"{words} [dB]" for words in ROUTES.values()))
-    return [Table("On the rig in orbit, by the model that the compensator was designed on", head, rows)]
+    return [Table("Rms on the rig in orbit, by model of the design", head, rows)]

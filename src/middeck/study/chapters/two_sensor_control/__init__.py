@@ -1,1 +1,1 @@
-"""The payload held by encoder and bus (Figures 10, 11 and 12)."""
+"""The payload controlled by feedback of encoder and bus (Figures 10, 11 and 12)."""

@@ -104,13 +104,18 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
     bus = sensors.sensors[2]
     ratio = None if bus.mirrored_error is None else bus.mirrored_error / float(sensors.fit.error[2])
     off_ms = float(np.max(np.abs(path_delay(sensors.fit.model) - sensors.delay_s)) * 1e3)
-    count = f"from {low:g} to {high:g} Hz; zeros or pairs"
+    count = f"from {low:g} to {high:g} Hz; real zeros and pairs"
     refitted = "refitted with all zeros in the left half-plane, its error is"
     return [
         row(f"{words[2]}: non-minimum-phase zeros {count}", wrong[2] > 0.0, wrong[2], "\u2265 1"),
-        *(row(f"{words[k]}: none {count}", wrong[k] == 0.0, wrong[k], "= 0") for k in (0, 1)),
+        *(
+            row(f"{words[k]}: no non-minimum-phase zeros {count}", wrong[k] == 0.0, wrong[k], "= 0")
+            for k in (0, 1)
+        ),
         above(f"{words[2]}: {refitted} over {WORSE:g} times as large; ratio", ratio, WORSE, ""),
-        below("the fitted delays are the rig's within 0.2 ms; largest difference [ms]", off_ms, 0.2, "ms"),
+        below(
+            "the fitted delays agree with the rig's within 0.2 ms; largest difference [ms]", off_ms, 0.2, "ms"
+        ),
     ]
 
 
@@ -118,18 +123,23 @@ def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
     """Which orders fail and where, the limit with and without the lead, and the measured loop."""
     bare, lead, loop = control.without_lead, control.with_lead, control.payload
     moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
-    without = f"{bare.states} states without lead become unstable near 9 Hz; at [Hz]"
-    short = f"{bare.states} states without lead do not reach 18 dB; at the last stable level [dB]"
-    moved = f"reaches 20 dB with the pair moved by {moves} %; least [dB]"
+    design = f"a design on {bare.states} states without lead filter"
+    without = f"{design} becomes unstable near 9 Hz; unstable at [Hz]"
+    short = f"{design} does not reduce the payload by 18 dB; change at its highest stable authority [dB]"
+    moved = (
+        f"reduces the payload by 20 dB with the pair shifted by {moves} %; change of the least reduced [dB]"
+    )
     least = largest(rig.improvement_db for rig in loop.on_rig)
-    reduced = "the loop with the lead reduces the payload by over 20 dB, measured [dB]"
+    reduced = (
+        "the loop shown, with the lead filter, reduces the measured rms angle by over 20 dB; change [dB]"
+    )
     return [
         *(_order(reach) for reach in control.smaller),
         row(without, _at_pair(bare), bare.stopped_hz, AT_PAIR, "Hz"),
         above(short, bare.predicted_db, -18.0),
-        at_most(f"with the lead the same design {moved}", lead.least_db, -20.0),
+        at_most(f"the same with lead filter, at its highest stable authority, {moved}", lead.least_db, -20.0),
         at_most(reduced, loop.measured_db, -20.0),
-        at_most(f"the loop with the lead, unchanged, {moved}", least, -20.0),
+        at_most(f"the loop shown, unchanged, {moved}", least, -20.0),
         *prediction_claims((loop,), "payload penalty"),
     ]
 
@@ -138,18 +148,18 @@ def _order(reach: LoopReach) -> Claim:
     """The paper's observations with few states; from 16 states on the pair near 9 Hz is the limit."""
     hz = reach.stopped_hz
     if reach.states <= 10:
-        text, good = "is unstable at any authority, on the suspension below 1 Hz", _at_once(reach)
-        asked = f"< {SUSPENSION_HZ:g}"
+        text, asked = (
+            "is unstable at every authority, in a suspension mode below 1 Hz",
+            f"< {SUSPENSION_HZ:g}",
+        )
+        hz = hz if reach.log10_authority is None else None
+        good = hz is not None and hz < SUSPENSION_HZ
     elif reach.states <= 12:
         text, good = "spills over into a mode outside its model", hz is not None and hz > SPILLS_HZ
         asked = f"> {SPILLS_HZ:g}"
     else:
         text, good, asked = "is limited by the pair near 9 Hz", _at_pair(reach), AT_PAIR
-    return row(f"a design on {reach.states} states {text}; at [Hz]", good, hz, asked, "Hz")
-
-
-def _at_once(reach: LoopReach) -> bool:
-    return reach.log10_authority is None and reach.stopped_hz is not None and reach.stopped_hz < SUSPENSION_HZ
+    return row(f"a design on {reach.states} states {text}; unstable at [Hz]", good, hz, asked, "Hz")
 
 
 def _at_pair(reach: LoopReach) -> bool:
@@ -162,17 +172,22 @@ def figure_12_claims(control: TwoSensorControl) -> list[Claim]:
     without, raised = control.above_without_bus_db, control.above_db[1]
     more = None if without is None or raised is None else raised - without
     band = "{:g}-{:g} Hz".format(*FLEXIBLE_HZ)
-    down = "with payload and bus penalised the payload is down by 20 dB, measured [dB]"
-    bus = f"the bus at {band} is lower than in open loop by at least 12 dB [dB]"
-    same = f"the bus penalty raises the payload above {ABOVE_HZ[0]:g} Hz, at equal authority, no lead [dB]"
-    deeper = f"the payload at {band} falls by a further order of magnitude below the payload penalty's [dB]"
+    alone = "below its level under the payload penalty alone; change [dB]"
+    down = "penalties on payload and bus reduce the payload's measured rms angle by 20 dB; change [dB]"
+    bus = f"the bus at {band} is lower than in open loop by at least 12 dB; change [dB]"
+    same = (
+        f"the bus penalty raises the payload above {ABOVE_HZ[0]:g} Hz, at equal"
+        " authority without lead filter; change [dB]"
+    )
+    deeper = f"the payload at {band} falls by a further order of magnitude {alone}"
     at_mode = (
-        f"at the {control.mode_hz:.1f} Hz mode, between its half-power points, the payload falls tenfold [dB]"
+        f"at the {control.mode_hz:.1f} Hz mode, between its half-power points, the payload falls tenfold"
+        f" {alone}"
     )
     return [
         at_most(down, both.measured_db, -20.0),
         at_most(bus, control.bus_db[1], -12.0),
-        above(f"the payload above {ABOVE_HZ[0]:g} Hz is raised over the open loop [dB]", raised, 0.0),
+        above(f"the payload above {ABOVE_HZ[0]:g} Hz is higher than in open loop; change [dB]", raised, 0.0),
         above(same, more, 0.0),
         at_most(deeper, control.deeper_db, ORDER_DB),
         at_most(at_mode, control.deeper_at_mode_db, ORDER_DB),

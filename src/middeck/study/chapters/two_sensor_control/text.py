@@ -31,13 +31,13 @@ def figure_10(figures: Numbers, entry: str) -> str:
     name = port_words(numbers["output"])
     inside = [z for z in numbers["zeros"] if low <= z["frequency_hz"] <= high]
     beyond = [z for z in numbers["zeros"] if z not in inside]
-    zeros = f"in that band it has {_on_the_right(inside) or 'no zero in the right half-plane'}"
+    zeros = f"In that band it has {_on_the_right(inside) or 'no zero in the right half-plane'}"
     more = _on_the_right(beyond)
-    zeros += f"; outside the band, where nothing is fitted, it has {more}" if more else ""
+    zeros += f". Outside the band, where nothing is fitted, it has {more}" if more else ""
     return (
         f"Fitted together with the other sensors by {numbers['states']} states and a delay of"
         f" {fixed(1e3 * numbers['delay_s'], 2)} ms, the {name} angle follows its measured response from"
-        f" {low:g} to {high:g} Hz within {percent(numbers['relative_error'])} (relative complex error);"
+        f" {low:g} to {high:g} Hz within {percent(numbers['relative_error'])} (relative complex error)."
         f" {zeros}."
     )
 
@@ -70,8 +70,10 @@ def figure_11(figures: Numbers) -> str:
     numbers = figures["figure_11"]
     *_, bare, lead = numbers["reach"]
     return (
-        f"With encoder and bus fed back, a design on {bare['states']} states {_goes(bare)}; with a lead"
-        f" around the pair near 9 Hz it {_goes(lead)}. The loop shown has the lead: it changes the"
+        f"With encoder and bus fed back, a design on {bare['states']} states"
+        f" {_goes(bare)}. With a lead filter"
+        f" around the mode pair near 9 Hz it {_goes(lead)}. The loop shown has"
+        " the lead filter: it changes the"
         f" payload's rms angle by {changed(numbers['payload'])}, and is {held(numbers['payload'])}."
     )
 
@@ -81,7 +83,7 @@ def figure_12a(figures: Numbers) -> str:
     numbers = figures["figure_12"]
     above, deeper = numbers["payload_db_above_10_hz"]["both"], numbers["payload_deeper_db_7_to_9_hz"]
     return (
-        f"A penalty on payload and bus changes the payload's rms angle by {changed(numbers['both'])}."
+        f"Penalties on payload and bus change the payload's rms angle by {changed(numbers['both'])}."
         f" The loop is {held(numbers['both'])}. Above 10 Hz the angle is {_apart(above)} in open loop; at"
         f" 7-9 Hz (shaded) it is {_apart(deeper)} under the payload penalty alone."
     )
@@ -99,10 +101,10 @@ def figure_12b(figures: Numbers) -> str:
 def _goes(reach: Numbers) -> str:
     """The limit of a design, and the mode that sets it."""
     if reach["log10_authority"] is None:
-        return f"is unstable at any authority, at {fixed(reach['stopped_hz'], 2)} Hz"
+        return f"is unstable at every authority, at {fixed(reach['stopped_hz'], 2)} Hz"
     reached = f"reaches {fixed(reach['predicted_db'], 1)} dB"
     if reach["stopped_hz"] is None:
-        return f"{reached} at the highest authority asked for"
+        return f"{reached} at the highest authority tried"
     return (
         f"{reached} before a pole at {fixed(reach['stopped_hz'], 2)} Hz becomes unstable (pair shifted by"
         f" {signed(reach['stopped_percent'])} %)"
@@ -112,14 +114,15 @@ def _goes(reach: Numbers) -> str:
 def _apart(db: float | None) -> str:
     if db is None:
         return "not measured, so it cannot be compared with that"
-    return f"{fixed(abs(db), 1)} dB {'below' if db < 0.0 else 'above'} that"
+    return f"{fixed(abs(db), 1)} dB {'lower' if db < 0.0 else 'higher'} than"
 
 
 def result(figures: Numbers) -> Line:
     """The measured change of both loops."""
     one, both = figures["figure_11"]["payload"], figures["figure_12"]["both"]
     return Line(
-        f"With encoder and bus fed back: {decibels(one)}; with the bus penalised too {decibels(both)}.",
+        f"Payload rms angle with encoder and bus fed back: {decibels(one)}; with"
+        f" a penalty on the bus as well: {decibels(both)}.",
         "figure-11",
     )
 
@@ -156,7 +159,7 @@ def _path_tables(numbers: Numbers) -> list[Table]:
         ["delay [ms]",
          f"{fixed(1e3 * numbers['delay_s'], 4)} {deviation(numbers['delay_deviation_s'], 1e-3, '± ')}"],
         ["relative complex error", percent(numbers["relative_error"], 3)],
-        ["error of a fit with all zeros held in the left half-plane",
+        ["relative complex error with all zeros constrained to the left half-plane",
          "–" if numbers["mirrored_error"] is None else percent(numbers["mirrored_error"], 1)],
     ]  # fmt: skip
     head = ("frequency [Hz]", "± [Hz]", "damping", "half-plane")
@@ -169,16 +172,16 @@ def reach_tables(figures: Numbers) -> list[Table]:
     numbers = figures["figure_11"]
     digits = {"log10_authority": 2, "predicted_db": 2, "least_db": 2, "stopped_hz": 2, "stopped_percent": 0}
     rows = [[reach["what"], *cells(reach, digits)] for reach in numbers["reach"]]
-    head = ("design on", "last stable log10 authority", "predicted [dB]", "least on the rig [dB]",
-            "then unstable at [Hz]", "with the pair at [%]")  # fmt: skip
+    head = ("design on", "highest stable log10 authority", "predicted [dB]", "least reduced on the rig [dB]",
+            "above it unstable at [Hz]", "with the pair shifted by [%]")  # fmt: skip
     loops = {"payload": numbers["payload"]}
     return [
         Table(
-            "Last stable authority of each design, with the pair unshifted and shifted to either side",
+            "Highest stable authority of each design, with the pair near 9 Hz unshifted and shifted",
             head,
             rows,
         ),
-        loops_table("Payload rms angle in the band, over the open loop's, payload penalty", loops),
+        loops_table("Payload rms angle in the band, relative to open loop, payload penalty", loops),
         modes_table(loops, "payload penalty"),
         rig_table(loops, figures["figure_9b"]["pair_shift_hz"] if "figure_9b" in figures else None),
     ]
@@ -194,8 +197,8 @@ def both_tables(figures: Numbers) -> list[Table]:
     ]
     head = ("penalty", "bus at 7-9 Hz [dB]", "payload above 10 Hz [dB]")
     return [
-        loops_table("Payload rms angle in the band, over the open loop's, both penalties", loops),
-        Table("Measured rms in parts of the band, over the open loop's", head, rows),
+        loops_table("Payload rms angle in the band, relative to open loop, both penalties", loops),
+        Table("Measured rms in parts of the band, relative to open loop", head, rows),
         modes_table(loops, "both penalties"),
         rig_table(loops, figures["figure_9b"]["pair_shift_hz"] if "figure_9b" in figures else None),
     ]

@@ -18,18 +18,10 @@ ZERO_G_CONTROL = Chapter(
     stream=2,
     needs=(compare_environments,),
     compute=computation.compute,
-    entries=(
-        Entry(key="figure_7", numbers=numbers.figure_7, claims_at="figure-7a", warnings_at="figure-7b"),
-    ),
+    entries=(Entry("figure_7", numbers.figure_7, claims_at="figure-7a", warnings_at="figure-7b"),),
     drawings=(
-        Drawing(key="figure-7a", title=TITLE_A, draw=figure_7a, sentence=text.figure_7a),
-        Drawing(
-            key="figure-7b",
-            title=TITLE_B,
-            draw=figure_7b,
-            sentence=text.figure_7b,
-            tables=text.authority_tables,
-        ),
+        Drawing("figure-7a", TITLE_A, figure_7a, sentence=text.figure_7a),
+        Drawing("figure-7b", TITLE_B, figure_7b, sentence=text.figure_7b, tables=text.authority_tables),
     ),
     result=text.result,
 )

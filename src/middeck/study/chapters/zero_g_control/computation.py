@@ -27,11 +27,6 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.sensors_and_actuators import RATE
-from middeck.study.chapters.zero_g_control.disturbance import (
-    design_weights,
-    disturbance_psd,
-    performance_under,
-)
 from middeck.systems.norms.rms import band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.poles.stability import GROWTH_LIMIT
@@ -190,3 +185,37 @@ def _sweep(
 def _quadrature_error(loop: ClosedLoop, performance: Performance) -> float:
     rms = band_rms_by_quadrature(loop.system, performance.intensity, performance.band_hz)
     return abs(loop_metric(loop, performance) / float(np.linalg.norm(performance.weights * rms)) - 1.0)
+
+
+def performance_under(study: Study, psd: float) -> Performance:
+    """The metric in the stated band, under white torques of this intensity."""
+    control = study.control
+    intensity = psd * np.eye(len(control.disturbances))
+    return Performance(np.array(control.metric_weights), intensity, control.band_hz)
+
+
+def disturbance_psd(plant: Plant, study: Study) -> float:
+    """S_w from 3 sigma = the stated angle; the metric is proportional to its root."""
+    unit = loop_metric(leave_open(plant), performance_under(study, 1.0))
+    if not 0.0 < unit < np.inf:
+        raise NumericalError(
+            f"under PD alone the metric in 0-g is {unit:g} for a unit disturbance, which no intensity scales",
+            where="control",
+            hint="a disturbance that the metric sees, and pd_kd_nms_per_rad that damp every reachable mode",
+        )
+    return float((np.radians(study.control.three_sigma_deg) / 3.0 / unit) ** 2)
+
+
+def design_weights(study: Study, psd: float) -> LQGWeights:
+    """The sheet's weights and noise: disturbance and a small torque noise on every input, white sensors."""
+    control = study.control
+    n_w, n_u, n_y = len(control.disturbances), len(control.inputs), len(control.angles)
+    process = np.diag([psd] * n_w + [control.actuator_noise_ratio * psd] * n_u)
+    sensor = [control.angle_noise_rad_per_rthz**2] * n_y + [control.rate_noise_rad_per_s_per_rthz**2] * n_y
+    return LQGWeights(
+        output=np.array(control.metric_weights),
+        input=np.array(control.input_weight),
+        disturbed=(*control.disturbances, *control.inputs),
+        process=process,
+        sensor=np.array(sensor),
+    )

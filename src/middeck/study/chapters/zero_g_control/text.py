@@ -12,15 +12,14 @@ def figure_7a(figures: Numbers) -> str:
     change = (
         ""
         if top is None
-        else f"{'improve' if top < 0.0 else 'worsen'} 0-g performance by {fixed(abs(top), 1)} dB"
+        else f"{'reduce' if top < 0.0 else 'raise'} the error in 0-g by {fixed(abs(top), 1)} dB"
     )
-    gain = f"{change} at the top level" if change else "are unstable in 0-g itself at the top level"
+    gain = f"{change} at the highest authority" if change else "are unstable in 0-g at the highest authority"
     if first is None:
         return f"Controllers designed on the 0-g model {gain} and stay stable in 1-g."
     return (
-        f"Controllers designed on the 0-g model {gain}, and in 1-g they are"
-        f" {_first_unstable(numbers, first)}, where {_leads(first)}"
-        " (crosses: unstable, so no decibels)."
+        f"Controllers designed on the 0-g model {gain}. In 1-g they are {_first_unstable(numbers, first)}"
+        f" with {_leads(first)}. Crosses mark unstable loops."
     )
 
 
@@ -32,11 +31,12 @@ def figure_7b(figures: Numbers) -> str:
     onset = (
         "stable throughout the search"
         if first is None
-        else f"{_first_unstable(numbers, first)}, where {_leads(first)}"
+        else f"{_first_unstable(numbers, first)} with {_leads(first)}"
     )
+    side = "above" if apart >= 0.0 else "below"
     return (
-        f"With the flexible modes alone 1-g is {fixed(apart, 1)} dB from 0-g already under PD, and the"
-        f" loop is {onset}."
+        "In the model with the flexible modes alone and PD loops, the error in"
+        f" 1-g is {fixed(abs(apart), 1)} dB {side} that in 0-g. The LQG loop in 1-g is {onset}."
     )
 
 
@@ -49,10 +49,12 @@ def _first_unstable(numbers: Numbers, first: Numbers) -> str:
 
 
 def _leads(first: Numbers) -> str:
-    """Who goes first, and whether it oscillates."""
+    """The unstable pole and the mode of most participation."""
     if first["unstable_pairs"] == 0:
-        return f"{first['mode_name']} leads a divergence (a real pole, no oscillation)"
-    return f"{first['mode_name']} leads at {fixed(first['frequency_hz'], 2)} Hz"
+        pole = "a real pole (divergence)"
+    else:
+        pole = f"a pole at {fixed(first['frequency_hz'], 2)} Hz"
+    return f"{pole}, in which {first['mode_name']} has the largest participation"
 
 
 def result(figures: Numbers) -> Line:
@@ -67,7 +69,9 @@ def result(figures: Numbers) -> Line:
         if first is None
         else f"unstable from log10 authority {fixed(first['log10_authority'], 2)} on ({first['mode_name']})"
     )
-    return Line(f"Controllers designed for 0-g: in 0-g {orbit}; in 1-g {lab}.", "figure-7a")
+    return Line(
+        f"Pointing error with controllers designed for 0-g: in 0-g {orbit}; in 1-g {lab}.", "figure-7a"
+    )
 
 
 SUB_MODELS = {"all": "full", "rigid": "rigid", "flexible": "flexible"}
@@ -81,7 +85,7 @@ def authority_tables(figures: Numbers) -> list[Table]:
     references = [[f"1-g under PD alone, {name} [dB]", fixed(numbers[which]["reference_db_lab_pd"], 3)]
                   for which, name in known.items()]  # fmt: skip
     rows = [
-        ["disturbance intensity S_w, two-sided [(N m)²/Hz]", significant(intensity, 6)],
+        ["disturbance intensity, two-sided [(N m)²/Hz]", significant(intensity, 6)],
         ["3σ of the metric, 0-g, PD alone [deg]", fixed(metric["orbit"], 4)],
         ["3σ of the metric, 1-g, PD alone [deg]", fixed(metric["lab"], 4)],
         *references,
