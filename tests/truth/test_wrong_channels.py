@@ -69,7 +69,7 @@ def swapped(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
     repeats(
         [
             (turned, ["channel d y reads with the opposite sign"]),
-            (swapped, ["channel c x does not read", "channel c y does not read"]),
+            (swapped, ["channel c x does not follow", "channel c y does not follow"]),
             (thrice, ["channel d z reads 3 times"]),
         ],
         2,
