@@ -27,7 +27,7 @@ from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.package.package_bytes import hash_package
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 PERIOD_S = 0.002
@@ -84,6 +84,19 @@ def test_without_a_compiler_the_gate_runs_by_the_reference_law(files, capfd, mon
     refused = middeck(capfd, "gate", *files, "--driver", "driver.c")
     assert refused.code == 3
     assert "no C compiler" in refused.err
+
+
+@pytest.mark.parametrize(("late_s", "hold_s", "tried"), [
+    (0.003, None, ["model", "model, if held"]), (0.0005, None, ["model"]), (0.003, PERIOD_S, ["model"]),
+])  # fmt: skip
+def test_a_model_that_does_not_say_whether_it_was_held_is_tried_both_ways(
+    files, capfd, late_s, hold_s, tried
+):
+    """The hold of the loop may be among its delays already; one of less than half a period has none."""
+    model = model_of_plant(delay_plant(swing(), late_s))
+    write_model("model.json", dataclasses.replace(model, hold_s=hold_s))
+    ended = middeck(capfd, "gate", *files[:2], "--paper", "--json", "--delay-ms", "1")
+    assert json.loads(ended.out)["models"] == tried
 
 
 def test_what_does_not_go_together_is_refused(files, capfd):

@@ -267,6 +267,9 @@ SYNTAX = {
     "x = [1.0, 2.0": (3, "an array that is not closed", "]"),
     'x = "C:\\data"': (3, "a backslash", "forward slashes"),
     "schema = 2": (3, "'schema' is there twice", "leave one"),
+    "[[node]]\nx_m = np.float64(0.5)": (4, "as NumPy prints it", "0.5"),
+    "[[node]]\nx_m = 1 2": (4, "newline", "mend this line"),
+    "[a.b] # c\nx_m = 1 2": (4, "newline", "mend this line"),
     "[a]\nb = 1\n[a]": (5, "table [a] is there twice, first on line 3", "[[a]]"),
 }
 

@@ -144,6 +144,7 @@ WATCHED = plain_settings(
         (lambda w: w.__setitem__("ramp", 0), "a time"),
         (lambda w: w.__setitem__("leave", 0), "a time"),
         (lambda w: w["stored"].__setitem__(1, np.nan), "limits that no engine keeps"),
+        (lambda w: w["coast"].__setitem__(0, 1e100), "a test that no engine runs"),
     ],
 )
 def test_the_engine_itself_refuses_a_test_that_would_never_trip(monkeypatch, spoil, reason):

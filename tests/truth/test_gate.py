@@ -485,3 +485,16 @@ def test_a_law_must_recover_from_its_limit_of_slew(pole, recovers):
     motor = Drive(port=u[0], lower=-100.0, upper=100.0, slew_rate=5.0)
     engine = EngineSettings(period_s=PERIOD_S, sensors=(SensorTest(port=y[0], range=100.0),), drives=(motor,))
     assert examine_package(quick, {"mode": plant}, settings=engine).passed == recovers
+
+
+@pytest.mark.parametrize(
+    ("reach", "rate", "passes"), [(2.0, 5.0, False), (0.05, 5.0, True), (100.0, 1e5, True)]
+)
+def test_a_limit_of_slew_that_no_sensor_s_range_reaches_is_none(reach, rate, passes):
+    """The truth is the loop let go from the end of the range, beyond which the engine trips."""
+    w = 4.0 * np.pi
+    system = StateSpace([[0.0, w], [-w, -0.004 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    package = package_law(lead(0.5, 3.0, 60.0), "law", input_range=reach, limit=300.0, slew_rate=rate)
+    plant = one_port(system)
+    assert (swings_on(plant, package, reach, seconds=20.0) < 0.7) == passes
+    assert check_recovery(package, "mode", plant, held=False).passed == passes

@@ -125,8 +125,9 @@ def alike(joints: tuple[JointSlip, ...], draws: int) -> DrawnSlips:
     return draw_slips(joints, draws, np.random.default_rng(0))
 
 
-def test_a_bearing_under_white_noise_has_its_exact_density():
+def test_a_bearing_under_white_noise_has_its_exact_density(monkeypatch: pytest.MonkeyPatch):
     """v' = -v - T sign v + s w: the density is exp(-(v^2 + 2 T |v|)/s^2) (Caughey and Dienes 1961)."""
+    monkeypatch.setattr(slip_run, "TIMES", 1)  # of sixty draws, few records are many
     draws = 60
     joint = dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4)
     plan = asked(joints=(joint,), intensity=np.array([0.3]))
@@ -149,8 +150,9 @@ def bearing_db(slip_torque: float, s: float) -> float:
     return 10.0 * float(np.log10(moment(2) / moment(0) / (0.5 * s**2)))
 
 
-def test_draws_differ_as_their_articles_do():
+def test_draws_differ_as_their_articles_do(monkeypatch: pytest.MonkeyPatch):
     """Bearings of other slip torques differ by less than the error of a record, by which none is wider."""
+    monkeypatch.setattr(slip_run, "TIMES", 1)
     draws, s = 200, 0.3
     joint = dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4, slip_torque_tolerance=0.08)
     slips = alike((joint,), draws)
@@ -160,6 +162,20 @@ def test_draws_differ_as_their_articles_do():
     assert np.std(exact) < np.sqrt(np.mean(alone.variance))
     assert np.std(alone.db) == pytest.approx(np.std(exact), rel=0.3)
     assert np.corrcoef(alone.db, exact)[0, 1] > 0.4
+
+
+def test_records_are_as_many_as_friction_asks_for():
+    """Sixteen leave a third of a decibel where the joint hardly slips: more than articles differ by."""
+    s, joint = 0.12, dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4, slip_torque_tolerance=0.03)
+    slips, plan = alike((joint,), 5), asked(joints=(joint,), intensity=np.array([s]), seed=2)
+    exact = np.array([bearing_db(T, s) for T in slips.slip_torque[:, 0].tolist()])
+    run = set_run(turntable(), {}, slips, plan)
+    alone = run_slips(run, [turntable()] * 5)[None]
+    assert run.alone > slip_run.ALONE
+    assert np.std(alone.db - exact) < 0.2
+    assert np.sqrt(np.mean(alone.variance)) == pytest.approx(np.std(alone.db - exact), rel=0.5)
+    little = dataclasses.replace(plan, intensity=np.array([3.0]))
+    assert set_run(turntable(), {}, slips, little).alone == slip_run.ALONE
 
 
 @pytest.mark.parametrize(
@@ -263,7 +279,8 @@ def test_joints_answer_their_sliders_beside_a_long_delay(refined: Refined, monke
 
 
 def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatch):
-    """Of one noise; a record twice as long is another noise."""
+    """Of one noise; a record twice as long is another noise, and so are more records."""
+    monkeypatch.setattr(slip_run, "TIMES", 1)
     plan, slips = asked(intensity=np.array([0.1])), alike((GIMBAL,), 4)
     chosen = slip_time.choose_time(
         turntable(),

@@ -191,7 +191,7 @@ def _draw(rng: np.random.Generator) -> Loop:
 
 def test_margins_of_sampled_loops_are_those_of_a_scan(campaign) -> None:
     loops = 0
-    for seed in campaign(120):
+    for seed in campaign(120, share=40):
         rng = np.random.default_rng([90, seed])
         drawn = (_draw(rng) for _ in range(30))
         loop = next((one for one in drawn if _radius(one, 0.0 * one.late_s) < 1.0 - 1e-7), None)

@@ -45,7 +45,7 @@ MARKS: dict[str, dict[str, Any]] = {
 WORDS = {"ground": "bushing to the ground", "support": "support of some directions"}
 BOX = "body, as the uniform box of its size or inertia"
 PART = "component, from its centre of mass to its grids"
-LINKED = "link that leaves some motion free"
+LINKED = "link that leaves some motion free, or average"
 BOXED: dict[str, Any] = {
     "linestyle": "", "marker": "s", "markersize": 6.0, "color": COLOUR["ink"], "markerfacecolor": "none",
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,21 @@ def _model(source: str, model: MeasurementModel | Plant, law: Law) -> Plant:
         if isinstance(model, Plant):
             return group_ports(select_ports(model, u, y), w=u, u=u, z=y, y=y)
         return measured_plant(model, w=u, u=u, z=y, y=y)
+
+
+def also_held(gathered: Gathered, law: Law, delay_s: float) -> Gathered:
+    """Also each model that may have been held at the rate of ``law``, with half a period of delay less.
+
+    The sampled loop adds that half period, which is then among its delays already; what is not known is tried
+    both ways. ``delay_s`` is what was added to the delays.
+    """
+    half_s = 0.5 * law.sampled.period_s
+    held = {
+        f"{name}, if held": delay_plant(gathered.plants[name], -half_s)
+        for name in gathered.hold_unknown
+        if np.min(gathered.plants[name].delay_s) - delay_s >= half_s
+    }
+    return dataclasses.replace(gathered, plants=gathered.plants | held)
 
 
 def say_hold(

@@ -131,7 +131,7 @@ def verb(
     a share of authority, then at full authority. They use the engine or, without a C compiler, the reference
     law in Python. The exit code is 1 if a step fails. --set takes the keys of articles and environments.
     """
-    from middeck.cli.given.plants_to_try import gather_plants
+    from middeck.cli.given.plants_to_try import also_held, gather_plants
     from middeck.cli.given.shifted_plants import all_plants
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
@@ -144,7 +144,7 @@ def verb(
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else md.files.load_blacklist(blacklist_file)
     linear = faded_laws(beside)([1.0] * len(beside))
-    gathered = gather_plants(tried, linear)
+    gathered = also_held(gather_plants(tried, linear), linear, tried.delay_s)
     closed = [(output, "--hold") for _, output, _ in given["paths"]]
     closed += [(p.outputs[path.output].name, f"package {p.name}") for p in beside for path in p.paths]
     for output, where in closed:

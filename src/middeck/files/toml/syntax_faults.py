@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 KEY = r"^\s*(?P<key>[\w.\"-]+)\s*"
+HEAD = r"(?!\s*(?:\[[^\[\]]+\]|\[\[[^\[\]]+\]\])\s*(?:#|$))"  # of no table that is closed
 NEAR = 3  # lines above the one that the parser names: it notices an open bracket late
 
 
@@ -45,11 +46,13 @@ TROUBLES = (
             '{key} = "{t}"'),
     Trouble(KEY + r"=\s*\[[^\]#]*\d,0\d", "decimal commas in an array", "decimal points: [0.06, 0.1]"),
     Trouble(KEY + r"=\s*\[[^\]#]*$", "an array that is not closed", "] at its end"),
-    Trouble(r"^\s*(?P<b>\[{1,2})(?P<name>[\w.\s-]+)(?:\]?|\]{1,2}.+)\s*(?:#.*)?$",
+    Trouble(KEY + r"=.*\bnp\.\w+\((?P<n>[^()]*)\)", "a number as NumPy prints it", "the number alone: {n}"),
+    Trouble(HEAD + r"^\s*\[{1,2}(?P<name>[\w.\s-]+)(?:\]?|\]{1,2}.+)\s*(?:#.*)?$",
             "the head of a table that is not closed", "[{name}], or [[{name}]] for one of several"),
     Trouble(KEY + r":\s*(?P<v>\S.*)$", "a colon where TOML has =", "{key} = {v}"),
     Trouble(r"^\s*(?://|%|;|--|/\*)", "a comment that TOML does not know", "# before a comment"),
-    Trouble(r"^[^=#]*$", "neither a table nor key = value", "key = value, [table], or # before a comment"),
+    Trouble(HEAD + r"^[^=#]*$", "neither a table nor key = value",
+            "key = value, [table], or # before a comment"),
 )  # fmt: skip
 
 

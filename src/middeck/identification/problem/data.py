@@ -16,6 +16,8 @@ from middeck.values import record
 FIRST_EXCESS = 0.03
 # Terms of drift and edges are one and the same, over a narrow band, up to this share.
 ALIKE = 1e-9
+# Alternating tails at each end: what three leave of the response is 1e-8 of it (of samples alone 1e-5).
+TAILS = 3
 
 
 @record
@@ -46,11 +48,22 @@ class Transient:
         drift = np.stack([ramp, inverse * ramp**2])[:degree]
         drift = drift / np.sqrt(np.mean(np.abs(drift) ** 2, axis=1, keepdims=True))
         samples = np.concatenate([np.arange(self.first), -1 - np.arange(self.last)])
-        edges = np.exp(-s * self.period_s * samples[:, None])
+        edges = inverse ** samples[:, None]
         steady = [] if self.steady is None else [self.steady]
-        all_of_them = np.concatenate([drift, edges, *steady]).view(float)
+        all_of_them = np.concatenate([drift, edges, *self._tails(inverse), *steady]).view(float)
         _, size, right = np.linalg.svd(all_of_them, full_matrices=False)
         return right[size > ALIKE * size[0]].view(complex)
+
+    def _tails(self, inverse: Complex[np.ndarray, " line"]) -> list[Complex[np.ndarray, "tail line"]]:
+        """Spectra of (-1)^n / n, (-1)^n / (n (n + 1)) and so on, on from the free samples of each end.
+
+        A response is cut off at half the rate, where it is not zero: samples answer to some before and after
+        them, those outside the record among them, alternating and as slowly fading as this. The series sum up
+        to powers of 1 + x times log(1 + x), and to samples that are free.
+        """
+        ends = [(self.first, inverse), (self.last, inverse.conj())]
+        powers = np.arange(TAILS)[:, None]
+        return [x ** (free - 1) * (1.0 + x) ** powers * np.log1p(x) for free, x in ends if free]
 
 
 @record(kw_only=True)

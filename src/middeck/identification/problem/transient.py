@@ -13,8 +13,8 @@ cover the ramp of an input's sensor too, which leaves a stable plant as a ramp, 
 
 The rest is short: with a delay the first samples respond to inputs before the record, and a band-limited
 input differs from its samples' trigonometric polynomial near the ends. The first n and last m samples
-therefore add n + m terms exp(-s T j), which takes them out of the fit. Sines without an input (hum) are given
-as spectra.
+therefore add n + m terms exp(-s T j), which takes them out of the fit, and three alternating tails at each
+end (`Transient`) follow what is left beside them. Sines without an input (hum) are given as spectra.
 """
 
 from __future__ import annotations

@@ -170,7 +170,8 @@ def fit_samples(
     trend = not (asked.residuals or asked.at_zero)  # of inputs, as of outputs
     if record.periodic and periods > 1:
         record, trend = with_one_input(record, level=trend), False  # no ramp repeats
-    record = without_drift(record) if sampled else without_trend(record, inputs=trend)
+    degree = 2 if asked.residuals or asked.rigid else 1
+    record = without_drift(record) if sampled else without_trend(record, inputs=trend, degree=degree)
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)

@@ -103,7 +103,7 @@ def without_drift(record: Record) -> Record:
     def level(x: np.ndarray) -> np.ndarray:
         run = x.reshape(len(x), -1, x.shape[3])
         flat = run - run.mean(axis=1, keepdims=True)
-        even = _without_line(run)
+        even = _without_polynomial(run, 1)
         drifts = np.sum(even**2, axis=1, keepdims=True) < (1.0 - DRIFT) * np.sum(
             flat**2, axis=1, keepdims=True
         )
@@ -112,26 +112,29 @@ def without_drift(record: Record) -> Record:
     return dataclasses.replace(record, u=level(record.u), y=level(record.y))
 
 
-def without_trend(record: Record, *, inputs: bool) -> Record:
+def without_trend(record: Record, *, inputs: bool, degree: int = 1) -> Record:
     """A record without the offset and the ramp of each output, and of each input if those are to be.
 
     The transient of a fit has a ramp anyway, so that this changes no fit; but a start, and what a model is
-    compared with, would suffer. A plant with a pole at zero makes of the ramp of an input more than a ramp.
+    compared with, would suffer. A plant with a pole at zero makes of the ramp of an input more than a ramp;
+    to the second ``degree``, that of a double one, a parabola is as free.
     """
     experiments, periods, samples, _ = record.u.shape
 
     def level(x: np.ndarray) -> np.ndarray:
         run = x.reshape(experiments, periods * samples, -1)
-        return _without_line(run).reshape(x.shape)
+        return _without_polynomial(run, degree).reshape(x.shape)
 
     return dataclasses.replace(record, y=level(record.y), u=level(record.u) if inputs else record.u)
 
 
-def _without_line(x: Float[np.ndarray, "run sample channel"]) -> Float[np.ndarray, "run sample channel"]:
-    """Each channel without the straight line that fits it best."""
-    t = np.linspace(-1.0, 1.0, x.shape[1])[:, None]
-    flat = x - x.mean(axis=1, keepdims=True)
-    return flat - t * np.sum(t * flat, axis=1, keepdims=True) / np.sum(t**2)
+def _without_polynomial(
+    x: Float[np.ndarray, "run sample channel"], degree: int
+) -> Float[np.ndarray, "run sample channel"]:
+    """Each channel without the polynomial that fits it best."""
+    powers = np.vander(np.linspace(-1.0, 1.0, x.shape[1]), degree + 1)
+    Q = np.linalg.qr(powers)[0]
+    return x - Q @ (Q.T @ x)
 
 
 def cut_samples(record: Record, first: int, last: int) -> Record:

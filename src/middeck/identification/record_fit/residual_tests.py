@@ -110,9 +110,7 @@ def causes_of(
     told = np.array([_told_by_inputs(w, data) for w in white])
     together = np.zeros(len(white)) if late else _told_together(record, data, run, white, noise)
     play = _scores_of_law(_by_direction, record, data, run, size, noise)
-    # Distortion of a signal that repeats stands on the same lines in each period, and the fit counts it.
-    repeats = record.periodic and record.u.shape[1] > 1
-    cube = np.zeros(len(play)) if repeats else _scores_of_law(_by_cube, record, data, run, size, noise)
+    cube = _scores_of_law(_by_cube, record, data, run, size, noise)
     leads = lead > LEADS
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
@@ -280,7 +278,9 @@ def _scores_of_law(
             by = by - basis @ np.linalg.lstsq(basis, by, rcond=None)[0]
             white = (r / size[o]).ravel().view(float)
             parts = np.real(heard[o].conj().T @ by.view(complex).reshape(r.shape))
-            spread = np.mean(white**2) * np.sum(by**2) + np.sum(parts**2) / max(len(parts), 1)
+            # Where one variance for all lines is not that of those that count, their own (White 1980).
+            own = max(np.mean(white**2) * np.sum(by**2), np.sum((white * by) ** 2))
+            spread = own + np.sum(parts**2) / max(len(parts), 1)
             found[o] = max(found[o], abs(white @ by) / np.sqrt(max(spread, np.finfo(float).tiny)))
     return found
 

@@ -45,6 +45,9 @@ ENOUGH = 0.5
 NARROW, FINER, HOPELESS = 2.0, 64, 3.0
 # Peaks of what delays explain that are climbed: at least, and times lines; and steps of Newton's method.
 FEWEST_PEAKS, PEAKS_TIMES_LINES, CLIMBS = 8, 2**17, 3
+# What a grid of those steps misses of a peak half a step away, over the most that it shows anywhere: by
+# Bernstein's inequality for the second derivative of a sum of a limited band.
+MISSED = 1.0 / ((np.pi * DELAY_STEP) ** -2 - 1.0)
 # Lines that are closer than so small a share of the band are taken for one when delays are tried.
 MOST_LINES = 2**15
 # Damping ratio above which a candidate is no mode of a structure but takes up delay or noise.
@@ -373,7 +376,8 @@ def _best_delays(
             break
         count *= 4
     if omega[-1] >= NARROW * omega[0]:
-        right = _at_peaks(omega, products, tau[near], explained[near])
+        least = float(explained[best] - MISSED * explained.max())
+        right = _at_peaks(omega, products, tau[near], explained[near], least)
         return right, right
     half = 2.0 * np.pi / (omega[0] + omega[-1])
     soon, of_soon = _sharpened(omega, products, np.arange(0.0, half, tau[1] / FINER))
@@ -411,13 +415,16 @@ def _at_peaks(
     products: Complex[np.ndarray, "line product"],
     tau: Float[np.ndarray, " delay"],
     explained: Float[np.ndarray, " delay"],
+    least: float,
 ) -> float:
     """The grid point at the peak that explains most, of the highest ones, each climbed by Newton's method.
 
     Modes of light damping are a few lines each, so that many delays suit the phases of two or three of them:
-    what the grid misses of the right delay is more than what such another one leaves.
+    what the grid misses of the right delay is more than what such another one leaves. Points of the grid
+    that explain less than ``least`` are beside no such peak.
     """
-    peaks = np.flatnonzero((explained >= np.roll(explained, 1)) & (explained >= np.roll(explained, -1)))
+    high = (explained >= np.roll(explained, 1)) & (explained >= np.roll(explained, -1))
+    peaks = np.flatnonzero(high & (explained >= least))
     most = max(FEWEST_PEAKS, PEAKS_TIMES_LINES // len(omega))
     highest, step = tau[peaks[np.argsort(-explained[peaks])[:most]]], tau[1] - tau[0]
     at = highest

@@ -11,15 +11,22 @@ import numpy as np
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, form_loop
 from middeck.control.analysis.margins.margins import measure_margins
-from middeck.control.analysis.stability.stability import LoopStability, decide_loop, decide_stability
+from middeck.control.analysis.stability.stability import (
+    LoopStability,
+    decide_loop,
+    decide_stability,
+    find_roots,
+)
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.gate.linear_law import faded_laws, limited_law, linear_law
+from middeck.realtime.gate.reached_slews import reached_slews
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.stability import growth_limits
 from middeck.systems.state_space.statespace import same_period
 from middeck.values import record
 
@@ -163,7 +170,9 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     loop or a hold the law's commands, u = p + g c.
     What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
     by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
-    without. These are loops that stay so: it is no proof for limits that come and go.
+    without. A limit of slew that no growing motion within the sensors' ranges reaches (`reached_slews`) is
+    none, but for a law that is unstable by itself. These are loops that stay so: it is no proof for limits
+    that come and go.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -174,11 +183,13 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     limits += [("each step of ", whole, whole, shares) for shares in slews]
     unheld = 0
     try:
-        limited = limited_law(package)
+        limited, reached = limited_law(package), reached_slews(package)
         loop = form_loop(align_plant(plant, limited(whole, whole)), limited(whole, whole))
         for whose, commands, drives, steps in limits:
             found = _decide(loop, limited(commands, drives, steps))
             fault = _unstable(found, off=True)
+            if fault and steps is not whole and not package.unstable:
+                fault = fault if reached(_growing(loop, limited(whole, whole, steps)), steps) else ""
             excuses = [] if not fault or package.unstable else [drives] if held else [drives, off]
             without = [_decide(loop, limited(off, g, steps)) for g in excuses]
             if without and all(w.growing and found.margin >= FASTER * w.margin for w in without):
@@ -207,6 +218,13 @@ def _limits(places: np.ndarray, levels: Sequence[float] = FADES[:-1]) -> np.ndar
     shares = np.ones((len(sets) * len(levels), len(places)))
     shares[:, at] = np.vstack([1.0 - (1.0 - share) * sets for share in levels])
     return shares
+
+
+def _growing(loop: FeedbackLoop, law: Compensator) -> np.ndarray:
+    """The motions z^k of the sampled loop that grow."""
+    sampled = law.sampled
+    roots = find_roots(dataclasses.replace(loop, law=sampled))
+    return np.exp(sampled.period_s * roots[np.real(roots) > growth_limits(roots, sampled.period_s)])
 
 
 def _decide(loop: FeedbackLoop, law: Compensator) -> LoopStability:

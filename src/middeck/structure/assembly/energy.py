@@ -53,7 +53,7 @@ from middeck.structure.elements.motion_since_drawn import (
     lever_stiffness,
     summed,
 )
-from middeck.structure.elements.springs_and_cables import SpringState, spring_state
+from middeck.structure.elements.springs_and_cables import spring_state
 from middeck.values import record
 
 
@@ -293,7 +293,13 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
     carried parts only the weight counts."""
     members = _gather_members(model, at, loads, inner, inside)
     energy, gradient, excess, beams, apart = members
-    own = _own_springs(model, at, (gradient, excess), None if inner is None else inner.spring)
+    start, end = model.spring_ends.T
+    drawn, change = own_span(model, at)
+    tension = None if inner is None else inner.spring
+    own = spring_state(own_law(model), drawn + change, tension, (drawn, change))
+    for total, pull in ((gradient, own.gradient), (excess, own.excess)):
+        np.add.at(total[:, :3], end, pull)
+        np.add.at(total[:, :3], start, -pull)
     drawn, change = device_span(model, at, loads)
     device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
@@ -368,19 +374,6 @@ def _taken(state: BeamState, some: np.ndarray) -> BeamState:
     for part in (state.energy, state.gradient, state.excess, state.material, state.geometric):
         part[some] = 0.0
     return out
-
-
-def _own_springs(
-    model: Model, at: At, gradients: tuple[np.ndarray, np.ndarray], tension: np.ndarray | None
-) -> SpringState:
-    """The structure's own springs; adds to the gradient and to its excess."""
-    start, end = model.spring_ends.T
-    drawn, change = own_span(model, at)
-    state = spring_state(own_law(model), drawn + change, tension, (drawn, change))
-    for gradient, own in zip(gradients, (state.gradient, state.excess), strict=True):
-        np.add.at(gradient[:, :3], end, own)
-        np.add.at(gradient[:, :3], start, -own)
-    return state
 
 
 def _between(hessian: np.ndarray) -> np.ndarray:

@@ -11,13 +11,13 @@ from jaxtyping import Inexact, Int
 
 from middeck.structure.elements.bushings import RelativeMotion, relative_motion
 from middeck.structure.elements.direction_cosines import Cosines, cosines
+from middeck.structure.model.clamps import LETTERS
 from middeck.structure.model.links import (
     DIRECTIONS,
     AnyLink,
     Equation,
     Interpolation,
     Link,
-    drawn_rows,
     fitted_body,
     square_axes,
 )
@@ -140,7 +140,8 @@ class _Layout(NamedTuple):
 
     def add_link(self, number: int, link: Link, first: int) -> None:
         pair = self._pair(first, first + 1)
-        for letter, six in zip(sorted(link.along), drawn_rows(link), strict=True):
+        for letter in sorted(link.along):
+            six = np.concatenate([link.axes[:, LETTERS.index(letter)], np.zeros(3)])
             self._add(self._row(number, f"link {link.name!r} along {letter}"), pair, six)
         for letter, (a, b) in zip(sorted(link.about), square_axes(link), strict=True):
             self.squares.append((self._row(number, f"link {link.name!r} about {letter}"), pair, a, b))

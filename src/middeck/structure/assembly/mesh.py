@@ -24,7 +24,7 @@ from middeck.structure.elements.frames import (
     frame_poses,
     points_in_world,
 )
-from middeck.structure.elements.motion_since_drawn import Inside, SinceDrawn, lay_out_inside
+from middeck.structure.elements.motion_since_drawn import Inside, SinceDrawn, within
 from middeck.structure.elements.offset_points import PoseMap, map_points
 from middeck.structure.elements.trees import joint_chain
 from middeck.structure.model.article import Body, Joint, JointState, Structure, held_angle
@@ -87,9 +87,8 @@ class Model:
     @functools.cached_property
     def inside(self) -> Inside:
         """Beams and bushings inside carried parts."""
-        frame = self.points.frame
-        ends = frame[self.element_ends], frame[self.bushing_ends]
-        return lay_out_inside(self.rest.since_drawn, self.tree.roots, *ends)
+        since, roots, frame = self.rest.since_drawn, self.tree.roots, self.points.frame
+        return Inside(*(within(since, roots, frame[e]) for e in (self.element_ends, self.bushing_ends)))
 
     @functools.cached_property
     def pattern(self) -> Pattern:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -88,14 +87,7 @@ def carried_turning(links: list[Lever], gradient: Inexact[np.ndarray, " coordina
 def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
     """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
     links = root_levers(config)
-    return lever_jacobian(links, tree.size) if links else _identity(tree.size)
-
-
-@functools.cache
-def _identity(size: int) -> sp.csr_array:
-    made = sp.csr_array(sp.eye_array(size))
-    made.data.setflags(write=False)  # all share it
-    return made
+    return lever_jacobian(links, tree.size) if links else sp.csr_array(sp.eye_array(tree.size))
 
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:

@@ -283,14 +283,8 @@ class Inside(NamedTuple):
     bushings: Within
 
 
-def lay_out_inside(
-    since: SinceDrawn | None, roots: int, beams: Int[np.ndarray, "beam 2"], bushings: Int[np.ndarray, "tie 2"]
-) -> Inside:
-    """Beams and bushings with ends on these frames, of which the first ``roots`` are roots."""
-    return Inside(_within(since, roots, beams), _within(since, roots, bushings))
-
-
-def _within(since: SinceDrawn | None, roots: int, frames: np.ndarray) -> Within:
+def within(since: SinceDrawn | None, roots: int, frames: Int[np.ndarray, "element 2"]) -> Within:
+    """Elements with ends on these frames, of which the first ``roots`` are roots."""
     outer = np.full(len(frames), -1)
     if since is None or not since.carries:
         return Within(outer, np.zeros(0, dtype=int), [])

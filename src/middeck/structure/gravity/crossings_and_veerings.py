@@ -188,7 +188,11 @@ def _resolved_already(run: Sequence[PathState], known: Sequence[Approach], cours
         apart = gap > REPEATED * np.abs(lam[:, pair]).max(axis=1)
         for p in range(1, len(run) - 1):
             least = gap[p] < gap[p - 1] and gap[p] <= gap[p + 1] and apart[p - 1] and apart[p + 1]
-            if not least or not _neighbours(run[p], pair) or not _opens(gap, p):
+            if not least or not _neighbours(run[p], pair):
+                continue
+            # Between two stations a gap falls no lower than it would, if it went on as on the steeper side.
+            fall = max(gap[p - 1], gap[p + 1]) - gap[p]
+            if min(gap[:p].max(), gap[p + 1 :].max()) < WIDENED * max(gap[p] - fall, 0.0):
                 continue
             near = (run[p - 1], run[p], run[p + 1])
             rank = int(np.sum(lam[p] < lam[p, list(pair)].min()))
@@ -198,13 +202,6 @@ def _resolved_already(run: Sequence[PathState], known: Sequence[Approach], cours
             if new and new.exchanged and not _known(new, [*known, *found]):
                 found.append(new)
     return found
-
-
-def _opens(gap: np.ndarray, p: int) -> bool:
-    """Whether a gap with its minimum near ``p`` may become wide enough on both sides."""
-    # Between two stations a gap falls no lower than it would, if it went on as on the steeper side.
-    fall = max(gap[p - 1], gap[p + 1]) - gap[p]
-    return min(gap[:p].max(), gap[p + 1 :].max()) >= WIDENED * max(gap[p] - fall, 0.0)
 
 
 def _look_inside(run: Sequence[PathState], course: Course) -> list[PathState]:

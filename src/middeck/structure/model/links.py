@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import field
 
 import numpy as np
-from jaxtyping import Float, Inexact
+from jaxtyping import Inexact
 
 from middeck.errors import ConfigError
 from middeck.structure.model.clamps import LETTERS, check_axes
@@ -216,21 +216,9 @@ def fitted_body(
             where=f"link {link.name!r}",
             hint="add frames off their line, or motions about axes; or let it follow in fewer motions",
         )
-    inverse = unit[:, None] * _inverse(unit[:, None] * fit * unit, loose, turn) * unit
+    own = unit[:, None] * turn[:, ~loose]  # the motions that the shares determine
+    inverse = own @ np.linalg.inv(own.T @ fit @ own) @ own.T
     return np.swapaxes(rows, 0, 1) @ inverse @ moved
-
-
-def _inverse(fit: np.ndarray, loose: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Inverse on the motions that the shares determine; analytic."""
-    own = turn[:, ~loose]
-    return own @ np.linalg.inv(own.T @ fit @ own) @ own.T
-
-
-def drawn_rows(link: Link) -> Float[np.ndarray, "row 6"]:
-    """Unit vectors in W of the shifts that a link prevents, as rows on a shift and a turn."""
-    out = np.zeros((len(link.along), 6), link.axes.dtype)
-    out[:, :3] = link.axes[:, [LETTERS.index(letter) for letter in sorted(link.along)]].T
-    return out
 
 
 def square_axes(link: Link) -> list[tuple[Inexact[np.ndarray, "3"], Inexact[np.ndarray, "3"]]]:

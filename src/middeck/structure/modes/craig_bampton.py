@@ -87,9 +87,23 @@ def reduce_structure(
     The component's own axes are those of W. Raises `ConfigError` for what the article does not have, for
     both or none of ``count`` and ``upto_hz``, and for wheels: a component has no momentum.
     """
-    _check_asked(structure, count, upto_hz)
+    if structure.wheels:
+        raise ConfigError(
+            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
+            where="reduction",
+            hint="take the wheels out here, and give them to the article that takes the component, at its "
+            "boundary",
+        )
+    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
+        hint = "give one of count and upto_hz, from 0 on"
+        raise ConfigError(f"{count} modes up to {upto_hz} Hz", where="reduction", hint=hint)
     nodes = [node.name for node in structure.nodes]
-    _check_nodes(nodes, boundary, residual, recover)
+    if not boundary or len(set(boundary)) < len(boundary):
+        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
+    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
+        unknown = [name for name in names if name not in nodes]
+        if unknown:
+            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
     def of_nodes(names: Sequence[str]) -> np.ndarray:
         return (6 * np.array([nodes.index(n) for n in names], dtype=int)[:, None] + np.arange(6)).ravel()
@@ -114,22 +128,6 @@ def reduce_structure(
         recovery=(in_world @ inner)[of_nodes(recover)] if recover else None,
     )
     return Reduced(require_component(component), *kept)
-
-
-def _check_asked(structure: Structure, count: int | None, upto_hz: float | None) -> None:
-    if structure.wheels:
-        raise ConfigError(
-            f"wheel {structure.wheels[0].name!r}: a component keeps no momentum",
-            where="reduction",
-            hint="take the wheels out here, and give them to the article that takes the component, at its "
-            "boundary",
-        )
-    if (count is None) == (upto_hz is None) or (count or 0) < 0 or (upto_hz or 0.0) < 0.0:
-        raise ConfigError(
-            f"{count} modes up to {upto_hz} Hz",
-            where="reduction",
-            hint="give one of count and upto_hz, from 0 on",
-        )
 
 
 class _Held(NamedTuple):
@@ -182,17 +180,6 @@ def _stiffness(held: _Held, motions: np.ndarray, boundary: int) -> np.ndarray:
     cancels = ROUNDING * (size.T @ (abs(geometric_tangent(*held)) @ size))
     stiffness[np.abs(stiffness) < np.outer(terms, terms) + cancels] = 0.0
     return 0.5 * (stiffness + stiffness.T)
-
-
-def _check_nodes(
-    nodes: Sequence[str], boundary: Sequence[str], residual: Sequence[str], recover: Sequence[str]
-) -> None:
-    if not boundary or len(set(boundary)) < len(boundary):
-        raise ConfigError("a boundary of no nodes, or of one twice", where="boundary", hint=", ".join(nodes))
-    for what, names in (("boundary", boundary), ("residual", residual), ("recover", recover)):
-        unknown = [name for name in names if name not in nodes]
-        if unknown:
-            raise ConfigError(f"no node {unknown[0]!r}", where=what, hint=f"nodes are {', '.join(nodes)}")
 
 
 def _independent(held: _Held, rows: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:

@@ -19,7 +19,7 @@ material, and viscous devices. A mode that is given its own ratio has that and n
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Inexact
@@ -85,7 +85,13 @@ def estimate_damping(
         elif index < count:
             base[index], material[index], device[index] = ratio, 0.0, 0.0
     zeta = base + material + device
-    _check_ratios(modes, zeta)
+    worst = int(np.argmax(zeta)) if len(zeta) else 0
+    if len(zeta) and not zeta[worst] < 1.0:
+        raise ConfigError(
+            f"mode {modes.name[worst]!r} would have the damping ratio {zeta[worst]:.3g}",
+            where="damping",
+            hint="a modal ratio is below 1; smaller loss factors or dampers, or a rate loop",
+        )
     warnings += _coupled_losses(modes, damping, base + material, count)
     coupling, i, j = _coupling(C, omega)
     if coupling > COUPLING_LIMIT:
@@ -177,7 +183,7 @@ def material_ratios(
 
 def member_losses(equilibrium: Equilibrium, damping: Damping) -> Inexact[np.ndarray, " member"]:
     """Loss factor of each member, in the order of the structure."""
-    members = _numbers(m.name for m in equilibrium.model.structure.members)
+    members = [m.name for m in equilibrium.model.structure.members]
     eta = np.zeros(len(members), np.result_type(float, *(value for _, value in damping.loss_factor)))
     for name, value in damping.loss_factor:
         eta[_number(name, "member", members)] = value
@@ -207,7 +213,7 @@ def _damper_rows(equilibrium: Equilibrium, damper: Damper) -> Float[np.ndarray, 
     """Rate of a damper per unit rate of the coordinates; one row for each device at an attach point."""
     model, structure = equilibrium.model, equilibrium.model.structure
     if damper.place is DamperPlace.JOINT:
-        index = _number(damper.at, "joint", _numbers(j.name for j in structure.joints))
+        index = _number(damper.at, "joint", [j.name for j in structure.joints])
         state = structure.joints[index].state
         if state in (JointState.LOCKED, JointState.DRIVEN):
             raise ConfigError(
@@ -217,24 +223,23 @@ def _damper_rows(equilibrium: Equilibrium, damper: Damper) -> Float[np.ndarray, 
             )
         return np.eye(1, model.tree.size, 6 * model.tree.roots + index)
     if damper.place is DamperPlace.SPRING:
-        ends = model.spring_ends[_number(damper.at, "spring", _numbers(s.name for s in structure.springs))]
-        start, end = _positions(equilibrium, ends)
-        rows = _translations(equilibrium, ends)
+        ends = model.spring_ends[_number(damper.at, "spring", [s.name for s in structure.springs])]
+        (start, end), rows = _placed(equilibrium, ends)
         return (_direction(end - start, damper) @ (rows[1] - rows[0]))[None]
-    point = model.attach_point[[_number(damper.at, "attach point", _numbers(model.attach_names))]]
+    point = model.attach_point[[_number(damper.at, "attach point", model.attach_names)]]
     anchors = equilibrium.loads.anchor[equilibrium.loads.attach_point == point[0]]
-    lines = [_direction(_positions(equilibrium, point)[0] - anchor, damper) for anchor in anchors]
-    return np.array(lines).reshape(-1, 3) @ _translations(equilibrium, point)[0]
+    place, rows = _placed(equilibrium, point)
+    lines = [_direction(place[0] - anchor, damper) for anchor in anchors]
+    return np.array(lines).reshape(-1, 3) @ rows[0]
 
 
-def _positions(equilibrium: Equilibrium, points: np.ndarray) -> np.ndarray:
-    return points_in_world(equilibrium.model.points.of(points), equilibrium.poses)
-
-
-def _translations(equilibrium: Equilibrium, points: np.ndarray) -> Float[np.ndarray, "point 3 coordinate"]:
-    model = equilibrium.model
-    J = pose_jacobian(model.tree, model.points.of(points), equilibrium.poses)
-    return J.toarray().reshape(len(points), 6, -1)[:, :3]
+def _placed(
+    equilibrium: Equilibrium, points: np.ndarray
+) -> tuple[np.ndarray, Float[np.ndarray, "point 3 coordinate"]]:
+    """Positions of points, and their translations per coordinate."""
+    model, some = equilibrium.model, equilibrium.model.points.of(points)
+    J = pose_jacobian(model.tree, some, equilibrium.poses)
+    return points_in_world(some, equilibrium.poses), J.toarray().reshape(len(points), 6, -1)[:, :3]
 
 
 def _direction(span: np.ndarray, damper: Damper) -> np.ndarray:
@@ -248,15 +253,11 @@ def _direction(span: np.ndarray, damper: Damper) -> np.ndarray:
     return span / length
 
 
-def _numbers(names: Iterable[str]) -> dict[str, int]:
-    return {name: i for i, name in enumerate(names)}
-
-
-def _number(name: str, what: str, known: dict[str, int]) -> int:
+def _number(name: str, what: str, known: Sequence[str]) -> int:
     if name not in known:
-        some = ", ".join(list(known)[:20])
+        some = ", ".join(known[:20])
         raise ConfigError(f"no {what} {name!r}", where="damping", hint=f"one of {some or 'none'}")
-    return known[name]
+    return known.index(name)
 
 
 def find_mode(modes: Modes, key: str | int) -> int | None:
@@ -276,16 +277,6 @@ def _undamped_rigid(modes: Modes, own: np.ndarray) -> tuple[str, ...]:
     names = ", ".join(repr(modes.name[i]) for i in np.flatnonzero(held))
     advice = "no ratio holds that: close it as a rate loop (PDLoops)"
     return (f"a damper works on the rigid modes {names}; {advice}",) if names else ()
-
-
-def _check_ratios(modes: Modes, zeta: np.ndarray) -> None:
-    worst = int(np.argmax(zeta)) if len(zeta) else 0
-    if len(zeta) and not zeta[worst] < 1.0:
-        raise ConfigError(
-            f"mode {modes.name[worst]!r} would have the damping ratio {zeta[worst]:.3g}",
-            where="damping",
-            hint="a modal ratio is below 1; smaller loss factors or dampers, or a rate loop",
-        )
 
 
 def _coupling(C: np.ndarray, omega: np.ndarray) -> tuple[float, int, int]:

@@ -122,7 +122,12 @@ def compare_static_gain(
     C = free.part((read.position + omega * read.rate - omega**2 * read.acceleration).T).T
     D = sp.csr_array(K - omega**2 * M)
     kept = _Kept(free.coordinates(modes.shapes[:, :count]), M, modes.omega[:count] ** 2 - omega**2)
-    _check_off_resonance(modes, omega)
+    near = np.abs(modes.omega - omega) <= RESONANT * omega
+    if omega > 0.0 and np.any(near):
+        raise NumericalError(
+            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} depends on its damping",
+            hint="another frequency_hz, below the first flexible mode",
+        )
     x, y = (kept.answer(F) + _dynamic_rest(D, kept, F) for F in (B, C.T))
     full, truncated = C @ x, C @ kept.answer(B)
     completed = truncated + residual_flexibility(modes, drive.force, read.position, count)
@@ -211,15 +216,6 @@ def _dynamic_rest(D: sp.csr_array, kept: _Kept, force: np.ndarray) -> Float[np.n
         "no gain could be computed at this frequency: is it that of a mode?",
         hint="another frequency_hz, below the first flexible mode",
     )
-
-
-def _check_off_resonance(modes: Modes, omega: float) -> None:
-    near = np.abs(modes.omega - omega) <= RESONANT * omega
-    if omega > 0.0 and np.any(near):
-        raise NumericalError(
-            f"the gain at the frequency of mode {modes.name[int(np.argmax(near))]!r} depends on its damping",
-            hint="another frequency_hz, below the first flexible mode",
-        )
 
 
 def _low_frequency(modes: Modes, moving: bool) -> float:

@@ -119,18 +119,19 @@ def solve_gyroscopic_modes(
     damped = estimate_damping(modes, damping, count=count)
     equilibrium = modes.equilibrium
     spin = spinning_wheels(equilibrium.model, equilibrium.config, equilibrium.environment)
+    still = GyroscopicModes(
+        standstill=modes,
+        omega=modes.omega[:count],
+        zeta=damped.zeta,
+        shapes=modes.shapes[:, :count].astype(complex),
+        whirl=np.zeros(count),
+        kind=modes.kind[:count],
+        name=modes.name[:count],
+        residual=modes.residual[:count],
+        warnings=damped.warnings,
+    )
     if not spin.turns:
-        return GyroscopicModes(
-            standstill=modes,
-            omega=modes.omega[:count],
-            zeta=damped.zeta,
-            shapes=modes.shapes[:, :count].astype(complex),
-            whirl=np.zeros(count),
-            kind=modes.kind[:count],
-            name=modes.name[:count],
-            residual=modes.residual[:count],
-            warnings=damped.warnings,
-        )
+        return still
     kept = min(len(modes.omega), max(WHOLE, 2 * count))
     omega, basis = modes.omega[:kept], modes.shapes[:, :kept]
     beyond = np.full(kept - count, damped.zeta[-1] if count else 0.0)
@@ -145,8 +146,8 @@ def solve_gyroscopic_modes(
     shapes[:, : found.drifts], names[: found.drifts] = rigid_basis(
         equilibrium, modes.mass, np.real(basis @ found.q[:, : found.drifts])
     )
-    return GyroscopicModes(
-        standstill=modes,
+    return dataclasses.replace(
+        still,
         omega=found.omega[:count],
         zeta=found.zeta[:count],
         shapes=shapes[:, :count],

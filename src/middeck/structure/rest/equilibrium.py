@@ -131,7 +131,13 @@ def solve_equilibrium(
     check_environment(environment, model.structure)
     check_links(model)
     check_speeds(model, environment)
-    _check_idle(environment)
+    idle = [device.name for device in environment.hung if device.needs_gravity]
+    if idle and not np.any(environment.gravity):
+        raise EquilibriumError(
+            f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
+            where=f"environment {environment.title!r}",
+            hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
+        )
     tuned = tune_suspension(model, environment)
     loads = environment_loads(model, environment, tuned)
     _check_driven(model, environment, loads)
@@ -214,17 +220,6 @@ def _spring_torque(model: Model, config: Configuration) -> np.ndarray:
             for j, angle in zip(model.structure.joints, config.angle, strict=True)
         ]
     )
-
-
-def _check_idle(environment: Environment) -> None:
-    heavy = bool(np.any(environment.gravity))
-    idle = [device.name for device in environment.hung if device.needs_gravity and not heavy]
-    if idle:
-        raise EquilibriumError(
-            f"device {idle[0]!r}, tuned to its load, needs gravity: its reaction would be zero",
-            where=f"environment {environment.title!r}",
-            hint="set constants.gravity; or give the device a force, a stiffness and an anchor",
-        )
 
 
 def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:

@@ -98,8 +98,9 @@ def _newton(
         free = static_freedom(model, config)
         at = assemble_carried(model, config, loads, None, inner)
         left.append(imbalance(at, free, scale))
-        settled = left[-1] < TOLERANCE and _is_settled(left, before, longest)
-        if settled:
+        # The next step would be rounding: nothing is left, the last was short, or it did no good.
+        fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
+        if left[-1] < TOLERANCE and (left[-1] == 0.0 or before < SQUARED * longest or not fell):
             break
         held = holding(free.matrix(at.tangent), free.matrix(mass))
         q = _solve_spun(held, _spin(model, at, loads, free), free.part(at.gradient))
@@ -125,12 +126,6 @@ def _newton(
     else:
         return _Newton(0.5)
     return _Newton(fitting, (config, inner), tuple(left))
-
-
-def _is_settled(left: list[float], step: float, longest: float) -> bool:
-    """Whether Newton's next step is rounding: none is left, the last was short, or it did no good."""
-    fell = len(left) < 2 or left[-1] < 0.5 * left[-2]
-    return left[-1] == 0.0 or step < SQUARED * longest or not fell
 
 
 def rest_beside(

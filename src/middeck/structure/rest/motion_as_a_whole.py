@@ -60,17 +60,14 @@ def _faced(model: Model, loads: Loads, config: Configuration) -> Configuration |
     if gravity == 0.0 and not len(loads.anchor):
         R, centre, shift = fit_rigid(model, model.rest, config)
         return turn_whole(config, rotation_log(R.T), centre + shift, -shift)
-    if gravity > 0.0 and _in_line(model, loads):
+    if gravity > 0.0:
         up = -loads.gravity / gravity
+        across = np.linalg.norm(np.cross(loads.anchor - loads.anchor[0], up), axis=1)
+        if across.max() > IN_LINE * article_size(model):
+            return None
         _, heading = split_rotation(fit_rotation(model, model.rest, config), up)
         return turn_whole(config, -heading * up, loads.anchor[0], np.zeros(3))
     return None
-
-
-def _in_line(model: Model, loads: Loads) -> bool:
-    off = loads.anchor - loads.anchor[0]
-    across = np.cross(off, loads.gravity / np.linalg.norm(loads.gravity))
-    return float(np.linalg.norm(across, axis=1).max()) <= IN_LINE * article_size(model)
 
 
 def split_rotation(

@@ -22,7 +22,6 @@ from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
-from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.parameters import Parameter
@@ -118,19 +117,12 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
 
 
 def _whole(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
-    return _pair_derivatives(modes.equilibrium, moved, modes.shapes, pairs) + _of_ties(modes, moved, pairs)
-
-
-def _pair_derivatives(
-    rest: Equilibrium, moved: MovedRest, shapes: np.ndarray, pairs: _Pairs
-) -> Float[np.ndarray, "parameter pair"]:
     """phi_i'(dK - lambda dM) phi_j: by the parameters themselves, and by the way the rest state moves."""
-    out = _explicit(moved, shapes, pairs)
-    if not np.any(moved.motion):
-        return out
-    return out + moved.motion.T @ (
-        element_gradients(rest, shapes, *pairs) + tree_gradients(rest, shapes, *pairs)
-    )
+    at = modes.equilibrium, modes.shapes, *pairs
+    out = _explicit(moved, modes.shapes, pairs)
+    if np.any(moved.motion):
+        out = out + moved.motion.T @ (element_gradients(*at) + tree_gradients(*at))
+    return out + _of_ties(modes, moved, pairs)
 
 
 def mode_multipliers(modes: Modes, count: int) -> Float[np.ndarray, "row mode"]:

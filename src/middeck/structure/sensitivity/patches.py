@@ -163,16 +163,6 @@ def restrict(patch: Patch, config: Configuration) -> Configuration:
     )
 
 
-def perturb_whole(model: Model, patch: Patch) -> Patch:
-    """The same perturbed structure with all that it has but links, which are in `ties`."""
-    return patch._replace(
-        model=lay_out(dataclasses.replace(patch.structure, links=())),
-        roots=np.arange(model.tree.roots),
-        joints=np.arange(len(model.tree.parent)),
-        coordinates=np.arange(model.tree.size),
-    )
-
-
 def follow(patch: Patch, config: Configuration, motion: np.ndarray) -> Configuration:
     """The same, perturbed along ``motion``, coordinates of the whole."""
     part = restrict(patch, config)

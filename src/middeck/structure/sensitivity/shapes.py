@@ -28,6 +28,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_coordinates, dynamic_freedom
 from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.assembly.mesh import lay_out
 from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -35,7 +36,7 @@ from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import mode_multipliers
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied
 from middeck.structure.sensitivity.parameters import Parameter
-from middeck.structure.sensitivity.patches import columns, derivative, follow, perturb_whole
+from middeck.structure.sensitivity.patches import columns, derivative, follow
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import Softened, soften_modes
 from middeck.values import record
@@ -76,7 +77,13 @@ def differentiate_modes(
 def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
     """The rest state with the derivatives in one parameter in its imaginary parts. Its residual, holding
     torques and tensions are not perturbed."""
-    patch = perturb_whole(rest.model, moved.patches[number])
+    patch, tree = moved.patches[number], rest.model.tree
+    patch = patch._replace(
+        model=lay_out(dataclasses.replace(patch.structure, links=())),  # those are in `ties`
+        roots=np.arange(tree.roots),
+        joints=np.arange(len(tree.parent)),
+        coordinates=np.arange(tree.size),
+    )
     return dataclasses.replace(
         rest,
         model=patch.model,

@@ -36,6 +36,10 @@ from middeck.values import record
 
 RECORDS, ALONE = 2, 16
 """Records of each draw, under other noise each: with a compensator, and without, where friction does most."""
+UNCERTAIN, TIMES = 0.02, 4
+"""Variance of a draw's decibels without a compensator by the noise of its records [dB^2] from which there are
+more of them, and how many times as many at most. Articles differ by one or two tenths of a decibel: a spread
+told beside twice that noise comes out a quarter too wide, or by chance twice."""
 TRIED = 400
 """Variances that are weighed, evenly up to four times what draws have."""
 MOST = 15_000_000
@@ -68,6 +72,7 @@ class SlipRun:
         order: Of the Pade approximation of the loop's delay, for the band of the noise. One for modes far
             above it is no better there, and its poles nearly coincide with those of a compensator designed
             on one: their residues cancel (7 % of a joint's answer within a step, at order 40 of 30 ms).
+        alone: Records of each draw without a compensator.
     """
 
     plan: Plan
@@ -76,10 +81,11 @@ class SlipRun:
     wiring: SlipPorts
     time: SlipTime
     order: int
+    alone: int = ALONE
 
 
 def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
-    """Length and step of the simulation, chosen by the ``first`` draw.
+    """Length and step of the simulation, and the number of records, chosen by the ``first`` draw.
 
     Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest.
     """
@@ -92,9 +98,11 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
     own = _own_ports(first, every.values(), wiring)
     time = choose_time(own, every.values(), slips, plan, wiring)
     phase = 2.0 * np.pi * time.band_hz * float(own.delay_s.max(initial=0.0))
-    return SlipRun(
+    run = SlipRun(
         plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=min(pade_order(phase), MOST_PADE)
     )
+    uncertain = float(_run(run, _open_draws(run, [own], 0), None).variance[0])
+    return dataclasses.replace(run, alone=ALONE * int(np.clip(np.ceil(uncertain / UNCERTAIN), 1, TIMES)))
 
 
 def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:
@@ -107,15 +115,7 @@ def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str
     together = max(1, MOST // max(1, len(lines) * len(own[0].inputs) * len(own[0].outputs)))
     parts: dict[str | None, list[Slipped]] = {name: [] for name in run.laws}
     for first in range(0, len(plants), together):
-        mine = slice(first, first + together)
-        drawn = slice(start + first, start + min(first + together, len(plants)))
-        some = _Draws(
-            plants=tuple(own[mine]),
-            responses=np.array([evaluate_open(p, lines) for p in own[mine]]),
-            stiffness=run.slips.stiffness[drawn],
-            slip_torque=run.slips.slip_torque[drawn],
-            first=start + first,
-        )
+        some = _open_draws(run, own[first : first + together], start + first)
         for name, law in run.laws.items():
             parts[name].append(_run(run, some, law))
     return {name: _joined(each) for name, each in parts.items()}
@@ -158,6 +158,17 @@ class _Draws:
     first: int
 
 
+def _open_draws(run: SlipRun, own: Sequence[Plant], first: int) -> _Draws:
+    drawn = slice(first, first + len(own))
+    return _Draws(
+        plants=tuple(own),
+        responses=np.array([evaluate_open(p, run.time.lines_hz) for p in own]),
+        stiffness=run.slips.stiffness[drawn],
+        slip_torque=run.slips.slip_torque[drawn],
+        first=first,
+    )
+
+
 def _run(asked: SlipRun, some: _Draws, law: Compensator | None) -> Slipped:
     around = [around_sliders(p, law, asked.wiring, asked.order) for p in some.plants]
     forms = [pole_form(loop) for loop in around]
@@ -183,7 +194,7 @@ def _with_friction(
         i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, time.lines_hz) * acts
         for i in forms
     }
-    every = [(i, record) for i in forms for record in range(RECORDS if law is not None else ALONE)]
+    every = [(i, record) for i in forms for record in range(asked.alone if law is None else RECORDS)]
     together = max(1, MOST // ((time.settling + time.samples) * (joints + len(asked.plan.weights))))
     square, travel = np.empty((2, len(every))), np.empty((len(every), joints))
     for first in range(0, len(every), together):

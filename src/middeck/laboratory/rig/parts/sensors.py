@@ -69,18 +69,12 @@ class Gyro:
             "Gyro", noise=self.noise, bias=self.bias, bias_walk=self.bias_walk, resolution=self.resolution
         )
         if not (self.bandwidth_hz > 0.0 and self.anti_alias_hz > 0.0 and self.range > 0.0):
-            raise ConfigError(
-                f"a gyro of {self.bandwidth_hz} Hz, filtered at {self.anti_alias_hz} Hz, up to "
-                f"{self.range} rad/s",
-                where="Gyro",
-                hint="all above zero; infinite for no limit",
-            )
+            what = f"a gyro of {self.bandwidth_hz} Hz, filtered at {self.anti_alias_hz} Hz"
+            hint = "all above zero; infinite for no limit"
+            raise ConfigError(f"{what}, up to {self.range} rad/s", where="Gyro", hint=hint)
         if self.resolution > self.range:
-            raise ConfigError(
-                f"a converter in steps of {self.resolution} rad/s with a range of {self.range} rad/s",
-                where="Gyro",
-                hint="a range of one step or more",
-            )
+            what = f"a converter in steps of {self.resolution} rad/s with a range of {self.range} rad/s"
+            raise ConfigError(what, where="Gyro", hint="a range of one step or more")
         _refuse_gain("Gyro", self.gain)
 
 

@@ -83,7 +83,7 @@ static const char *misfit_of_ports(const settings *set)
 
     for (i = 0; i < set->inputs; ++i)
         if (!(set->range[i] > 0) || !finite(set->range[i]) || set->stuck[i] < 0 || !(set->envelope[i] > 0)
-            || !between(-1, set->rate[i], set->inputs - 1) || !finite(set->coast[i]))
+            || !between(-1, set->rate[i], set->inputs - 1) || !(set->coast[i] >= 0 && set->coast[i] <= (real)LONGEST * set->period_s))
             return "a sensor with a range or a test that no engine runs";
     for (i = 0; i < set->outputs; ++i)
         if (!(set->lower[i] <= 0 && set->upper[i] >= 0 && set->lower[i] < set->upper[i]) || !finite(set->lower[i])
