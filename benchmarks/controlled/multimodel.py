@@ -8,7 +8,7 @@ the candidates are all corners of the box of unseen plants, each in continuous t
 that is to be served (`plant_as_sampled`), z in units of the plant's own rms, for so the levels count it; the
 law is the minimax one over all of them (`design_for_worst`); the authority is that of the case, doubled until
 the seeds 0 to 5 meet the levels at the slowest rate with 0.1 dB (nominal) and 0.3 dB (worst) to spare: once.
-What else was tried, and the figures of each seed, are in docs/explanation/robust-designs.md.
+The figures of each seed are in docs/explanation/robust-designs.md.
 """
 
 from __future__ import annotations

@@ -35,9 +35,9 @@ def summary_lines(numbers: dict[str, Any]) -> list[str]:
     products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     return [
         f"mass         {numbers['mass_kg']:.3f} kg",
-        f"centre       {_row(numbers['centre_of_mass_m'])} m, undeformed, x y z",
-        f"inertia      {_row(np.diag(inertia))} kg m^2 about it, xx yy zz",
-        f"             {_row(products, np.abs(inertia).max())} kg m^2, xy xz yz, minus the products",
+        f"centre       {_row(numbers['centre_of_mass_m'])} m, mass centre, undeformed, x y z",
+        f"inertia      {_row(np.diag(inertia))} kg m^2 about the mass centre, xx yy zz",
+        f"             {_row(products, np.abs(inertia).max())} kg m^2, minus products xy xz yz",
     ]
 
 

@@ -104,10 +104,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     return [
         *case_lines(document),
         Table("shares of the shift, Hz", headers, rows),
-        "\nsusp.: devices, springs to the ground; stiff.: inner forces and weight; deform.: the static shape."
-        "\nMeans over six orders; order: the widest range of a share over them. Their sum is the shift.",
+        "\nsusp.: devices, springs to the ground; stiff.: internal forces, weight; deform.: sag."
+        "\nShares are means over the six orders of switching and add up to the shift."
+        "\norder: widest range of a share over the six orders",
         *(
-            ["* keeps less than half of its 0-g shape when some effects are off: shares are unclear"]
+            ["* with some effects off less than half of the 0-g shape is left: shares are unclear"]
             if doubt
             else []
         ),

@@ -107,10 +107,10 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"widest: {w['name']} in {w['where']}, {w['value']:.5g} {w['unit']} +- {percent(w['std'])} %",
         Table(
             "candidates",
-            ["", "test", "widest, then +- [%]", "ratio", "median ratio", "the widest then"],
+            ["", "test", "after +- [%]", "ratio", "median ratio", "widest after the test"],
             tests,
         ),
-        Table(f"promised, and after {best['name']}", ["in", "of", "value", "+- [%]", "then +- [%]"], rows),
+        Table(f"promised, and after {best['name']}", ["in", "of", "value", "+- [%]", "after +- [%]"], rows),
     ]
 
 

@@ -19,6 +19,11 @@ EXAMPLES = """\
 """
 
 
+CROSS_NOTE = """\
+cross-orthogonality: with the mass matrix in orbit, in which the shapes in the
+environment have not quite unit modal mass: values slightly above 1 are possible"""
+
+
 @click.command("compare", cls=options.Verb, examples=EXAMPLES)
 @options.case
 @options.count
@@ -26,12 +31,11 @@ EXAMPLES = """\
 @figures.up
 @options.common
 def verb(case: options.Case, count: int, figure_file: str | None, up: str | None, as_json: bool) -> None:
-    """Modes of ARTICLE in orbit beside those in an environment.
+    """Compare the modes of ARTICLE in orbit with those in an environment.
 
-    Pairs of flexible modes with their frequency ratios, cross-orthogonality, MAC, and the angles between
-    the rigid-body and the suspension modes. A load case is part of the environment: in orbit the article has
-    neither its loads nor its masses. Nor has it clamps there: `middeck budget` shows modes of an article that
-    is held with gravity and without.
+    Prints pairs of flexible modes with frequency ratio, cross-orthogonality and MAC, and the angles between
+    the subspaces of rigid-body and suspension modes. Loads, added masses and clamps belong to the
+    environment, and orbit has none of them: `middeck budget` keeps clamps and added masses in 0-g too.
     """
     from middeck.cli.given.cases import apply_case, read_case, solve_in
 
@@ -101,9 +105,10 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     angles = ", ".join(f"{a:.3f}" for a in document["subspace_angle_deg"]) or "none"
     return [
         f"article      {document['article']}",
-        f"compared     free in orbit, with {_held(document)}",
+        f"compared     orbit: free, no gravity; {_held(document)}",
         *(table for table in lists if table.rows),
         Table("pairs of flexible modes", titles, pairs),
+        CROSS_NOTE,
         *_unpaired(document),
         f"\nangles between the rigid-body and the suspension subspaces, deg: {angles}",
     ]

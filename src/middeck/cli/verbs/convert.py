@@ -39,14 +39,14 @@ EXAMPLES = """\
 @click.option(
     "--mass-formulation",
     type=click.Choice(("consistent", "coupled", "lumped")),
-    help="Mass of the members: middeck's own, that of NX Nastran 9 for COUPMASS, or halves at their ends.  "
-    "[default: consistent]",
+    help="Mass of the members: consistent with rotary inertia, as NX Nastran 9 with COUPMASS, or half at "
+    "each end.  [default: consistent]",
 )
 @click.option(
     "--subcase",
     type=int,
     metavar="NUMBER",
-    help="Subcase of case control; needed if subcases hold or load the deck differently.",
+    help="Subcase of case control; needed if subcases differ in more than loads.",
 )
 @options.output("target", options.ARTICLES, "Write the article.", "ARTICLE")
 @options.written(
@@ -73,7 +73,7 @@ def verb(
     (MPC) are converted. Constraints, springs to the ground and gravity go to the file of --environment. Cards
     that do not affect the modes are left out, listed and counted. A card that affects them and cannot be
     converted is an error with file, line, card and field. Superelements whose matrices are in OUTPUT4 or
-    punched become components, in NPZ files beside the article. Without --units the command names the
+    punched DMIG become components, in NPZ files beside the article. Without --units the command names the
     likeliest set and writes nothing. --set takes units, mass_formulation and subcase.
     """
     from middeck.cli.given.checked_options import ConvertSettings, settle
@@ -172,9 +172,9 @@ def _no_units(source: Deck) -> Exception:
         )
     others = f" (or {', '.join(found[1:])})" if found[1:] else ""
     return ConfigError(
-        f"a deck does not state its units; by its moduli, densities and size these are {found[0]}{others}",
+        f"a deck does not state its units; moduli, densities and size of this one suggest {found[0]}{others}",
         where=source.path,
-        hint=f"--units {found[0]}, if that is right",
+        hint=f"--units {found[0]}, if these are its units",
     )
 
 

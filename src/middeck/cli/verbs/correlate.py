@@ -34,13 +34,13 @@ QUANTITIES = (
 SHOWN = 6
 NEAR = 1.1  # times the highest measured frequency: modes of the model that the test is about
 PAIRS_NOTE = """\
-cross: cross-orthogonality of the pair, of 1; off: the largest one with another
-pair's mode. self off: the largest orthogonality of the test's own mode with
-another of the test. All are weighed with the model's mass at the sensors."""
+cross: cross-orthogonality of the pair (1 is equality); off: its largest value
+with another pair's mode. self off: largest orthogonality of the measured mode
+with another measured one. All use the model's mass reduced to the sensors."""
 EFFECTIVE_NOTE = """\
-What a mode carries along when its supports move, of the whole mass and of the
-inertia about the centre of mass (rx, ry, rz). The suspension modes have most of
-it where the article hangs, the rigid-body modes all of it where it is free."""
+Share of the mass, and of the inertia about the centre of mass (rx, ry, rz), that
+a mode represents when the supports move. The suspension modes have most of it if
+the article hangs, the rigid-body modes all of it if the article is free."""
 
 
 @click.command("correlate", cls=options.Verb, examples=EXAMPLES)
@@ -90,12 +90,12 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Compare the modes of ARTICLE with measured ones, by criteria.
+    """Compare the modes of ARTICLE with measured MODES by the criteria of a standard.
 
-    MODES is JSON, a universal file (.unv, .uff) or CSV; a survey of frequencies alone is judged by frequency.
-
-    Frequency error, cross- and self-orthogonality, MAC, COMAC, effective mass; each criterion of the profile
-    with the probability that a correct model would meet it, given the noise of the test.
+    Prints frequency error, cross- and self-orthogonality, MAC, COMAC and effective mass, and for each
+    criterion of the profile the probability that a correct model would meet it, given the noise of the test.
+    MODES is JSON, a universal file (.unv, .uff) or CSV. If it has frequencies alone, only criteria on
+    frequencies are judged.
     """
     import numpy as np
 
@@ -275,7 +275,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         PAIRS_NOTE,
         Table(
             "criteria",
-            ["criterion", "limit", "worst", "met", "a correct model meets it", "and shows"],
+            ["criterion", "limit", "worst", "met", "P(correct model meets it)", "its worst, 5 to 95 %"],
             [_criterion_row(c) for c in criteria],
         ),
         *marks,

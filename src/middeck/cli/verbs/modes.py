@@ -53,10 +53,10 @@ def verb(
 ) -> None:
     """Natural modes of ARTICLE at rest in an environment.
 
-    Prints mass, centre of mass and inertia, the modes, the reactions of suspension and clamps, the torques
-    that hold the joints, and the rotation of the nodes. The masses of an applied load case count as the
-    article's. With spinning wheels the modes are forward and backward whirl at the wheels' speeds; the modes
-    at standstill follow.
+    Prints mass, centre of mass and inertia, the modes, the reactions of suspension and clamps, the motor
+    torques at the joints, and the displacement and rotation of the nodes. Masses of an applied load case are
+    included in the article's mass. With spinning wheels the modes are forward and backward whirl at the
+    wheels' speeds; the modes at standstill follow.
     """
     from middeck.cli.given.cases import read_case, solve_in
     from middeck.cli.shown.mass_and_attitude import summary_lines, summary_numbers
@@ -188,8 +188,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"residual     {_imbalance(document)}",
         *_whirl_blocks(document),
         _modes_table(still),
-        "\nrigid: part of the motion that strains nothing when the article is free;"
-        "\nstrain: part of the energy",
+        "\nrigid: share of kinetic energy in motions that do not strain the free article;"
+        "\nstrain: share of strain energy in the potential energy",
         _parts_table(still),
     ]
     if document["reactions_n"]:
@@ -222,7 +222,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *([Table("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
         *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
         *_if_any(
-            "shift of the nodes since drawn, and their rotation vector, world axes",
+            "displacement and rotation vector of the nodes at rest, world axes",
             ["node", "x mm", "y mm", "z mm", "x deg", "y deg", "z deg"],
             turned,
             "no node moves",
@@ -292,6 +292,6 @@ def _imbalance(document: dict[str, Any]) -> str:
     left = document["imbalance"]
     weight = "weight at rest" if document["gravity_m_s2"] else "weight under 1 g"
     return (
-        f"forces {left['force']:.1e} of the {weight},\n"
-        f"{'':13}moments {left['moment']:.1e} of it times {left['length']:.3g} m"
+        f"unbalanced force {left['force']:.1e} of the {weight},\n"
+        f"{'':13}moment {left['moment']:.1e} of that weight times {left['length']:.3g} m"
     )

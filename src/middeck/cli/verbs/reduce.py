@@ -26,14 +26,14 @@ EXAMPLES = """\
 @click.command("reduce", cls=options.Verb, examples=EXAMPLES)
 @options.article
 @options.several("--boundary", metavar="NODES", help="Nodes that remain; may be repeated.")
-@click.option("--modes", "count", type=click.IntRange(min=0), help="How many fixed-interface modes.")
-@click.option("--upto-hz", type=options.POSITIVE, help="Or all up to this frequency.")
+@click.option("--modes", "count", type=click.IntRange(min=0), help="Number of fixed-interface modes.")
+@click.option("--upto-hz", type=options.POSITIVE, help="All fixed-interface modes up to this frequency.")
 @options.several("--residual", metavar="NODES", help="Nodes with residual attachment modes; may be repeated.")
 @options.several("--recover", metavar="NODES", help="Nodes whose motion can be recovered from the file.")
 @options.output(
     "target",
     options.COMPONENTS,
-    "Write the component; beside it OUTPUT4 and cards, .op4, .pch and .asm.",
+    "Write the component, and its matrices and cards for Nastran as .op4, .pch and .asm.",
     "COMPONENT.npz|mat",
 )
 @options.common
@@ -48,12 +48,12 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Reduce ARTICLE to a component: boundary nodes and modes.
+    """Reduce ARTICLE to a component by the method of Craig and Bampton.
 
-    The method is that of Craig and Bampton, at rest in orbit: static motions of the boundary, and the lowest
-    modes with the boundary held. --residual adds the static response of the omitted modes to loads at a node.
-    Modes up to three times the frequency of interest are usual. Angles of free joints remain as coordinates,
-    ahead of the modal ones.
+    The coordinates are those of the boundary nodes and the lowest modes with the boundary held, about the
+    equilibrium in orbit. Modes up to three times the frequency of interest are usual. --residual adds the
+    static response of the omitted modes to loads at a node. Angles of free joints are coordinates too, before
+    the modal ones.
     """
     from middeck.files.articles.components import write_component
     from middeck.files.nastran.components.external_write import write_external
@@ -122,7 +122,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"coordinates  {document['coordinates']}: {6 * len(document['boundary'])} of the boundary, "
         f"{document['free_joints']} free joints, {len(rows)} modes, "
         f"{document['residual_vectors']} residual vectors",
-        f"left out     modes from {after:.4f} Hz on" if after is not None else "left out     nothing",
+        f"omitted      modes from {after:.4f} Hz up" if after is not None else "left out     nothing",
         f"mass         {document['mass_kg']:.6g} kg",
         Table("modes with the boundary held", ["", "frequency Hz"], rows),
         *(f"wrote {file}" for file in document["written"]),

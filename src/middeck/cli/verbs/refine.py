@@ -42,7 +42,7 @@ EXAMPLES = """\
 @click.option(
     "--choose",
     is_flag=True,
-    help="Only rate the unknowns: which the surveys determine, and which have the same effect.",
+    help="Only rate the unknowns: print which of them the surveys determine, and which have the same effect.",
 )
 @options.written("-o", "--output", "target", endings=(".toml",), help="Write the refined article.")
 @options.printing
@@ -55,11 +55,11 @@ def verb(
     target: str | None,
     as_json: bool,
 ) -> None:
-    """Refine ARTICLE on ground tests; predict its modes in orbit.
+    """Update ARTICLE to fit ground tests, and predict its modes in orbit.
 
     REFINEMENT names the surveys, the parameters that may change, and their standard deviations before the
     tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
-    its parameters. The refined article is the given one with a table of factors.
+    its parameters. -o writes ARTICLE with these as a table of factors.
     """
     from middeck.cli.given.cases import find_case
     from middeck.files.disk.atomic import write_text
@@ -260,7 +260,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         *([_static_table(document["statics"]), ""] if document["statics"] else []),
         Table(
             f"predicted in {document['environment']}",
-            ["mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "seen on the ground [%]"],
+            ["mode", "frequency [Hz]", "95 % interval [Hz]", "damping [%]", "seen on the ground [%]"],
             rows,
         ),
         *(["", f"wrote {target}{_without(document)}"] if target else []),

@@ -130,7 +130,7 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
         found.append(
             f"modes at {close} Hz: not resolved, their distance is below {APART:g}"
             " standard deviations, where "
-            "the linearised standard deviations do not hold; record longer, or add an output or input"
+            "linearised standard deviations are not valid; record longer, or add an output or input"
         )
     return found
 
@@ -141,7 +141,7 @@ def doubts_of_delays(standing: Sequence[Standing], excess: float) -> list[str]:
         return []
     return [
         f"{excess:.0%} of the residual's variance is not noise: an error common to all lines biases the "
-        "delays, so their standard deviations do not hold; take more states, or a band without modes at "
+        "delays, so their standard deviations are too small; take more states, or a band without modes at "
         "its edges"
     ]
 

@@ -365,7 +365,7 @@ def _undamped(lines: FrequencyResponse, model: MeasurementModel, fit: Tidied) ->
     within = model.is_pair & (f >= lines.frequency_hz[0]) & (f <= lines.frequency_hz[-1])
     return [
         f"mode at {f[m]:.4g} Hz: undamped or unstable, which cannot be fitted: it does not decay within the "
-        "record, or a steady sine lies beside it; the stated standard deviations do not hold"
+        "record, or a steady sine lies beside it; the stated standard deviations are too small"
         for m in np.flatnonzero(within)
         if -np.real(model.poles[m]) < HARDLY * LIGHTEST * apart
         or np.any(np.abs(sines - f[m]) < BESIDE * apart)

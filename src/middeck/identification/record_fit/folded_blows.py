@@ -55,7 +55,7 @@ def doubts_of_folding(record: Record) -> list[str]:
     return [
         f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "
         "line, and the rest is folded back: no anti-alias filter, or too low a rate; the stated standard "
-        "deviations do not hold, least of all that of a delay; sample faster, or strike with a softer tip"
+        "deviations are too small, most of all that of a delay; sample faster, or strike with a softer tip"
         for port, share in zip(record.inputs, _folded_share(record), strict=True)
         if share > FOLDED
     ]

@@ -59,7 +59,7 @@ def doubts_of_growth(record: Record, score: np.ndarray) -> list[str]:
     return [
         f"output {port.name}: the residual grows with the response ({z:.0f} standard deviations of noise), "
         "so it is not noise: blows that scatter, a sensor that clips, a nonlinear article or a wrong "
-        "model; the stated standard deviations do not hold"
+        "model; the stated standard deviations are too small"
         for port, z in zip(record.outputs, score, strict=True)
         if z >= GROWS
     ]

@@ -57,30 +57,30 @@ BIASING = ("shift", "joint", "feedback", "delay", "truncated")
 # Messages for the first score of an output above its limit.
 OF_DIRECTION = (
     "the residual follows the sign of the velocity ({:.0f} standard deviations of noise): play, backlash "
-    "or dry friction; the stated standard deviations do not hold; excite more, or remove the play"
+    "or dry friction; the stated standard deviations are too small; excite more, or remove the play"
 )
 OF_CUBE = (
     "the residual follows the cube of a force or of the motion ({:.0f} standard deviations of noise): a "
     "saturating amplifier or sensor, or a nonlinear article; the model is valid at this level only, and the "
-    "stated standard deviations do not hold; excite less"
+    "stated standard deviations are too small; excite less"
 )
 OF_DELAY = (
     "its delay changes during the record ({:.0f} standard deviations of noise): samples lost or repeated, "
-    "two runs joined, a clock that drifts, or an article that changes; the stated standard deviations do "
-    "not hold"
+    "two runs joined, a clock that drifts, or an article that changes; the stated standard deviations are "
+    "too small"
 )
 OF_GAIN = (
     "its gain changes during the record ({:.0f} standard deviations of noise): a range that was switched, "
-    "or an article that changes; the stated standard deviations do not hold"
+    "or an article that changes; the stated standard deviations are too small"
 )
 OF_INPUTS = (
     "the residual is correlated with the inputs ({:.0f} standard deviations of noise), so it is not noise: "
-    "{}too few states, no delay, feedback{} or a fault of the record; the stated standard deviations do "
-    "not hold"
+    "{}too few states, no delay, feedback{} or a fault of the record; the stated standard deviations are "
+    "too small"
 )
 OF_LEAD = (
     "it leads its input by {:.0f} standard deviations, as no article does: feedback, a delayed input "
-    "channel{}, or modes that the model lacks; the stated standard deviations do not hold"
+    "channel{}, or modes that the model lacks; the stated standard deviations are too small"
 )
 
 
@@ -94,7 +94,7 @@ def causes_of(
     *,
     late: bool,
 ) -> list[str]:
-    """Warnings for a fit whose deviations do not hold; empty where they do.
+    """Warnings for a fit whose standard deviations are too small; empty if there is no such sign.
 
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
     ``left`` is what the fit leaves, over the output, in rms. ``late``: poles stand for a delay, as is said.
@@ -115,7 +115,7 @@ def causes_of(
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
     found = [
-        f"{f.side} {f.channel}: {f.what}; the stated standard deviations do not hold. "
+        f"{f.side} {f.channel}: {f.what}; the stated standard deviations are too small. "
         f"{f.hint[0].upper()}{f.hint[1:]}"
         for f in faults
     ]
@@ -126,7 +126,7 @@ def causes_of(
     at_once = [AT_ONCE if held and is_rate(port) else "" for port in record.outputs]
     found += [
         f"mode at {hz:.4g} Hz: its frequency or damping changes during the record ({z:.0f} standard "
-        "deviations of noise): an article that changes; the stated standard deviations do not hold"
+        "deviations of noise): an article that changes; the stated standard deviations are too small"
         for hz, z in changed.items()
         if not faults
     ]

@@ -102,7 +102,7 @@ def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "lin
 def doubts_of_deviations(
     measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool = False
 ) -> list[str]:
-    """Warnings for standard deviations that do not hold.
+    """Warnings for standard deviations that are too small or poorly known.
 
     ``of_samples``: the samples of a record were fitted, with their transient. A mode narrower than the
     spacing of the lines then shows in all samples.
@@ -146,13 +146,13 @@ def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
             )
         elif structure.with_direct and not structure.real_constants and is_velocity(port):
             found[int(o)] = (
-                f"output {name}: the standard deviation of the delay of {delay_ms:.4g} ms does not hold: "
+                f"output {name}: the standard deviation of the delay of {delay_ms:.4g} ms is too small: "
                 "only the constant term separates it from the residues, and modes outside the band add to "
                 "that term; fit velocities separately, with --delay output --relative-degree 1"
             )
         elif standing:
             found[int(o)] = (
-                f"output {name}: the standard deviation of the delay of {delay_ms:.4g} ms does not hold: "
+                f"output {name}: the standard deviation of the delay of {delay_ms:.4g} ms is too small: "
                 "the band is narrow, and poles outside it that are not modes represent phase too; take a "
                 "wider band"
             )

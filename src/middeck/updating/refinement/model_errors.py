@@ -54,7 +54,7 @@ class OwnErrors(NamedTuple):
         return OwnErrors(shapes, mass, survey, pair, tuple(one.shapes for one in drawn))
 
     def shared_with(self, others: Modes) -> Float[np.ndarray, "mode error"]:
-        """Part of each of the modes that each of the shapes is, in strain of the whole.
+        """Share of the kinetic energy of each mode in each of the shapes: cross-orthogonality squared.
 
         For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of,
         each by its share, and of cross terms that nobody knows.

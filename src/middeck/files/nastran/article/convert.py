@@ -108,6 +108,7 @@ def convert_deck(
     left_out += sets.refused
     converted = count_converted(basis, parts, standing)
     converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}
+    coordinates = 6 * len(nodes + pinned) + len(single.nodes) + sum(c.modal for c in components.values())
     document = _head(name, deck) | {
         "section": sections,
         "node": nodes + pinned + single.nodes,
@@ -124,7 +125,7 @@ def convert_deck(
         read={card: len(found) for card, found in deck.entries.by_name.items()},
         converted=converted,
         left_out=tuple(left_out),
-        notes=(*note_doubts(basis, parts), *tapers, *scalars, *unheld, *rotors, *gravity),
+        notes=(*note_doubts(basis, parts, coordinates), *tapers, *scalars, *unheld, *rotors, *gravity),
         environment=_supports(name, constants, clamps + loose + single.clamps, grounds + single.grounds),
         components=components,
     )

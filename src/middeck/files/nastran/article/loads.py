@@ -126,13 +126,13 @@ class LoadSets:
         known = [self._acceleration(1.0, entry, []) for entry in self.entries if entry.name == "GRAV"]
         down = next((g / np.linalg.norm(g) for g in known if np.any(g)), None)
         says = (
-            "the deck has no GRAV and does not say where down is"
+            "the deck has no GRAV, which would tell the vertical"
             if down is None
             else f"down is {down.round(6).tolist()} by a GRAV that is not selected"
         )
         return (
-            f"{says}: gravity of an environment ([constants]) acts along -y, unless gravity_direction says "
-            "otherwise, which is [0.0, 0.0, -1.0] for z up"
+            f"{says}: in an environment gravity acts along -y unless [constants] has a gravity_direction, "
+            "such as [0.0, 0.0, -1.0] for z up"
         )
 
     def _terms(self, sid: int) -> list[str]:

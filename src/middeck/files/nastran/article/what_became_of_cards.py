@@ -18,7 +18,7 @@ REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 NO_PART = {
     "sets of a reduction: the article is not reduced": REDUCTION,
     "free or held, an article needs no reference supports": ("SUPORT", "SUPORT1"),
-    "how to solve": ("EIGR", "EIGRL"),
+    "eigenvalue method: middeck has its own": ("EIGR", "EIGRL"),
 }
 NOT_SELECTED = "not selected by case control"
 # What an article has in place of cards that are passed over, by the beginning of their names.
@@ -39,7 +39,7 @@ def count_converted(basis: Basis, parts: Parts, standing: Standing) -> dict[str,
     alone = {id(element.entry) for element in parts.scalars}
     converted.update(c.entry.name for c in standing.tied if id(c.entry) not in alone)
     converted["grids that are nodes"] = len(standing.kept)
-    converted["grids that ride rigidly"] = sum(
+    converted["grids rigid with another"] = sum(
         standing.carrier(g) in standing.kept for g in standing.carriers
     )
     return dict(converted)
@@ -67,11 +67,14 @@ def _why_idle(card: str) -> str:
     if card in DIVIDING:
         return DIVIDES
     found = (why for starts, why in ELSEWHERE.items() if card.startswith(starts))
-    return next(found, "no part in stiffness and mass")
+    return next(found, "no effect on stiffness and mass")
 
 
-def note_doubts(basis: Basis, parts: Parts) -> list[str]:
-    """Notes on missing sets of case control, and on differences from the deck's own program."""
+def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
+    """Notes on missing sets of case control, and on differences from the deck's own program.
+
+    ``coordinates`` is how many the article has, the most modes that can be asked of it.
+    """
     entries, deck, selection = basis.entries, basis.deck, basis.deck.selection
     notes: list[str] = []
     if deck.unended:
@@ -94,10 +97,10 @@ def note_doubts(basis: Basis, parts: Parts) -> list[str]:
     asked = asked_formulation(deck)
     if asked != basis.formulation and any(bar.section.has_mass for bar in parts.bars):
         notes.append(
-            f"the deck's own program would give its bars {asked} mass (PARAM COUPMASS), "
-            f"the article has {basis.formulation} mass: with {asked} it compares with that program"
+            f"by its PARAM COUPMASS the deck's own program uses {asked} mass, the article has "
+            f"{basis.formulation} mass: to compare frequencies, convert with --mass-formulation {asked}"
         )
-    return [*notes, *_modes_asked(deck, 6 * len(basis.places.grids))]
+    return [*notes, *_modes_asked(deck, coordinates)]
 
 
 def _modes_asked(deck: Deck, every: int) -> Iterator[str]:
