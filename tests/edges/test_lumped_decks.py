@@ -71,3 +71,36 @@ def test_a_slip_in_a_lumped_deck_is_doubted(tmp_path, deck, words):
     found = doubts(tmp_path, **deck)
     assert any(words in text for text in found), found
     assert len(found) <= 5  # many bodies with one fault are one sentence
+
+
+def lumped_doubts(tmp_path, entry, spokes, offset, more=()):
+    """Warnings of spokes along x, y, z ... from one hub, each with its own offset, whose mass is lumped."""
+    kind = "PBAR,1,1,4.-4,2.-8,2.-8,4.-8" if entry == "CBAR" else "PBEAM,1,1,4.-4,2.-8,2.-8,,4.-8"
+    rows = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", "MAT1,1,7.+10,,.3,2700.", kind, "GRID,1,,0.,0.,0."]
+    for k in range(spokes):
+        way = ["0.", "0.", "0."]
+        way[k % 3] = ("1.", "-1.")[k // 3]
+        up = ["0.", "0.", "0."]
+        up[(k + 1) % 3] = "1."
+        shift = ["0.", "0.", "0."]
+        shift[(k + 1 + k // 3) % 3] = f"{offset * (1 + k):.4f}"
+        rows += [f"GRID,{k + 2},,{','.join(way)}", f"{entry},{k + 1},1,1,{k + 2},{','.join(up)}"]
+        rows[-1] += f"\n,,,{','.join(2 * shift)}"
+    (tmp_path / "a.dat").write_text("\n".join([*rows, *more, "ENDDATA", ""]))
+    made = convert_deck(read_deck(tmp_path / "a.dat"), parse_units(SI), "lumped", "a")
+    (tmp_path / "a.toml").write_text(document_text(made.document, "a"))
+    return summarise(load_structure(str(tmp_path / "a.toml"))).warnings
+
+
+@pytest.mark.parametrize("entry", ["CBAR", "CBEAM"])
+@pytest.mark.parametrize(("spokes", "offset"), [(1, 0.0), (3, 0.0), (3, 0.01), (6, 0.01)])
+def test_lumped_halves_of_members_are_not_taken_for_a_small_body(tmp_path, entry, spokes, offset):
+    assert lumped_doubts(tmp_path, entry, spokes, offset) == ()
+
+
+def test_a_slip_beside_lumped_halves_is_doubted(tmp_path):
+    """A mass in grams, and an inertia in another unit that is far too large."""
+    heavy = lumped_doubts(tmp_path, "CBEAM", 3, 0.01, ("CONM2,99,1,,1.+6",))
+    assert any("a solid steel cube of it" in said for said in heavy), heavy
+    wide = lumped_doubts(tmp_path, "CBEAM", 3, 0.01, ("CONM2,99,2,,1.\n,300.,,300.,,,300.",))
+    assert any("is its inertia in kg" in said or "is the inertia in kg mm^2" in said for said in wide), wide

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import middeck as md
+from middeck.errors import DataError
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
+from middeck.structure.model.environment import Environment
+from structure_builders import TUBE, body, member, structure
+from structure_builders import node as node_at
 
 # Units of length in a metre with their codes, as programs print them.
 UNITS = ((1.0, 1), (1e3, 5), (39.3701, 7), (1e2, 6), (3.28084, 2), (12.345, 9), (None, None))
@@ -135,3 +140,36 @@ def test_nodes_keep_their_numbers_beside_nodes_without_one(tmp_path: Path) -> No
     at = [names[int(x / 3.0)] for x in found.position_m[:, 0]]
     number = {name: int(n) for name, n in zip(at, found.node, strict=True)}
     assert number == {"g3": 3, "g19": 19, "g1": 1, "bus": 20, "p7": 21, "q7": 22}
+
+
+@pytest.mark.parametrize("sets", SETS)
+def test_the_modal_mass_is_that_of_the_shape(tmp_path: Path, sets: tuple[int, int]) -> None:
+    """Two bodies on a spring without mass: the sum of m v^2 and J w^2 of the shape in the file."""
+    masses, turns = (2.0, 0.5), ((0.3, 0.2, 0.1), (0.02, 0.03, 0.04))
+    bodies = [body(m, inertia=j) for m, j in zip(masses, turns, strict=True)]
+    light = replace(TUBE, rho_A=0.0, rho_I_y=0.0, rho_I_z=0.0)
+    nodes = [node_at(f"n{k + 1}", (0.7 * k, 0.0, 0.0), one) for k, one in enumerate(bodies)]
+    modes = md.solve_modes(
+        md.solve_equilibrium(structure(nodes, [member("n1", "n2", light, 1)]), Environment.orbit())
+    )
+    at = [(one.name, way) for one in nodes for way in AXES]
+    path = tmp_path / "a.unv"
+    md.files.write_measured_modes(path, md.structure.measure_modes(modes, at), sets=sets)
+    found = md.load_measured_modes(path)
+    inertia = {("1", "2")[k]: [masses[k]] * 3 + list(turns[k]) for k in (0, 1)}
+    own = np.array([inertia[n][AXES.index(way)] for n, way in zip(found.node, found.direction, strict=True)])
+    rows = [block.splitlines() for block in path.read_text().split(f"    -1\n{sets[1]:6d}\n")[1:]]
+    assert len(rows) == found.shape.shape[1] == 6
+    stated = [float(row[7].split()[1] if sets[1] == 55 else row[11].split()[3]) for row in rows]
+    np.testing.assert_allclose(stated, own @ np.abs(found.shape) ** 2, rtol=2e-5)
+
+
+def test_a_modal_mass_comes_back_from_json_and_is_positive(tmp_path: Path) -> None:
+    one, shape = np.array([1.0]), np.ones((1, 1))
+    truth = MeasuredModes(
+        frequency_hz=one, damping=0.01 * one, node=("a",), direction=("x",), shape=shape, modal_mass=2.5 * one
+    )
+    md.files.write_measured_modes(tmp_path / "a.json", truth)
+    assert md.load_measured_modes(tmp_path / "a.json").modal_mass == [2.5]
+    with pytest.raises(DataError, match="a modal mass of -1"):
+        replace(truth, modal_mass=np.array([-1.0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from fractions import Fraction
 
 import numpy as np
@@ -16,7 +17,7 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.gate.adaptive import prove_gain
 from middeck.realtime.gate.gain_loop import closed_at, form_gain_loop
 from middeck.realtime.gate.gain_metric import Metric
-from middeck.realtime.gate.gain_path import bound_joints, bound_piece, join_metrics
+from middeck.realtime.gate.gain_path import bound_fade, bound_joints, bound_piece, join_metrics
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive, is_proved_to_grow
 from middeck.realtime.gate.steps_on_paper import GateMargins
@@ -168,6 +169,13 @@ def test_the_norm_falls_along_every_move():
         worst = max(worst, float(np.linalg.norm(factor, 2)))
     assert worst <= bound
     assert worst > 0.5 * bound  # and not by far
+    grown = []
+    for way in (1, -1):
+        norms = [norm_at(g) for g in np.linspace(0.3, 0.9, 7)[::way]]
+        steps = [other @ np.linalg.inv(one) for one, other in itertools.pairwise(norms)]
+        grown.append(np.prod([np.linalg.norm(step, 2) for step in steps]))
+        assert np.linalg.norm(norms[-1] @ np.linalg.inv(norms[0]), 2) <= bound_fade(pieces)
+    assert max(grown) <= bound_fade(pieces) < 1.5 * max(grown)
 
 
 def _upper(piece):
@@ -360,6 +368,7 @@ def test_growth_is_proved_only_where_it_is():
     [
         ({"maximum": -1.0}, "gains from"), ({"minimum": 3.0}, "gains from"),
         ({"maximum": np.inf}, "gains from"),
+        ({"minimum": 1.1}, "gains from"),
         ({"rate": 0.0}, "a rate of"), ({"rate": np.nan}, "a rate of"),
         ({"band_hz": (9.0, 1.0)}, "a band from"), ({"band_hz": (1.0, 2.0, 3.0)}, "a band of"),
         ({"band_hz": 1.0}, "a band of"),

@@ -8,14 +8,22 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, random_package
+from engine_cases import (
+    OUTPUTS,
+    SENSORS,
+    plain_settings,
+    random_article,
+    random_package,
+    static_package,
+    still_article,
+)
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_bytes import hash_package
 from middeck.realtime.package.reference import ReferenceLaw
-from packaged_laws import ports
+from packaged_laws import PERIOD_S, ports
 
 pytestmark = pytest.mark.usefixtures("compiler")
 LAG = Section(np.array([-0.3, 0.1, 0.0]), np.array([-0.6, 0.05]))
@@ -184,11 +192,59 @@ def test_the_adaptive_gain_moves_as_it_is_written():
         engine.command("engage", values=[1.0])
         assert engine.command("adapt", values=[0.0]).word == "not ready"
         records = engine.run(3000)
-    assert np.allclose(records["gain"], moved(gain, records["y"][:, 0]), rtol=1e-9)
+    stands = package.ramp + 1  # until the fade has risen
+    assert np.allclose(records["gain"], moved(gain, records["y"][:, 0], stands), rtol=1e-9)
     assert records["gain"].max() > 1.2 * records["gain"].min()
     free = (np.abs(records["added_0"]) < 0.5) & (np.arange(3000) > 300)[:, None]
     both = np.column_stack([records["gain"]] * OUTPUTS)
     assert np.allclose((records["added_0"] / records["wanted_0"])[free], both[free], rtol=1e-9)
+
+
+def test_fade_times_gain_moves_no_faster_than_is_proved():
+    """What acts is their product: only one of them moves at a time, and the gain begins at its least."""
+    rate, y = 0.5, [0.01] * SENSORS
+    gain = AdaptiveGain(maximum=2.0, rate=rate, sensor="y0", band_hz=(1.0, 9.0), quiet_rms=1.0, loud_rms=2.0)
+    settings, package = plain_settings(adaptive=gain), static_package(np.full((OUTPUTS, SENSORS), 1.0))
+    with started(article=still_article(y), settings=settings) as engine:
+        assert engine.load(package, proof=proof_of(package, settings)).done
+        assert engine.command("adapt", values=[1.0]).done
+        engine.run(400)
+        assert engine.command("engage", values=[1.0]).done
+        rises = engine.run(900)
+        told = [("engage", [0.5]), ("engage", [1.0]), ("disengage", []), ("engage", [1.0]), ("disengage", [])]
+        later = []
+        for word, values in told:
+            assert engine.command(word, values=values).done
+            later.append(engine.run(100))
+    all_of_it = np.concatenate([rises, *later])
+    product = all_of_it["added_0"][:, 0] / all_of_it["wanted_0"][:, 0]
+    step = rate * PERIOD_S * (1.0 + 1e-9)
+    assert np.abs(np.diff(product[: len(rises)])).max() <= step  # no faster than the gain alone
+    free = len(rises) - settings.fade_samples[0] - 1
+    assert product[len(rises) - 1] == pytest.approx(free * rate * PERIOD_S)
+    moves = np.diff(all_of_it["gain"]) != 0.0
+    assert np.abs(np.diff(product))[moves].max() <= step
+    assert np.abs(np.diff(product)).max() > 2.0 * step  # and fades are as fast as ever
+
+
+def test_no_two_laws_have_an_adaptive_gain_at_once():
+    """The proof is of one law: another engages when it has gone."""
+    gain = AdaptiveGain(maximum=1.5, rate=0.1, sensor="y0", band_hz=(1.0, 9.0), quiet_rms=1.0, loud_rms=2.0)
+    settings, packages = plain_settings(adaptive=gain), [random_package(seed=k) for k in (1, 7)]
+    with started(settings=settings) as engine:
+        for k, package in enumerate(packages):
+            assert engine.load(package, slot=k, proof=proof_of(package, settings)).done
+        assert engine.command("adapt", values=[1.0]).done
+        assert engine.command("engage", slot=0, values=[0.5]).done
+        engine.run(400)
+        assert engine.command("standby", slot=1).done
+        assert engine.command("engage", slot=1, values=[1.0]).word == "not proved"
+        assert engine.command("engage", slot=0, values=[1.0]).done
+        engine.command("disengage")
+        engine.run(10)
+        assert engine.command("engage", slot=1, values=[1.0]).word == "not proved"
+        engine.run(300)
+        assert engine.command("engage", slot=1, values=[1.0]).done
 
 
 def proof_of(package, settings, **changes):
@@ -259,14 +315,14 @@ def test_a_proof_that_was_changed_is_none():
             assert engine.command("load", values=[size, 1.0]).word == "bad proof"
 
 
-def moved(gain, y):
-    """The gain of each sample by its own equations."""
+def moved(gain, y, stands):
+    """The gain of each sample by its own equations; it stands for so many samples first."""
     sos = scipy.signal.butter(2, gain.band_hz, "bandpass", fs=500.0, output="sos")
     power, g, found = 0.0, gain.minimum, []
     filtered, _ = scipy.signal.sosfilt(sos, y, zi=scipy.signal.sosfilt_zi(sos) * y[0])  # constant before
-    for value in filtered:
+    for k, value in enumerate(filtered):
         power += -np.expm1(-0.002 / gain.seconds) * (value**2 - power)
-        way = (power < gain.quiet_rms**2) - float(power > gain.loud_rms**2)
+        way = (k >= stands) * ((power < gain.quiet_rms**2) - float(power > gain.loud_rms**2))
         g = np.clip(g + 0.002 * gain.rate * way, gain.minimum, gain.maximum)
         found.append(g)
     return np.array(found)

@@ -16,6 +16,7 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.gate import cross_fade
+from middeck.realtime.gate.adaptive import prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import faded_laws
@@ -182,14 +183,21 @@ def test_two_stable_loops_whose_mean_is_not():
     assert refusal.said.startswith("old at 0.6, new at 0.4: a root at 0 Hz grows (0.028")
 
 
-def test_an_adaptive_gain_moves_both_laws():
+def test_an_adaptive_gain_of_two_laws_at_once_is_refused():
     """Either alone is triangular and decays at every gain; at one of 1.5 the mean of both grows."""
     old, new = cross("old", 0, 1, 1.9), cross("new", 1, 0, 1.9)
     gain = AdaptiveGain(
         maximum=1.5, minimum=0.2, rate=0.01, sensor="way", band_hz=(1.0, 5.0), quiet_rms=0.01, loud_rms=0.1
     )
-    (refusal,) = [s for s in examine_package(new, LAGS, ANY, gain=gain, engaged=old).steps if not s.passed]
-    assert refusal.said.startswith("old at 1.2, new at 0.3: a root at 0 Hz grows (0.13")
+    verdict = examine_package(new, LAGS, ANY, gain=gain, engaged=old)
+    (refusal,) = [s for s in verdict.steps if not s.passed]
+    assert refusal.name == "cross-fade from old"
+    assert refusal.said.startswith("of two laws at once no adaptive gain is proved")
+    assert verdict.proved_gain is None
+    assert all(prove_gain(one, gain, LAGS)[0].proved for one in (old, new))
+    louder = cross("old", 0, 1, 1.5 * 1.9), cross("new", 1, 0, 1.5 * 1.9)
+    (both,) = check_cross_fade(*louder, LAGS, ANY)
+    assert "a root at 0 Hz grows" in both.said
 
 
 def test_ramps_of_other_lengths_bring_both_to_full_authority():

@@ -16,7 +16,7 @@ from middeck.files.toml.tables import Table
 from middeck.structure.model.article import Bushing
 from middeck.structure.model.clamps import Clamp, held_directions
 from middeck.structure.model.environment import GroundBushing
-from middeck.structure.model.section_checks import bushing_faults
+from middeck.structure.model.section_and_bushing_checks import bushing_faults
 
 F = TypeVar("F", bound=Form)
 

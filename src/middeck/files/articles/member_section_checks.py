@@ -13,7 +13,7 @@ from middeck.files.articles.names import named_tables
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, all_numbers, array_of, tables
-from middeck.structure.model.section_checks import RIGID_IN_SHEAR, stiffness_faults
+from middeck.structure.model.section_and_bushing_checks import RIGID_IN_SHEAR, stiffness_faults
 
 TUBE_KEYS = ("outer_diameter_m", "inner_diameter_m", "shear")
 STIFFNESS_KEYS = ("EA_n", "GJ_nm2", "EI_y_nm2", "EI_z_nm2", "rho_A_kg_per_m")

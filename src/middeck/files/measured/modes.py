@@ -22,7 +22,7 @@ MEASURED_SCHEMA = "middeck.measured-modes/1"
 REQUIRED = ("frequency_hz", "damping", "node", "direction", "shape")
 # A damping ratio from which on it is more likely one in per cent.
 PERCENT = 0.3
-OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m")
+OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m", "modal_mass")
 
 
 def load_measured_modes(path: str | Path) -> MeasuredModes:

@@ -32,7 +32,7 @@ def write_uff(
     A node has the number at the end of its name; without one, or with another's, a number that no name has.
     ``sets`` are those of nodes (2411, or 15 with six digits) and of shapes (55 or 2414). Numbers have six
     digits; standard deviations have no place in the format and are left out. Directions that were not
-    measured are zero, as the format has it.
+    measured are zero, as the format has it, and so is a modal mass that is not known.
 
     Raises `DataError` for what the format cannot hold: no shapes, the angle or travel of a joint, damping
     that is not stated, complex modes of a ratio of 1 or more, nodes without number and place.
@@ -112,17 +112,17 @@ def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int, kin
     rows = {n: np.zeros(size, dtype=complex) for n in numbers.values()}
     for name, way, value in zip(measured.node, measured.direction, measured.shape[:, mode], strict=True):
         rows[numbers[name]][AXES.index(way)] = value
-    omega = 2.0 * np.pi * hz
+    omega, mass = 2.0 * np.pi * hz, 0.0 if measured.modal_mass is None else float(measured.modal_mass[mode])
     root = [-zeta * omega, omega * np.sqrt(1.0 - zeta**2)]
     data = (1, 2 if real else 3, 3 if wide else 2, DISPLACEMENT, REAL if real else COMPLEX, size)
     names = [f"mode {mode + 1}", f"{hz:.6g} Hz", NONE, NONE, NONE]
     if kind == 55:
-        told = [hz, 0.0, zeta, 0.0] if real else [*root, *[0.0] * 4]
+        told = [hz, mass, zeta, 0.0] if real else [*root, *[0.0] * 4]
         lines = [*names, _whole(data), _whole((2, len(told), 1, mode + 1)), *_reals(told)]
     else:
         lines = [_whole((mode + 1,)), names[0], _whole((1,)), *names, _whole(data)]
         lines += [_whole((1, 1, 1, 0, 1, mode + 1, 0, 0)), _whole((0, 0))]
-        lines += _reals([0.0, hz, omega**2, 0.0, zeta, 0.0])
+        lines += _reals([0.0, hz, omega**2, mass if real else 0.0, zeta, 0.0])
         lines += _reals([*([0.0, 0.0] if real else root), *[0.0] * 4])
     for number, row in rows.items():
         lines += [_whole((number,)), *_reals(list(np.real(row) if real else row.view(float)))]

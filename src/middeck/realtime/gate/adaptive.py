@@ -23,6 +23,8 @@ class GainProof:
         proved: For every constant gain, and for every path of the gain within its rate.
         constant: For every constant gain.
         decay_per_s: Least decay that is proved of every constant gain [1/s]; 0 for none.
+        fade_growth: A bound of the factor by which a fade, however fast, lets the norm of the proof grow,
+            while the gain stands still; infinite where no constant gain is proved.
         rate_limit: A rate [1/s] up to which it is proved; None where it is proved at any rate.
         weakest: The gains between which the decay that is proved is least; None where none is.
         pieces: Intervals of gain with a metric of their own.
@@ -34,6 +36,7 @@ class GainProof:
     proved: bool
     constant: bool
     decay_per_s: float
+    fade_growth: float
     rate_limit: float | None
     weakest: tuple[float, float] | None
     pieces: int
@@ -47,8 +50,10 @@ def prove_gain(
     """Proof of stability under the adaptive gain with each of ``models``, while no limit acts.
 
     Nothing is sampled: every gain from ``minimum`` to ``maximum`` and every move is covered (`gain_path`),
-    and rounding is bounded. It holds at full authority; where ``minimum`` is 0 also at every constant fade f,
-    whose product f g is one of these gains. What cannot be proved is not proved; it may still be stable.
+    and rounding is bounded. It holds at full authority; where ``minimum`` is 0 also while the law fades, as
+    the engine moves only one of fade f and gain g at a time, and f g is one of these gains. Below a
+    ``minimum`` above 0 the gate tries eleven fades. What cannot be proved is not proved; it may still be
+    stable.
     Raises `ConfigError` for a sensor that the package does not read and a band beyond half its rate.
     """
     fault = misfit(package, gain)
@@ -83,6 +88,7 @@ def _prove(package: ControllerPackage, gain: AdaptiveGain, name: str, plant: Pla
         proved=bool(found.moving < 1.0),
         constant=bool(found.constant < 1.0),
         decay_per_s=_decay(found.constant, period),
+        fade_growth=found.fade,
         rate_limit=limit,
         weakest=found.weakest,
         pieces=found.pieces,
@@ -105,5 +111,8 @@ def _describe(gain: AdaptiveGain, found: Proved, limit: float | None, period_s: 
     if limit is None:
         return said + "; so does every path of the gain, at any rate"
     if found.moving < 1.0:
-        return said + f"; every path within {gain.rate:g} 1/s decays too (proved up to {limit:.3g} 1/s)"
+        return (
+            f"{said}; every path within {gain.rate:g} 1/s decays too (proved up to {limit:.3g} 1/s), and a "
+            f"fade, however fast, lets the norm grow by a factor of {found.fade:.3g} at most"
+        )
     return said + f"; paths are proved to decay up to a rate of {limit:.3g} 1/s, not {gain.rate:g} 1/s"

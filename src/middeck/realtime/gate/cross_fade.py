@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.gate.linear_law import faded_laws
 from middeck.realtime.gate.package_with_hold import with_hold
@@ -24,16 +23,13 @@ def check_cross_fade(
     models: Mapping[str, Plant],
     least: GateMargins,
     engine: EngineSettings | None = None,
-    gain: AdaptiveGain | None = None,
     share: float = 1.0,
 ) -> tuple[GateStep, ...]:
     """While ``engaged`` fades out and ``package`` in, the loop with each model is stable with margin.
 
     From full authority of one to that of the other, and to a ``share`` of it, at eleven points of either
-    fade, beside the hold of the ``engine``; without one, by the times of an engine's default settings. Both
-    have the adaptive ``gain``: with one, also at its least and at its largest.
+    fade, beside the hold of the ``engine``; without one, by the times of an engine's default settings.
     """
-    gains = {1.0} if gain is None else {1.0, gain.minimum, gain.maximum} - {0.0}
     try:
         plain = package_settings(package) if engine is None else engine
         fits = dataclasses.replace(package_settings(engaged), period_s=plain.period_s)
@@ -42,10 +38,9 @@ def check_cross_fade(
         faded = faded_laws([first, second])
         tried = [
             Tried(
-                f"{engaged.name} at {g * leaves:.3g}, {package.name} at {g * rises:.3g}",
-                faded([g * leaves, g * rises]),
+                f"{engaged.name} at {leaves:.3g}, {package.name} at {rises:.3g}",
+                faded([leaves, rises]),
             )
-            for g in sorted(gains)
             for top in sorted({share, 1.0})
             for leaves, rises in fade_points(engaged.ramp, package.ramp, plain, top)
         ]

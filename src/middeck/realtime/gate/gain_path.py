@@ -94,6 +94,16 @@ def bound_joints(pieces: Sequence[Piece]) -> float:
     return worst
 
 
+def bound_fade(pieces: Sequence[Piece]) -> float:
+    """A bound of the factor between the norms that a state has at two gains, and along any way between.
+
+    On a geodesic the log of the norm changes by the largest bend times the way at most. While a gain that
+    goes one way stands anywhere the norm falls, so that this is all by which it grows, at any speed.
+    """
+    bends = sum(float(np.abs(piece.bend).max(initial=0.0)) for piece in pieces)
+    return math.exp(bends) * bound_joints(pieces) ** (len(pieces) - 1) * SPARE
+
+
 def _bound_change(source: Piece, target: Piece, side: float) -> float:
     """Bound of |T_target x| / |T_source x| at the joint: the source's upper end (1), or the target's (-1)."""
     into, out = target.metric.T, source.metric.S

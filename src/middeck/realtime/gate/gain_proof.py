@@ -13,6 +13,7 @@ from middeck.realtime.gate.gain_metric import Metric, disc_metric, start_metric
 from middeck.realtime.gate.gain_path import (
     SAMPLED,
     Piece,
+    bound_fade,
     bound_joints,
     bound_piece,
     constant_piece,
@@ -52,12 +53,14 @@ class Proved:
         constant, moving: Bounds of the factor by which the norm changes in a sample, at constant gains and
             with the declared step; 1 or more where nothing is proved.
         step: A step of the gain in a sample up to which it is proved.
+        fade: A bound of the factor by which the norm grows while the gain goes one way, however fast.
         weakest: The gains between which ``constant`` is reached.
     """
 
     constant: float = math.inf
     moving: float = math.inf
     step: float = 0.0
+    fade: float = math.inf
     weakest: tuple[float, float] | None = None
     pieces: int = 0
     unstable_gain: float | None = None
@@ -124,6 +127,7 @@ def _prove(affine: _Affine, ends: tuple[float, float], step: float) -> Proved:
     found = Proved(
         constant=constant,
         weakest=(affine.gain(least.low), affine.gain(min(least.high, ends[1]))),
+        fade=bound_fade(pieces),
         pieces=len(pieces),
     )
     if not any(np.any(piece.bend) for piece in pieces):  # one metric for all

@@ -113,7 +113,8 @@ def examine_package(
             computer, and is tried alone.
         engaged: The package that it is to relieve: their cross-fade is tried on every model
             (`check_cross_fade`), with ``trials`` also to their share. Without it that fade is not judged; the
-            one from the hold alone always is.
+            one from the hold alone always is. With a ``gain`` it is refused: of two laws at once none is
+            proved.
 
     Raises `ConfigError` without a model, as a package that was tried on nothing has passed nothing, and for
     a rig whose engine has another hold than ``settings``.
@@ -135,7 +136,10 @@ def examine_package(
             ]
         if engaged is not None and _good(steps):
             share = 1.0 if trials is None else trials.share
-            steps += check_cross_fade(engaged, package, models, least, engine, gain, share)
+            if gain is None:
+                steps += check_cross_fade(engaged, package, models, least, engine, share)
+            else:
+                steps.append(_refuse_cross_fade(engaged))
     proofs = prove_gain(held, gain, models) if gain is not None and _good(steps) else ()
     steps += [GateStep(name=f"adaptive gain {p.model}", passed=p.proved, said=p.said) for p in proofs]
     tripped = ""
@@ -183,6 +187,14 @@ def _beside_hold(
 
 def _good(steps: list[GateStep]) -> bool:
     return all(step.passed for step in steps)
+
+
+def _refuse_cross_fade(engaged: ControllerPackage) -> GateStep:
+    said = (
+        "of two laws at once no adaptive gain is proved, and the engine refuses it: disengage one before the "
+        "other engages, and ask for this verdict without it"
+    )
+    return GateStep(name=f"cross-fade from {engaged.name}", passed=False, said=said)
 
 
 def _check_gain(package: ControllerPackage, gain: AdaptiveGain) -> GateStep:

@@ -51,6 +51,7 @@ class MeasuredModes:
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
         position_m: Where each channel is, in world axes, where the test states it.
+        modal_mass: Of each real shape as it stands [kg], where it is known; what computes shapes knows it.
         warnings: What the reader of a file found odd.
 
     A survey of frequencies alone has no channels.
@@ -68,6 +69,7 @@ class MeasuredModes:
     damping_std: Float[np.ndarray, " mode"] | None = None
     shape_std: Float[np.ndarray, "channel mode"] | None = None
     position_m: Float[np.ndarray, "channel 3"] | None = None
+    modal_mass: Float[np.ndarray, " mode"] | None = None
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -117,7 +119,7 @@ def _faults(measured: MeasuredModes) -> Iterator[tuple[str, str]]:
     optional = ("frequency_std_hz", "damping_std", "shape_std")
     if not len(measured.frequency_hz):
         yield "no modes", "at least one measured mode"
-    for name in ("frequency_hz", "damping", "shape", *optional, "position_m"):
+    for name in ("frequency_hz", "damping", "shape", *optional, "position_m", "modal_mass"):
         value = getattr(measured, name)
         # A damping that no one stated is not a number.
         if value is not None and not (np.isfinite(value) | ((name == "damping") & np.isnan(value))).all():
@@ -127,6 +129,8 @@ def _faults(measured: MeasuredModes) -> Iterator[tuple[str, str]]:
     if np.any(measured.frequency_hz <= 0.0):
         least = measured.frequency_hz.min()
         yield f"a frequency of {least} Hz", "must be > 0 Hz; leave rigid-body modes out"
+    if measured.modal_mass is not None and np.any(measured.modal_mass <= 0.0):
+        yield f"a modal mass of {measured.modal_mass.min()} kg", "must be > 0 kg; leave out what is unknown"
     still = np.flatnonzero(~np.any(measured.shape, axis=0))
     if len(still) and len(measured.shape):
         what = f"the shape of mode {still[0]} is zero"
@@ -172,8 +176,9 @@ def measure_modes(
     model = modes.equilibrium.model
     at_m = np.array([drawn_at(model, _body(model, *channel)) for channel in at]).reshape(-1, 3)
     exact = MeasuredModes(
-        frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m
-    )
+        frequency_hz=hz, damping=damping, node=node, direction=direction, shape=shape, position_m=at_m,
+        modal_mass=np.ones(len(hz)),  # as `Modes` is normalised
+    )  # fmt: skip
     if noise is None:
         return exact
     if rng is None:
@@ -186,6 +191,7 @@ def measure_modes(
         shape=shape + shape_std * rng.standard_normal(shape.shape),
         frequency_std_hz=hz_std,
         shape_std=shape_std,
+        modal_mass=None,
     )
 
 

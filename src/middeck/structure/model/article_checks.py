@@ -20,7 +20,7 @@ from middeck.structure.model.connectivity import (
 from middeck.structure.model.links import link_faults
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.model.section import Section
-from middeck.structure.model.section_checks import bushing_faults, stiffness_faults
+from middeck.structure.model.section_and_bushing_checks import bushing_faults, stiffness_faults
 
 FIELDS = ("EA", "GJ", "EI_y", "EI_z", "rho_A", "rho_I_y", "rho_I_z")
 # A unit axis is one to rounding; anything further off is a mistake.

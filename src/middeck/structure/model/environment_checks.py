@@ -10,7 +10,7 @@ from middeck.errors import ConfigError
 from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import redrawing_commands
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.section_checks import bushing_faults
+from middeck.structure.model.section_and_bushing_checks import bushing_faults
 
 
 def check_environment(environment: Environment, structure: Structure) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Inexact
 
-from middeck.structure.model.section_checks import RIGID_IN_SHEAR, check_stiffness
+from middeck.structure.model.section_and_bushing_checks import RIGID_IN_SHEAR, check_stiffness
 from middeck.values import record
 
 # Fields of a section that vary along a tapered member.

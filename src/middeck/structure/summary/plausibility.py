@@ -111,14 +111,15 @@ def _equivalent_box(mass: float, moments: np.ndarray) -> np.ndarray:
 def _densities(structure: Structure) -> Iterator[str]:
     """Bodies in the box of their inertia; points by their node's size, and by how near the next node is. An
     inertia for form's sake is a point's: the same power of ten about all axes, or the same about all for
-    bodies of several masses, where that is too little for a box."""
+    bodies of several masses, where that is too little for a box. So is that of lumped halves of members,
+    which says where they are and not how large."""
     parts = [part for part in (*structure.nodes, *structure.joints) if part.body.mass > 0.0]
     masses: dict[float, set[float]] = {}
     for part in parts:
         if (moment := _same_moment(part.body)) is not None:
             masses.setdefault(moment, set()).add(part.body.mass)
     found: list[tuple[str, str]] = []
-    around = _Surroundings(structure)
+    around, lumped = _Surroundings(structure), _lumped_ends(structure)
     for part in parts:
         body = part.body
         if not np.any(body.inertia):
@@ -128,7 +129,7 @@ def _densities(structure: Structure) -> Iterator[str]:
         density = body.mass / float(np.prod(np.maximum(sides, THICK * sides.max())))
         moment = _same_moment(body)
         token = moment is not None and (_is_power(moment, INERTIA_UNITS) or len(masses[moment]) > 1)
-        if isinstance(part, Node) and token and density > BODY_DENSITY[1]:
+        if isinstance(part, Node) and (token or part.name in lumped) and density > BODY_DENSITY[1]:
             found += [(part.name, said) for said in _point(part, around)]
         elif _outside(density, BODY_DENSITY):
             box = " x ".join(f"{side:.3g}" for side in sides)
@@ -141,6 +142,12 @@ def _densities(structure: Structure) -> Iterator[str]:
         names = [name for name, same in found if same == said]
         more = f" (and so {'does' if len(names) == 2 else 'do'} {some_names(names[1:])})" if names[1:] else ""
         yield f"{names[0]!r} {said}{more}"
+
+
+def _lumped_ends(structure: Structure) -> set[str]:
+    """Nodes of members that weigh nothing though their material does: bodies there have their halves."""
+    lumped = [m for m in structure.members if not m.section.rho_A and m.section.density]
+    return {end for member in lumped for end in (member.start, member.end)}
 
 
 def _same_moment(body: Body) -> float | None:

@@ -18,11 +18,13 @@ class AdaptiveGain:
     The idea is that of the Space Launch System's adaptive augmenting control (Orr and VanZwieten 2012, AIAA
     2012-4549): a forward gain between fixed bounds, lowered by the power of an undesired band. Here it moves
     at one rate: g+ = g - ``rate`` T where the running rms is above ``loud_rms``, g + ``rate`` T where it is
-    below ``quiet_rms``, and g between; kept between ``minimum`` and ``maximum``. The proof holds for every
-    other rule within these bounds too: it does not ask what moves the gain.
+    below ``quiet_rms``, and g between; kept between ``minimum`` and ``maximum``. It stands still while the
+    fade f moves, and is at ``minimum`` until a law acts, so that f g never moves faster by it. The proof
+    holds for every other rule within these bounds too: it does not ask what moves the gain.
 
     Attributes:
-        maximum, minimum: Bounds of g; 1 is the package as designed.
+        maximum, minimum: Bounds of g; 1 is the package as designed. ``minimum`` is at most 1: up to there the
+            gate tries the fades of a law.
         rate: Most change [1/s], which the computer enforces at each sample.
         sensor: Name of the input whose band is watched.
         band_hz: The band.
@@ -44,8 +46,8 @@ class AdaptiveGain:
     def __post_init__(self) -> None:
         low, high = band_edges(self.band_hz, "adaptive gain")
         for fits, what, hint in (
-            (0.0 <= self.minimum < self.maximum < math.inf, f"gains from {self.minimum} to {self.maximum}",
-             "0 <= minimum < maximum"),
+            (0.0 <= self.minimum < self.maximum < math.inf and self.minimum <= 1.0,
+             f"gains from {self.minimum} to {self.maximum}", "0 <= minimum < maximum, minimum <= 1"),
             (0.0 < self.rate < math.inf, f"a rate of {self.rate} 1/s", "> 0 1/s"),
             (0.0 < low < high < math.inf, f"a band from {low} to {high} Hz", "0 < low < high"),
             (0.0 < self.quiet_rms < self.loud_rms < math.inf,

@@ -87,6 +87,14 @@ static enum answer stand_by(engine *e, slot *s)
     return DONE;
 }
 
+/* Of two laws at once no gate proves an adaptive gain. */
+static int may_adapt(const engine *e, const slot *s, real share)
+{
+    const slot *acting = foremost(e);
+
+    return proof_covers(&s->proof, &e->set, share) && (!acting || acting == s);
+}
+
 /* Rise to a share of full authority, 1 for all; whoever is in control fades out meanwhile. */
 static enum answer engage(engine *e, slot *s, real share)
 {
@@ -97,7 +105,7 @@ static enum answer engage(engine *e, slot *s, real share)
         return NOT_READY;
     if (!(share > 0 && share <= 1))
         return OUT_OF_RANGE;
-    if (e->adaptive_on && s->loaded && !proof_covers(&s->proof, &e->set, share))
+    if (e->adaptive_on && s->loaded && !may_adapt(e, s, share))
         return NOT_PROVED;
     if (e->set.paths && (e->hold_level < e->set.ramp || (e->set.verify && !e->hold_verified)))
         return NOT_READY; /* it is judged beside the whole hold, on which SAFE is to fall back */

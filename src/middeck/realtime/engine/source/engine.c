@@ -306,12 +306,21 @@ static slot *in_control(engine *e)
     return NULL;
 }
 
+/* The product of fade and gain acts: the gain stands still while the fade moves, and begins anew where no law acts. */
 static void adapt(engine *e)
 {
     const adaptive *a = &e->set.adaptive;
+    const slot *s = foremost(e);
+    const long level = s ? s->law.level : 0;
+    const int fades = level != e->faded;
     real power;
 
+    e->faded = level;
     if (!e->adaptive_on)
+        return;
+    if (!s)
+        e->gain = a->least;
+    if (!s || fades)
         return;
     power = e->monitors.power[a->monitor];
     if (power > a->loud * a->loud)

@@ -78,6 +78,7 @@ typedef struct {
     int ending;                  /* on the way out: the hold falls */
     real gain;                   /* adaptive */
     int adaptive_on;
+    long faded; /* level of the law that acted in the last sample */
     unsigned char blacklist[HASHES][32]; /* of laws */
     whole blacklisted;
     /* of the last sample, for the record */

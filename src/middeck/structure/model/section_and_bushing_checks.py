@@ -1,4 +1,4 @@
-"""Requirements of a section's stiffness."""
+"""Requirements of a section's stiffness, and of a bushing's."""
 
 from __future__ import annotations
 
