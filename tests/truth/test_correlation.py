@@ -23,7 +23,7 @@ from middeck.structure.correlation.measured_modes import every_channel, sensor_r
 from middeck.structure.correlation.reduction import Reduction, reduce_mass
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.article import AttachPoint, Section
-from middeck.structure.model.environment import AnchoredSpring, Environment
+from middeck.structure.model.environment import AnchoredSpring, Clamp, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from repeats import repeats
@@ -289,6 +289,23 @@ def test_effective_masses_of_a_cantilever():
     assert found[:, 4] == pytest.approx(inertia, rel=1e-4)
     # The stiff springs of the clamp, 1e8 times the beam, leave up to 5e-9 by rounding, by the processor.
     assert effective.completeness[:3] == pytest.approx(1.0, abs=2e-8)
+
+
+@pytest.mark.parametrize("at_clamp", [0.0, 3.0])
+def test_mass_at_a_clamp_belongs_to_no_mode(at_clamp: float):
+    """One element, clamped: m L/6 [[2, 1], [1, 2]] leaves (m L/2)^2 / (m L/3) = 3/4 of its mass along it."""
+    beam = straight_beam(CANTILEVER, 2.0, 1)
+    if at_clamp:
+        heavy = node("a", (0, 0, 0), body(at_clamp, inertia=(1.0, 1.0, 1.0)))
+        beam = dataclasses.replace(beam, nodes=(heavy, *beam.nodes[1:]))
+    held = Environment(title="clamp", gravity=np.zeros(3), suspension=None, clamps=(Clamp(node="a"),))
+    effective = measure_effective_mass(solve_modes(solve_equilibrium(beam, held)))
+    assert effective.rigid[0] == pytest.approx(1.0 + at_clamp, rel=1e-12)
+    assert effective.completeness[0] == pytest.approx(0.75 / (1.0 + at_clamp), rel=1e-9)
+    # Across it: loads of 1/2 and L/12 on 156, 22 L and 4 L^2 of 420.
+    load, own = np.array([0.5, -1 / 12]), np.array([[156.0, -22.0], [-22.0, 4.0]]) / 420.0
+    across = load @ np.linalg.solve(own, load)
+    assert effective.completeness[2] == pytest.approx(across / (1.0 + at_clamp), rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", repeats(range(6)))

@@ -29,15 +29,21 @@ class EffectiveMass:
 
     @property
     def completeness(self) -> Float[np.ndarray, "6"]:
-        """Sum of the fractions over the modes: 1 if none is missing; 1 in a direction without any."""
+        """Sum of the fractions over the modes; 1 in a direction without any.
+
+        Over all modes it is 1 where nothing is held. Where an environment clamps nodes it is less by the mass
+        that belongs to no mode, see `measure_effective_mass`.
+        """
         return np.where(self.rigid > 0.0, self.fraction.sum(axis=0), 1.0)
 
 
 def measure_effective_mass(modes: Modes) -> EffectiveMass:
     """Effective masses of all ``modes`` (Wada, Bamford and Garba 1972).
 
-    Over all modes, the rigid ones included, they add up to the rigid mass. In a free article the rigid-body
-    modes have all of it and the flexible ones none; in a hung one the suspension modes have most.
+    Over all modes, the rigid ones included, they add up to the rigid mass where no coordinates are held. In a
+    free article the rigid-body modes have all of it and the flexible ones none; in a hung one the suspension
+    modes have most. The mass at held coordinates belongs to no mode (that of a clamped node, and of the half
+    elements beside it), yet fractions are of the whole mass, as standards count it.
     """
     r = rigid_motions(modes.equilibrium, modes.mass)[0][:, :6]
     Mr = modes.mass @ r
