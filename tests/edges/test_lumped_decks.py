@@ -104,3 +104,20 @@ def test_a_slip_beside_lumped_halves_is_doubted(tmp_path):
     assert any("a solid steel cube of it" in said for said in heavy), heavy
     wide = lumped_doubts(tmp_path, "CBEAM", 3, 0.01, ("CONM2,99,2,,1.\n,300.,,300.,,,300.",))
     assert any("is its inertia in kg" in said or "is the inertia in kg mm^2" in said for said in wide), wide
+
+
+@pytest.mark.parametrize(
+    ("param", "says"),
+    [
+        ("PARAM,COUPMASS,1", "by its PARAM COUPMASS the deck's own program uses coupled mass"),
+        ("PARAM,COUPMASS,-1", "by its PARAM COUPMASS the deck's own program uses lumped mass"),
+        ("", "without a PARAM COUPMASS the deck's own program uses lumped mass"),
+    ],
+)
+def test_a_note_on_mass_speaks_of_a_param_that_is_there(tmp_path, param, says):
+    rows = ["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", param, "MAT1,1,7.+10,,.3,2700."]
+    rows += ["PBAR,1,1,4.-4,2.-8,2.-8,4.-8", "GRID,1,,0.,0.,0.", "GRID,2,,1.,0.,0.", "CBAR,1,1,1,2,0.,1.,0."]
+    (tmp_path / "a.dat").write_text("\n".join([*filter(None, rows), "ENDDATA", ""]))
+    made = convert_deck(read_deck(tmp_path / "a.dat"), parse_units(SI), "consistent", "a")
+    (note,) = [note for note in made.notes if "COUPMASS" in note]
+    assert note.startswith(says)

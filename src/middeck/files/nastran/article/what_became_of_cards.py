@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-from middeck.files.nastran.deck.deck import Deck, asked_formulation
+from middeck.files.nastran.deck.deck import Deck, asked_formulation, given
 from middeck.files.nastran.deck.formats import DIVIDING
 from middeck.files.nastran.deck.numbers import integer
 from middeck.files.nastran.deck.units import doubt_modulus
@@ -96,8 +96,9 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
             notes.append(f"{card.label} has {doubt}: are the units {basis.units.name}?")
     asked = asked_formulation(deck)
     if asked != basis.formulation and any(bar.section.has_mass for bar in parts.bars):
+        by = "by its" if any(given(deck, "COUPMASS")) else "without a"
         notes.append(
-            f"by its PARAM COUPMASS the deck's own program uses {asked} mass, the article has "
+            f"{by} PARAM COUPMASS the deck's own program uses {asked} mass, the article has "
             f"{basis.formulation} mass: to compare frequencies, convert with --mass-formulation {asked}"
         )
     return [*notes, *_modes_asked(deck, coordinates)]
