@@ -50,7 +50,7 @@ def descend(
         if residual < enough:
             break
         q, damping = _damped_step(model, config, at, mass, damping)
-        better = _shorten(model, loads, mass, scale, config, at.energy, residual, q)
+        better = _shorten(model, loads, mass, config, q, scale=scale, energy=at.energy, residual=residual)
         if better is None:
             if damping == 0.0 and stride(model, q) < unmoved(model, config):
                 enough = max(enough, ROUNDED)
@@ -66,13 +66,14 @@ def _shorten(
     model: Model,
     loads: Loads,
     mass: sp.csr_array,
-    scale: np.ndarray,
     config: Configuration,
+    q: np.ndarray,
+    *,
+    scale: np.ndarray,
     energy: float,
     residual: float,
-    q: np.ndarray,
 ) -> tuple[Configuration, Assembly, int] | None:
-    """The first of q, q/2, q/4 ... that lowers the energy or the residual, and the halvings. None at rounding
+    """The first of q, q/2, q/4 ... below ``energy`` or ``residual``, and the halvings. None at rounding
     level."""
     for halvings in range(MAX_HALVINGS):
         trial = closed(model, move_whole(model, config, q, mass))

@@ -53,7 +53,9 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     history: list[tuple[float, float, float]] = []
     while done < 1.0 and step > LEAST_PART:
         part = min(1.0, done + step)
-        found = _newton(model, config, inner, scale_loads(loads, part), part - done, mass, part < 1.0)
+        found = _newton(
+            model, config, inner, scale_loads(loads, part), mass, part=part - done, rough=part < 1.0
+        )
         step = (part - done) * min(2.0, max(found.fitting, 0.25) if found.to is None else found.fitting)
         if found.to is None:
             continue
@@ -83,8 +85,9 @@ def _newton(
     start: Configuration,
     inner: Inner | None,
     loads: Loads,
-    part: float,
     mass: sp.csr_array,
+    *,
+    part: float,
     rough: bool,
 ) -> _Newton:
     """Newton's method from nearby, after a further ``part`` of what is prescribed. Forces inside are unknowns
@@ -132,7 +135,7 @@ def rest_beside(
     model: Model, config: Configuration, loads: Loads, mass: sp.csr_array
 ) -> Configuration | None:
     """The rest state on the branch of ``config``, the forces inside as unknowns; None where it is left."""
-    found = _newton(model, config, None, loads, 0.0, mass, rough=False)
+    found = _newton(model, config, None, loads, mass, part=0.0, rough=False)
     return None if found.to is None else found.to[0]
 
 
