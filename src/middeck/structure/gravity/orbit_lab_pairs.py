@@ -73,6 +73,10 @@ def carry_along(orbit: Equilibrium, lab: Equilibrium) -> tuple[Equilibrium, Floa
     It turns about the direction of gravity only, by the heading of the rigid body that fits best by mass (by
     all of its rotation where there is no gravity), and shifts until its attach points are on average where
     they are at rest: only devices depend on where the whole article is.
+
+    A spring that starts unstretched lets an article sink by metres before it carries it, and a yaw may come
+    with that. Neither is a deformation, and gravity does not see them; cables left behind at the drawn height
+    would.
     """
     if not len(lab.loads.attach_point):
         return orbit, np.eye(3)
