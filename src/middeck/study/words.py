@@ -26,11 +26,6 @@ class Line(NamedTuple):
     section: str
 
 
-def fields(record: object, *names: str) -> Numbers:
-    """Fields of a record under their own names."""
-    return {name: getattr(record, name) for name in names}
-
-
 def fixed(value: float | None, digits: int) -> str:
     """``value`` with so many decimals, a true minus sign, a dash for None.
 

@@ -11,7 +11,7 @@ import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
-from middeck.study.words import fields
+from middeck.values import fields
 
 if TYPE_CHECKING:
     from middeck.structure.correlation.correlate import Correlation, Finding
@@ -40,7 +40,8 @@ with another measured one. All use the model's mass reduced to the sensors."""
 EFFECTIVE_NOTE = """\
 Share of the mass, and of the inertia about the centre of mass (rx, ry, rz), that
 a mode represents when the supports move. The suspension modes have most of it if
-the article hangs, the rigid-body modes all of it if the article is free."""
+the article hangs, the rigid-body modes all of it if the article is free. The mass at
+clamped nodes belongs to no mode, so that the sum is then below 100 %."""
 
 
 @click.command("correlate", cls=options.Verb, examples=EXAMPLES)
@@ -139,13 +140,13 @@ def _draw(found: Correlation | FrequencyComparison, file: str, test: str) -> Non
     from middeck.structure.correlation.correlate import Correlation
 
     shapes = isinstance(found, Correlation)
-    errors = f"requency errors of {len(found.pairs)} pairs."
+    of = f"of {len(found.pairs)} pairs."
     figures.write_figure(
         correlation_figure(found) if shapes else frequencies_figure(found),
         file,
         key="correlation",
         title=f"Correlation of {found.modes.equilibrium.model.structure.title} with {test}",
-        description=f"{'MAC of the modes, and f' if shapes else 'F'}{errors}",
+        description=f"MAC of the modes, and frequency errors {of}" if shapes else f"Frequency errors {of}",
     )
 
 

@@ -122,7 +122,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"coordinates  {document['coordinates']}: {6 * len(document['boundary'])} of the boundary, "
         f"{document['free_joints']} free joints, {len(rows)} modes, "
         f"{document['residual_vectors']} residual vectors",
-        f"omitted      modes from {after:.4f} Hz up" if after is not None else "left out     nothing",
+        f"omitted      modes from {after:.4f} Hz up" if after is not None else "omitted      nothing",
         f"mass         {document['mass_kg']:.6g} kg",
         Table("modes with the boundary held", ["", "frequency Hz"], rows),
         *(f"wrote {file}" for file in document["written"]),
