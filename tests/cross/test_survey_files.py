@@ -108,13 +108,18 @@ def test_a_survey_in_a_universal_file_is_correlated(tmp_path: Path) -> None:
 
 
 def test_a_file_of_ours_that_is_cut_between_data_sets_is_told(tmp_path: Path) -> None:
-    """Cut there, any universal file looks whole; ours states its number of modes."""
+    """Cut there, any universal file looks whole; ours states its number of modes, which can be corrected."""
     md.files.write_measured_modes(tmp_path / "m.unv", virtual())
     text = (tmp_path / "m.unv").read_text()
     starts = [m.start() for m in re.finditer(r"^    -1\n    55\n", text, re.M)]
     (tmp_path / "m.unv").write_text(text[: starts[-2]])
-    with pytest.raises(DataError, match=f"cut: {len(starts) - 2} of the {len(starts)} modes"):
+    with pytest.raises(DataError, match=f"cut: {len(starts) - 2} of the {len(starts)} modes") as refused:
         md.load_measured_modes(tmp_path / "m.unv")
+    assert "correct the number in data set 151" in str(refused.value.hint)
+    (tmp_path / "m.unv").write_text(
+        text[: starts[-2]].replace(f"{len(starts)} modes", f"{len(starts) - 2} modes", 1)
+    )
+    assert len(md.load_measured_modes(tmp_path / "m.unv").frequency_hz) == len(starts) - 2
 
 
 def test_a_2414_is_read_as_a_55(tmp_path: Path) -> None:

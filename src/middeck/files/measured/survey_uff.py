@@ -108,7 +108,8 @@ def _require_all(sets: list[TextSet], path: Path) -> None:
     there = sum(s.number in SHAPES for s in sets)
     if stated and there < sum(stated):
         what = f"cut: {there} of the {sum(stated)} modes that its header states"
-        raise DataError(what, where=str(path), hint=AGAIN)
+        hint = f"{AGAIN}; if modes were deleted on purpose, correct the number in data set {HEADER}"
+        raise DataError(what, where=str(path), hint=hint)
 
 
 def _six(row: np.ndarray | None) -> np.ndarray:
