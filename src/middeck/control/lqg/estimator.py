@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.known_design import DesignView, design_known
+from middeck.control.law.known_design import SHARE, UNCERTAIN
 from middeck.control.law.partition import partition_modes
+from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.design_model import LQGProblem, pose_problem
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -37,22 +37,19 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
 
     States of colours and of dynamic weights are estimated with the plant's. Raises `NotStabilisableError`
     naming the modes that do not decay and that no measurement sees, or that lie on the axis without process
-    noise. Warns (`UserWarning`) where rounding of the plant's matrices moves the filter (`design_known`).
+    noise. Warns (`UserWarning`) where rounding of the plant's matrices moves the errors that the filter
+    leaves in performance (`measure_known`).
     """
 
     def design(plant: Plant) -> tuple[KalmanFilter, LQGProblem]:
         return find_filter(plant, weights, shaping or Shaping())
 
-    return design_known("the filter's outputs", design, _view, plant)[0]
+    def numbers(found: tuple[KalmanFilter, LQGProblem]) -> Float[np.ndarray, " one"]:
+        kalman, model = found
+        return np.log([np.sum((model.C1 @ kalman.solution.X) * model.C1)])
 
-
-def _view(found: tuple[KalmanFilter, LQGProblem]) -> DesignView:
-    """From measurements to the outputs that the filter expects."""
-    kalman, model = found
-    system = StateSpace(
-        model.A - kalman.gain @ model.C2, kalman.gain, model.C2, np.zeros((len(model.C2),) * 2)
-    )
-    return DesignView(system, kalman.solution.poles, 1.0)
+    what = "errors that the filter leaves"
+    return measure_known(what, design, numbers, plant, share=SHARE, uncertain=UNCERTAIN)[0]
 
 
 def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
