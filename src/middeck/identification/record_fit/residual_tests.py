@@ -306,8 +306,10 @@ def _scores_of_law(
             by = by - basis @ np.linalg.lstsq(basis, by, rcond=None)[0]
             white = (r / size[o]).ravel().view(float)
             parts = np.real(heard[o].conj().T @ by.view(complex).reshape(r.shape))
-            # Where one variance for all lines is not that of those that count, their own (White 1980).
-            own = max(np.mean(white**2) * np.sum(by**2), np.sum((white * by) ** 2))
+            # Where one variance for all lines is not that of those that count, their own, what goes by the
+            # law apart (White 1980).
+            rest = white - by * (white @ by) / max(by @ by, np.finfo(float).tiny)
+            own = max(np.mean(white**2) * np.sum(by**2), np.sum((rest * by) ** 2))
             spread = own + np.sum(parts**2) / max(len(parts), 1)
             found[o] = max(found[o], abs(white @ by) / np.sqrt(max(spread, np.finfo(float).tiny)))
     return found
