@@ -8,12 +8,14 @@ import os
 import re
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from middeck.errors import ConfigError
 from middeck.files.articles.checks import article_findings
@@ -879,3 +881,17 @@ def test_what_no_study_can_do_is_found_on_loading(case: str) -> None:
 
 def test_half_a_sample_of_delay_is_enough() -> None:
     assert load_study(STUDY, ["rig.delay_s=0.001"]).rig.delay_s == 0.001
+
+
+def test_settings_of_a_study_are_locked_and_typed(paper_study):
+    with pytest.raises(ValidationError, match="frozen"):
+        paper_study.control.band_hz = (1.0, 2.0)
+    hints = typing.get_type_hints(type(paper_study).control.fget)
+    assert "band_hz" in hints["return"].model_fields
+
+
+@pytest.mark.parametrize(("read", "table"), [("siso", "siso"), ("loop_test", "siso"), ("rig", "rig")])
+def test_a_table_that_lacks_has_the_name_that_the_file_gives_it(paper_study, read, table):
+    without = dataclasses.replace(paper_study, form=paper_study.form.model_copy(update={table: None}))
+    with pytest.raises(ConfigError, match=rf"no table \[{table}\]"):
+        getattr(without, read)

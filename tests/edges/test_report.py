@@ -391,7 +391,7 @@ def test_part_of_a_study_gives_part_of_a_page(tmp_path, study, outcomes):
     name = "figures 4 and 5"
     write(
         tmp_path,
-        dataclasses.replace(study, title="<b>g & g</b>"),
+        dataclasses.replace(study, form=study.form.model_copy(update={"title": "<b>g & g</b>"})),
         {name: outcomes[name]},
     )
     text = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from middeck.control.law.pd_loops import PDLoops
+from middeck.files.refinements.documents import build_unknown
+from middeck.files.studies.promise import PromiseForm
 from middeck.identification.friction.find import JointFriction
 from middeck.laboratory.modal_test import ModalTest
 from middeck.structure.model.environment import Environment
@@ -17,7 +18,7 @@ from middeck.updating.promise.slip import JointSlip
 from middeck.updating.unknowns.unknowns import Unknown
 
 
-def build_modal_test(form: Any) -> ModalTest:
+def build_modal_test(form: PromiseForm) -> ModalTest:
     """The ground test."""
     return ModalTest(
         inputs=form.inputs,
@@ -30,13 +31,13 @@ def build_modal_test(form: Any) -> ModalTest:
     )
 
 
-def build_unknowns(form: Any) -> tuple[Unknown, ...]:
+def build_unknowns(form: PromiseForm) -> tuple[Unknown, ...]:
     """The unknowns of the article."""
-    return tuple(Unknown(**vars(u)) for u in form.unknown)
+    return tuple(build_unknown(u) for u in form.unknown)
 
 
 def build_plan(
-    form: Any, orbit: Environment, found: Sequence[JointFriction], *, delay_s: float, seed: int
+    form: PromiseForm, orbit: Environment, found: Sequence[JointFriction], *, delay_s: float, seed: int
 ) -> Plan:
     """The plan for the refined article in ``orbit``: one loop under a disturbance at its motor.
 
@@ -69,7 +70,7 @@ def build_plan(
     )
 
 
-def _slips(name: str, k: int, form: Any, found: Sequence[JointFriction]) -> JointSlip:
+def _slips(name: str, k: int, form: PromiseForm, found: Sequence[JointFriction]) -> JointSlip:
     """The mean of all tests; a record says little of drag beside damping, a data sheet does."""
     return JointSlip(
         name=name,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from middeck.errors import ConfigError
 from middeck.files.articles.checks import article_findings
@@ -19,15 +18,18 @@ from middeck.files.environments.form import EnvironmentForm, build_environment
 from middeck.files.setups import article_files, build_article, join_findings
 from middeck.files.studies import form as study_form
 from middeck.files.studies.checks import fixed_axes, signal_findings
+from middeck.files.studies.promise import PromiseForm
 from middeck.files.studies.rig import build_loop_test, build_rig_settings
 from middeck.files.toml.faults import Fault, Finding, finding, raise_faults
-from middeck.files.toml.form import Form
 from middeck.files.toml.lines import Path as KeyPath
 from middeck.files.toml.overrides import Target, apply_overrides
 from middeck.files.toml.source import Checked, Kind, Source, check, place_in, read_source, read_sources
+from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.values import record
+
+F = TypeVar("F")
 
 
 @record
@@ -40,52 +42,83 @@ class StudyCase:
     surroundings: Environment
 
 
-class Settings(SimpleNamespace):
-    """The keys of a table of the study file, units in their endings; a table of names is pairs."""
-
-    def __hash__(self) -> int:
-        return hash(tuple(vars(self).items()))
-
-
 @record(kw_only=True)
 class Study:
     """All that a study needs, read and checked.
 
-    The settings of each question are an attribute by the name of their table (``study.control``), a value
-    whose fields are the keys of the table, units in their endings; it raises `ConfigError` where the file has
-    none. ``study.rig`` is the simulated rig, ``study.loop_test`` the experiments on it with the motor of
-    ``siso``.
-
     Attributes:
-        title, seed: Heading of the report, and seed of all random numbers.
-        account: Whose account the claims of the report are; without one nothing is claimed.
-        tables: Those settings by name, None where the file has none.
+        form: The tables of the study file: attributes are its keys, units in their endings. Each table is a
+            property of the study, too, which raises `ConfigError` where the file has none.
         folder: Folder of the study file; its paths are relative to it.
         cases: Every article in every environment; see `case`.
         inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
         overrides: What ``--set`` has changed.
     """
 
-    title: str
-    seed: int
-    account: str | None
-    tables: Settings
+    form: study_form.StudyForm
     folder: Path
     cases: tuple[StudyCase, ...]
     inputs: tuple[tuple[str, str], ...]
     overrides: tuple[str, ...]
 
-    def __getattr__(self, name: str) -> Any:
-        if name == "tables" or not hasattr(self.tables, name):
-            raise AttributeError(name)
-        if not self.has(name):
-            hint = "studies/mace-1993.toml has every table"
-            raise ConfigError(f"the study has no table [{name}]", hint=hint)
-        return getattr(self.tables, name)
+    @property
+    def title(self) -> str:
+        """Heading of the report."""
+        return self.form.title
+
+    @property
+    def seed(self) -> int:
+        """Seed of all random numbers."""
+        return self.form.seed
+
+    @property
+    def account(self) -> str | None:
+        """Whose account the claims of the report are; without one nothing is claimed."""
+        return self.form.account
+
+    @property
+    def control(self) -> study_form.ControlForm:
+        """Inner loops, LQG and the sweep of authority."""
+        return _given(self.form.control, "control")
+
+    @property
+    def figure_6(self) -> study_form.Figure6Form:
+        """One input to several outputs in both environments."""
+        return _given(self.form.figure_6, "figure_6")
+
+    @property
+    def siso(self) -> study_form.SisoForm:
+        """The measured loop."""
+        return _given(self.form.siso, "siso")
+
+    @property
+    def sito(self) -> study_form.SitoForm:
+        """The measured loop with two sensors."""
+        return _given(self.form.sito, "sito")
+
+    @property
+    def promise(self) -> PromiseForm:
+        """A ground test, and what is promised by it."""
+        return _given(self.form.promise, "promise")
+
+    @property
+    def mirror(self) -> study_form.MirrorForm:
+        """A measured record and one to judge its fit by."""
+        return _given(self.form.mirror, "mirror")
+
+    @property
+    def rig(self) -> RigSettings:
+        """The simulated rig."""
+        return build_rig_settings(_given(self.form.rig, "rig"))
+
+    @property
+    def loop_test(self) -> LoopTest:
+        """The experiments on the rig with the motor of ``siso``."""
+        return build_loop_test(self.siso)
 
     def has(self, *tables: str) -> bool:
         """Whether the study file has all these tables."""
-        return all(getattr(self.tables, table) is not None for table in tables)
+        return all(getattr(self.form, table) is not None for table in tables)
 
     def case(self, article: str, environment: str) -> tuple[Structure, Environment]:
         """The structure and environment of these names; KeyError if the study has none."""
@@ -124,30 +157,13 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
         for (a, e), c in surroundings.items()
     )
     inputs = tuple((Path(os.path.relpath(f, base)).as_posix(), sha256_of(f)) for f in files)
-    return Study(
-        title=form.title, seed=form.seed, account=form.account, tables=_tables(form), folder=base,
-        cases=cases, inputs=inputs, overrides=tuple(overrides),
-    )  # fmt: skip
+    return Study(form=form, folder=base, cases=cases, inputs=inputs, overrides=tuple(overrides))
 
 
-def _tables(form: study_form.StudyForm) -> Settings:
-    """The settings as values: the forms of a file are seen by no other room."""
-    return Settings(
-        **{name: as_value(getattr(form, name)) for name in study_form.CHAPTERS},
-        rig=None if form.rig is None else build_rig_settings(form.rig),
-        loop_test=None if form.siso is None else build_loop_test(form.siso),
-    )
-
-
-def as_value(form: Any) -> Any:
-    """The keys of a form, and of the forms within it, as a value."""
-    if isinstance(form, tuple):
-        return tuple(map(as_value, form))
-    if isinstance(form, dict):
-        return tuple(form.items())
-    if not isinstance(form, Form):
-        return form
-    return Settings(**{key: as_value(getattr(form, key)) for key in type(form).model_fields})
+def _given(table: F | None, name: str) -> F:
+    if table is None:
+        raise ConfigError(f"the study has no table [{name}]", hint="studies/mace-1993.toml has every table")
+    return table
 
 
 def study_rules(data: dict[str, Any]) -> list[Finding]:

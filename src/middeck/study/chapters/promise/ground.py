@@ -47,7 +47,7 @@ def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generat
     """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
     form = study.promise
     article, _ = study.case(form.article, form.environment)
-    tests = tuple(_tested(study, one.name, one.set, settings, rng) for one in form.test)
+    tests = tuple(_tested(study, one.name, tuple(one.set.items()), settings, rng) for one in form.test)
     return KnownBefore(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
 
 
