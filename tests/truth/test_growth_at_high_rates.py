@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import middeck as md
+from middeck.control.analysis.stability.stability import judge_roots
 from middeck.systems.state_space.statespace import gain_system
 from plant_builders import unit_weights
 
@@ -47,3 +48,11 @@ def test_an_undamped_mode_at_one_radian_a_second_has_its_rms_without_a_warning(d
     (row,) = md.qualify_compensator(law, {"plant": plant}, weights)
     # The delay's lead in stiffness k * delay changes it by 1e-6 at most.
     assert row.rms == pytest.approx(np.sqrt((process + k**2 * sensor) / (2.0 * k)), rel=1e-5)
+
+
+def test_a_loop_whose_poles_are_all_at_the_origin_of_z_is_stable():
+    """Deadbeat: no pole has a growth rate."""
+    judged = judge_roots(np.full(2, complex(-np.inf)), 0.1)
+    assert judged.stable
+    assert judged.decays
+    assert judged.growing == 0

@@ -108,7 +108,7 @@ def test_a_family_that_is_taken_for_the_other_is_said(split: float, factor: floa
     # The other pairs say by how much: to the true E.
     assert other_pairs(found)[0].off == pytest.approx(off, abs=2.0)
     (said,) = [line for line in findings(found) if "may as well be that of" in line]
-    assert "if it is, E is off by" in said
+    assert "if it is, E is wrong by" in said
     assert "Measured shapes" in said
 
 

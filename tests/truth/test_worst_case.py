@@ -186,3 +186,10 @@ def test_two_coupled_modes_share_a_pole_as_their_eigenvectors_say(k: float) -> N
     slow = np.cos(a) ** 2 if found.pole.imag < np.sqrt(stiff.mean()) else np.sin(a) ** 2
     # Left and right eigenvectors are those of the symmetric stiffness.
     assert found.shares == pytest.approx([slow, 1.0 - slow], rel=1e-10)
+
+
+def test_every_mode_of_modal_form_that_has_a_frequency_has_its_shift_however_damped() -> None:
+    modes = sum_of_modes(OMEGA[:3], [1.0, 1.3, 0.01], np.ones((3, 1)), np.ones((1, 3)), names=MODES[:3])
+    plant = grouped_plant(modes, (FORCE,), (WAY,))
+    idle = Compensator(gain_system(np.zeros((1, 1))), (WAY,), (FORCE,))
+    assert [one.mode for one in find_allowed_shifts(plant, idle)] == list(MODES[:3])

@@ -59,7 +59,7 @@ def design_known(
         apart = (statespace_response(seen.system, lines) / sizes).ravel()
         return np.concatenate([np.real(apart), np.imag(apart), np.log([seen.cost])])
 
-    return measure_known(what, design, numbers, plant, share=SHARE, uncertain=UNCERTAIN)
+    return measure_known(what, design, numbers, plant, share=SHARE, uncertain=UNCERTAIN, stacklevel=4)
 
 
 def _lines(seen: DesignView) -> Float[np.ndarray, " line"]:

@@ -63,6 +63,7 @@ def measure_known(
     *halves: Plant | Compensator,
     share: float = VAGUE,
     uncertain: float = UNCERTAIN,
+    stacklevel: int = 3,
 ) -> Found:
     """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
 
@@ -72,6 +73,7 @@ def measure_known(
         what: Names the numbers in the warning.
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
         uncertain: Change of a number that warns.
+        stacklevel: Of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
     vague = [_is_vague(half, share) for half in halves]
@@ -89,7 +91,7 @@ def measure_known(
             warnings.warn(
                 f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
                 f"or rad) or more; {CURE}, would tell",
-                stacklevel=3,
+                stacklevel=stacklevel,
             )
     return found
 

@@ -322,7 +322,7 @@ def _result(
     phase = _pairs_for_a_delay(model, covariance, data, run)
     late = bool(len(phase[0]))
     wrong += residual_tests.causes_of(measured, data, run, lead, error, heard, late=late)
-    said += [*wrong, *doubts_of_lines(fit.lines)]
+    said += [*wrong, *residual_tests.doubts_of_level(measured, data, run, heard), *doubts_of_lines(fit.lines)]
     alone, standing = (
         standing_of(lines, covariance, holds=holds, phase=phase[0]) for holds in (True, not wrong)
     )

@@ -64,6 +64,11 @@ OF_CUBE = (
     "saturating amplifier or sensor, or a nonlinear article; the model is valid at this level only, and the "
     "stated standard deviations are too small; excite less"
 )
+OF_LEVEL = (
+    "the residual follows the cube of a force or of the motion ({:.0f} standard deviations of noise): a "
+    "saturating amplifier or sensor, or a nonlinear article; its gains are valid at this level only, and "
+    "their standard deviations are too small; excite less"
+)
 OF_DELAY = (
     "its delay changes during the record ({:.0f} standard deviations of noise): samples lost or repeated, "
     "two runs joined, a clock that drifts, or an article that changes; the stated standard deviations are "
@@ -99,9 +104,8 @@ def causes_of(
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
     ``left`` is what the fit leaves, over the output, in rms. ``late``: poles stand for a delay, as is said.
     """
-    size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
+    size, noise = _size_and_noise(data, run, heard)
     white, response = run.residual(data) / size, (data.H - run.residual(data)) / size
-    noise = without_transients(heard, data, run, size)
     each = list(zip(white, response, noise, strict=True))
     moved = np.array([_step_score(w, y * data.s[:, None], n, data) for w, y, n in each])
     scaled = np.array([_step_score(w, y, n, data, uneven=True) for w, y, n in each])
@@ -110,7 +114,9 @@ def causes_of(
     told = np.array([_told_by_inputs(w, data) for w in white])
     together = np.zeros(len(white)) if late else _told_together(record, data, run, white, noise)
     play = _scores_of_law(_by_direction, record, data, run, size, noise)
-    cube = _scores_of_law(_by_cube, record, data, run, size, noise)
+    cube = (
+        np.zeros(len(play)) if _repeats(record) else _scores_of_law(_by_cube, record, data, run, size, noise)
+    )
     leads = lead > LEADS
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
     faults = _biasing_faults(record) if wrong else []
@@ -148,6 +154,28 @@ def causes_of(
         what = next((text for is_cause, text in scores if is_cause), "")
         found += [f"output {port.name}: {what}"] if what else []
     return found
+
+
+def doubts_of_level(record: Record, data: Data, run: RecordRun, heard: Heard) -> list[str]:
+    """Warnings for a signal that repeats and is distorted: what is left repeats with it.
+
+    The fit counts that on each line, so that modes and their standard deviations are valid.
+    """
+    if not _repeats(record):
+        return []
+    cube = _scores_of_law(_by_cube, record, data, run, *_size_and_noise(data, run, heard))
+    each = zip(record.outputs, cube, strict=True)
+    return [f"output {port.name}: {OF_LEVEL.format(score)}" for port, score in each if score > STEPS]
+
+
+def _repeats(record: Record) -> bool:
+    return record.periodic and record.u.shape[1] > 1
+
+
+def _size_and_noise(data: Data, run: RecordRun, heard: Heard) -> tuple[np.ndarray, Heard]:
+    """The standard deviation of each line, and the noise of the inputs that is heard there, over it."""
+    size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
+    return size, without_transients(heard, data, run, size)
 
 
 @contextlib.contextmanager
@@ -278,8 +306,10 @@ def _scores_of_law(
             by = by - basis @ np.linalg.lstsq(basis, by, rcond=None)[0]
             white = (r / size[o]).ravel().view(float)
             parts = np.real(heard[o].conj().T @ by.view(complex).reshape(r.shape))
-            # Where one variance for all lines is not that of those that count, their own (White 1980).
-            own = max(np.mean(white**2) * np.sum(by**2), np.sum((white * by) ** 2))
+            # Where one variance for all lines is not that of those that count, their own, what goes by the
+            # law apart (White 1980).
+            rest = white - by * (white @ by) / max(by @ by, np.finfo(float).tiny)
+            own = max(np.mean(white**2) * np.sum(by**2), np.sum((rest * by) ** 2))
             spread = own + np.sum(parts**2) / max(len(parts), 1)
             found[o] = max(found[o], abs(white @ by) / np.sqrt(max(spread, np.finfo(float).tiny)))
     return found

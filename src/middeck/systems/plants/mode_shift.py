@@ -179,8 +179,12 @@ def _is_in_a_loop(A: np.ndarray, index: np.ndarray) -> bool:
 
 
 def natural_hz(plant: Plant) -> dict[str, float]:
-    """The frequency [Hz] of each mode that oscillates, by name."""
-    names, A = np.array(name_states(plant)), remove_delays(plant).system.A
+    """The natural frequency [Hz] of each mode of modal form that has one, else of each that oscillates."""
+    inside = remove_delays(plant)
+    if inside.modal is not None:
+        each = zip(inside.modal.names, inside.modal.omega, strict=True)
+        return {name: float(omega / (2.0 * np.pi)) for name, omega in each if omega > 0.0}
+    names, A = np.array(name_states(plant)), inside.system.A
     found: dict[str, float] = {}
     for name in dict.fromkeys(names.tolist()):
         index = np.flatnonzero(names == name)
