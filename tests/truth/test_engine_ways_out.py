@@ -285,23 +285,54 @@ def test_half_a_command_is_none():
         assert not engine.run(30)["u"].any()
 
 
+def hide(engine, number):
+    """Take the command of this number out of the shared file; what puts it back."""
+    commands = engine.file.commands
+    row = commands[number % len(commands)].copy()
+    commands[number % len(commands)] = np.zeros((), row.dtype)
+
+    def show():
+        row["at"] = 0
+        row["check"] = check_of(row)
+        commands[number % len(commands)] = row
+
+    return show
+
+
 def test_a_command_that_arrives_after_what_withdraws_it_is_withdrawn():
     """Its words may become visible after the disengage that was sent later."""
     with Supervisor(plain_settings(), random_article()) as engine:
         engine.load(random_package())
         engine.reset()
         first = engine.send("engage", values=[1.0], at=1 << 40)
-        commands = engine.file.commands
-        row = commands[first % len(commands)].copy()
-        commands[first % len(commands)] = np.zeros((), row.dtype)
+        show = hide(engine, first)
         assert engine.command("disengage").done
-        row["at"] = 0
-        row["check"] = check_of(row)
-        commands[first % len(commands)] = row
+        show()
         engine.run(5)
         assert engine.answer(first).word == "withdrawn"
         assert engine.state == "ready"
         assert engine.command("engage", values=[1.0]).done  # a later one is not
+
+
+@pytest.mark.parametrize(("starts", "stops"), [("engage", "disengage"), ("excite", "silence")])
+def test_what_was_withdrawn_stays_so_when_an_earlier_command_is_due_later(starts, stops):
+    """A second stop, sent before the first one but for a later sample, lets nothing through again."""
+    settings, wave = plain_settings(), np.full((500, OUTPUTS), 0.1)
+    with Supervisor(settings, random_article(), waveform=wave) as engine:
+        engine.load(random_package())
+        engine.reset()
+        now = engine.sample
+        engine.send("standby", at=now + 40)
+        engine.send(stops, at=now + 20)
+        late = engine.send(starts, values=[1.0 if starts == "engage" else 0.0], at=1 << 40)
+        show = hide(engine, late)
+        assert engine.command(stops).done
+        engine.run(30)
+        show()
+        engine.run(30)
+        assert engine.answer(late).word == "withdrawn"
+        assert engine.state == "ready"
+        assert not engine.run(5)["u"].any()
 
 
 def test_an_article_at_rest_ends_at_once():

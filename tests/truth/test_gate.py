@@ -498,3 +498,20 @@ def test_a_limit_of_slew_that_no_sensor_s_range_reaches_is_none(reach, rate, pas
     plant = one_port(system)
     assert (swings_on(plant, package, reach, seconds=20.0) < 0.7) == passes
     assert check_recovery(package, "mode", plant, held=False).passed == passes
+
+
+def test_a_limit_of_slew_that_is_not_reached_hides_no_other():
+    """One motor split into five of a fifth of its rate, beside two quick ones that cancel: the same loop."""
+    w = 4.0 * np.pi
+    one = StateSpace([[0.0, w], [-w, -0.004 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    seven = StateSpace(one.A, np.repeat(one.B, 7, axis=1), one.C, np.zeros((1, 7)))
+    law, parts = lead(0.5, 3.0, 60.0), np.array([[0.2]] * 5 + [[1e-3], [-1e-3]])
+    s, (y, u) = law.sampled, ports(0, 1, 7)
+    split = SampledStateSpace(s.A, s.B, parts @ s.C, parts @ s.D, period_s=PERIOD_S)
+    given = {"input_range": 2.0, "limit": 300.0}
+    whole = package_law(law, "law", slew_rate=5.0, **given)
+    assert swings_on(one_port(one), whole, 2.0) > 1.0
+    package = package_law(Compensator(split, y, u), "law", slew_rate=[1.0] * 5 + [1e5] * 2, **given)
+    found = check_recovery(package, "mode", Plant(dynamics=seven, inputs=u, outputs=y), held=False)
+    assert not found.passed
+    assert "of each step of u0, u1, u2, u3, u4 is applied: a root at" in found.said

@@ -24,7 +24,16 @@ from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
-from middeck.realtime.engine.rigs.udp_replies import HOLD, LONGEST, REPLY, REQUEST, RigSession, seal, unseal
+from middeck.realtime.engine.rigs.udp_replies import (
+    HOLD,
+    LONGEST,
+    REPLY,
+    REQUEST,
+    SILENT,
+    RigSession,
+    seal,
+    unseal,
+)
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
@@ -322,6 +331,26 @@ def test_a_rig_follows_one_engine():
     ask(session, -1, 0.0, 21, "second")
     assert ask(session, 530, 3.0, 530, "first") == [520.0, 2.0]  # it joins again: the rig stands as it is
     assert ask(session, 531, 3.0, 531, "first") == [521.0, 3.0]
+
+
+def test_a_successor_joins_when_the_engine_before_it_is_silent():
+    """It died without an end, and the successor's sample 0 was lost: that is not for ever."""
+    rig = Counter()
+    session = RigSession(rig)
+    for k in range(5):
+        ask(session, k, 1.0, k, "first")
+    for k in range(1, SILENT):
+        assert ask(session, k, 2.0, k, "second") == []
+    for _ in range(3 * SILENT):
+        assert ask(session, SILENT - 1, 2.0, 1, "second") == []  # late copies are no life
+    ask(session, 5, 1.0, 5, "first")  # it lives: the count begins anew
+    for k in range(SILENT, 2 * SILENT - 1):
+        assert ask(session, k, 2.0, k, "second") == []
+    assert rig.told == [1.0] * 5
+    at = 2 * SILENT - 1
+    assert ask(session, at, 2.0, at, "second") == [5.0, 1.0]
+    assert ask(session, at + 1, 2.0, at + 1, "second") == [6.0, 2.0]
+    assert ask(session, 6, 1.0, 6, "first") == []
 
 
 def test_a_rig_with_its_own_time_goes_on_without_an_engine():

@@ -122,7 +122,7 @@ def verb(
     """Test a controller package before it may run.
 
     Steps on paper: blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT. The
-    loop must be stable with margins at eleven shares of full authority, and must decay while motors are
+    loop must be stable with margins at eleven shares of full authority, and must not grow while motors are
     limited. A PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
     plants, with and without shifted modes. --engaged adds the cross-fade from the package that runs so far,
     --adaptive a proof of stability with an adaptive gain.

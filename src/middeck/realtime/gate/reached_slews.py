@@ -15,13 +15,14 @@ SPARE = 2.0
 """How far beyond reach a limit must be to be none: motions at a limit are no sines."""
 
 
-def reached_slews(package: ControllerPackage) -> Callable[[np.ndarray, np.ndarray], bool]:
-    """Whether one of some motions z^k can hold the steps of outputs at given shares of what is left of them.
+def reached_slews(package: ControllerPackage) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Whether motions z^k can hold the step of each output at a given share of what is left: motion, output.
 
     An output of which each step takes a share h goes by u = h v / (z - 1 + h) where v is asked for. A limit
     of slew s leaves that share of a sine v - u no smaller than s / h, so that |v| is at least
     s |z - 1 + h| / (h |z - 1|). The law asks for no more than its gain at z allows, from inputs within their
-    ranges and commands applied within their limits; beyond a range the engine trips.
+    ranges and commands applied within their limits; beyond a range the engine trips. An output
+    whose share is 1 is held by no limit, and counts as one that is reached.
     """
     law, m, p = unfold_law(package, single=False), len(package.inputs), len(package.outputs)
     wanted, E = list(law.wanted), law.G[:, m : m + p]
@@ -33,13 +34,11 @@ def reached_slews(package: ControllerPackage) -> Callable[[np.ndarray, np.ndarra
     )  # fmt: skip
     sizes = np.concatenate([package.input_range, np.maximum(package.upper, -package.lower)])
 
-    def reached(motions: np.ndarray, shares: np.ndarray) -> bool:
-        limited = shares < 1.0
-        h, slew = shares[limited], package.slew[limited]
+    def reached(motions: np.ndarray, shares: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):  # what is no number is reached
-            most = (np.abs(evaluate_transfer(learning, motions)) @ sizes)[:, limited]
+            most = np.abs(evaluate_transfer(learning, motions)) @ sizes
             step = np.abs(motions - 1.0)[:, None]
-            least = slew * np.abs(motions[:, None] - 1.0 + h) / (h * step)
-        return bool(np.any(~np.any(least > SPARE * most, axis=1)))
+            least = package.slew * np.abs(motions[:, None] - 1.0 + shares) / (shares * step)
+        return ~(least > SPARE * most) | (shares == 1.0)
 
     return reached

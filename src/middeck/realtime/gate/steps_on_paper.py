@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -170,9 +171,9 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     loop or a hold the law's commands, u = p + g c.
     What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
     by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
-    without. A limit of slew that no growing motion within the sensors' ranges reaches (`reached_slews`) is
-    none, but for a law that is unstable by itself. These are loops that stay so: it is no proof for limits
-    that come and go.
+    without. An output whose limit of slew a growing motion within the sensors' ranges does not reach
+    (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so: it is
+    no proof for limits that come and go.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -187,9 +188,10 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
         loop = form_loop(align_plant(plant, limited(whole, whole)), limited(whole, whole))
         for whose, commands, drives, steps in limits:
             found = _decide(loop, limited(commands, drives, steps))
+            if found.growing and steps is not whole and not package.unstable:
+                steps = _reached_part(loop, functools.partial(limited, whole, whole), reached, steps)
+                found = _decide(loop, limited(commands, drives, steps))
             fault = _unstable(found, off=True)
-            if fault and steps is not whole and not package.unstable:
-                fault = fault if reached(_growing(loop, limited(whole, whole, steps)), steps) else ""
             excuses = [] if not fault or package.unstable else [drives] if held else [drives, off]
             without = [_decide(loop, limited(off, g, steps)) for g in excuses]
             if without and all(w.growing and found.margin >= FASTER * w.margin for w in without):
@@ -218,6 +220,23 @@ def _limits(places: np.ndarray, levels: Sequence[float] = FADES[:-1]) -> np.ndar
     shares = np.ones((len(sets) * len(levels), len(places)))
     shares[:, at] = np.vstack([1.0 - (1.0 - share) * sets for share in levels])
     return shares
+
+
+def _reached_part(
+    loop: FeedbackLoop,
+    limited: Callable[[np.ndarray], Compensator],
+    reached: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    shares: np.ndarray,
+) -> np.ndarray:
+    """Shares with which something grows that reaches them all, else ones: what is not reached is set to 1."""
+    motions = _growing(loop, limited(shares))
+    hit = reached(motions, shares)
+    if hit.all(axis=1).any():
+        return shares
+    parts = [
+        _reached_part(loop, limited, reached, np.where(row, shares, 1.0)) for row in np.unique(hit, axis=0)
+    ]
+    return next((part for part in parts if np.any(part < 1.0)), np.ones_like(shares))
 
 
 def _growing(loop: FeedbackLoop, law: Compensator) -> np.ndarray:

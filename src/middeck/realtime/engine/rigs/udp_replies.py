@@ -19,13 +19,17 @@ HOLD = 2
 LONGEST = 1 << 16
 """Most samples that one request may move on; what asks for more is no request of an engine."""
 
+SILENT = 20
+"""Samples that another engine asks for before a followed one, silent meanwhile, is taken for gone."""
+
 
 class RigSession:
     """A rig, where it stands, and its last reply; `answer` takes one datagram.
 
     Time of the rig is the engine's sample number. A request that was answered before gets the same reply; one
     whose number has grown by n moves the rig by n samples. It follows one engine: that of another address
-    relieves it at its sample 0, or joins at any after a last request, and the rig goes on from where it is.
+    relieves it at its sample 0, or joins at any after a last request or `SILENT` samples of its own without
+    one of the followed engine, and the rig goes on from where it is.
     Other requests of other engines, late or of one that was relieved, move nothing.
     """
 
@@ -34,6 +38,9 @@ class RigSession:
         self.sensors: np.ndarray | None = None
         self.engine: object = None
         self.sample = self.alive = -1
+        self.other: object = None
+        self.other_sample = -1
+        self.unheard = 0
         self.stale = self.ahead = self.outputs = 0
         self.reply = b""
 
@@ -50,10 +57,11 @@ class RigSession:
             self.engine = None if sender == self.engine else self.engine
             return None
         if sender != self.engine:
-            if self.engine is not None and sample > 0:
+            if self.engine is not None and sample > 0 and not self._silent(sender, sample):
                 return None
             self.engine, self.sample, self.alive, self.stale = sender, sample, -1, 0
             self.outputs, self.ahead, self.reply = outputs, 0, self._reply(sample)
+        self.other, self.unheard = None, 0
         if not self.sample <= sample <= self.sample + LONGEST or outputs != self.outputs:
             return None
         if sample > self.sample:
@@ -73,6 +81,14 @@ class RigSession:
         if self.outputs:
             self._move(np.zeros(self.outputs))
         self.rig.close()
+
+    def _silent(self, sender: object, sample: int) -> bool:
+        """Whether the followed engine is, while this other one asks for its samples; copies do not count."""
+        if sender != self.other:
+            self.other, self.other_sample, self.unheard = sender, -1, 0
+        if sample > self.other_sample:
+            self.other_sample, self.unheard = sample, self.unheard + 1
+        return self.unheard >= SILENT
 
     def _follow(self, samples: int, u: np.ndarray, alive: int) -> None:
         if alive != self.alive:

@@ -79,15 +79,15 @@ static void answer_early(queue *q, shared *f, engine *e, const command *c, enum 
     answer_command(f, e, c, answer);
 }
 
-/* Those before it that would undo it are withdrawn, also what has not arrived yet. */
+/* Those before it that would undo it are withdrawn, also what has not arrived yet. The marks only rise: one sent before may be due after. */
 static void withdraw_before(queue *q, shared *f, engine *e, const command *later)
 {
     whole number;
     command c;
 
-    if (later->kind != SILENCE)
+    if (later->kind != SILENCE && later->number > q->no_engage)
         q->no_engage = later->number;
-    if (later->kind != DISENGAGE)
+    if (later->kind != DISENGAGE && later->number > q->no_excite)
         q->no_excite = later->number;
     for (number = f->acknowledged + 1; number < later->number; ++number)
         if (!was_early(q, number) && read_command(f, number, &c) && is_withdrawn(q, &c))
