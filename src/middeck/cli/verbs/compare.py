@@ -31,7 +31,7 @@ environment have not quite unit modal mass: values slightly above 1 are possible
 @figures.up
 @options.common
 def verb(case: options.Case, count: int, figure_file: str | None, up: str | None, as_json: bool) -> None:
-    """Compare the modes of ARTICLE in orbit with those in an environment.
+    """Compare modes of ARTICLE in orbit and in an environment.
 
     Prints pairs of flexible modes with frequency ratio, cross-orthogonality and MAC, and the angles between
     the subspaces of rigid-body and suspension modes. Loads, added masses and clamps belong to the

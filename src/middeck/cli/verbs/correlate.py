@@ -91,7 +91,7 @@ def verb(
     figure_file: str | None,
     as_json: bool,
 ) -> None:
-    """Compare the modes of ARTICLE with measured MODES by the criteria of a standard.
+    """Compare modes of ARTICLE with measured MODES, by a standard.
 
     Prints frequency error, cross- and self-orthogonality, MAC, COMAC and effective mass, and for each
     criterion of the profile the probability that a correct model would meet it, given the noise of the test.

@@ -48,7 +48,7 @@ def verb(
     overrides: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Reduce ARTICLE to a component by the method of Craig and Bampton.
+    """Reduce ARTICLE to a component by Craig and Bampton's method.
 
     The coordinates are those of the boundary nodes and the lowest modes with the boundary held, about the
     equilibrium in orbit. Modes up to three times the frequency of interest are usual. --residual adds the

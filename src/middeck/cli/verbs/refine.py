@@ -55,7 +55,7 @@ def verb(
     target: str | None,
     as_json: bool,
 ) -> None:
-    """Update ARTICLE to fit ground tests, and predict its modes in orbit.
+    """Update ARTICLE on ground tests and predict modes in orbit.
 
     REFINEMENT names the surveys, the parameters that may change, and their standard deviations before the
     tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
