@@ -70,11 +70,6 @@ def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
     return made
 
 
-def fields(record: object, *names: str) -> dict[str, Any]:
-    """Fields of a record under their own names."""
-    return {name: getattr(record, name) for name in names}
-
-
 class _ArrayField(NamedTuple):
     """The annotation of an array: kinds of number, and a name or a fixed size of each dimension."""
 

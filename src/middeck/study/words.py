@@ -90,6 +90,11 @@ def signed(value: float) -> str:
     return f"{value:+g}".replace("-", "\N{MINUS SIGN}")
 
 
+def fields(record: object, *names: str) -> dict[str, Any]:
+    """Fields of a record under their own names."""
+    return {name: getattr(record, name) for name in names}
+
+
 class Claim(TypedDict):
     """A claim, whether it holds here, and the number that shows it.
 

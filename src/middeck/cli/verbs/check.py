@@ -11,7 +11,7 @@ from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import show
 from middeck.errors import NumericalError
-from middeck.values import fields
+from middeck.study.words import fields
 
 EXAMPLES = """\
   middeck check articles/mace-simple.toml

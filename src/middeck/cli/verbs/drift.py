@@ -11,7 +11,7 @@ from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
-from middeck.values import fields
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.given.checked_options import FitSettings

@@ -10,7 +10,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, rows_of, show
 from middeck.errors import ConfigError
-from middeck.values import fields
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.work.design_excitation import ExciteSettings

@@ -11,7 +11,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
-from middeck.values import fields
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.realtime.gate.gate import GateVerdict

@@ -11,7 +11,7 @@ from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, delay_cells, deviation_words, mode_rows, show
 from middeck.errors import NumericalError
-from middeck.values import fields
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.work.fit_records import Identified

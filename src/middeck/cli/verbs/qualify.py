@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, cells, show
-from middeck.values import fields
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.given.plants_to_try import Law

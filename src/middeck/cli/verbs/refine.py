@@ -12,7 +12,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, cells, show
-from middeck.values import fields
+from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.updating.orbit.frequencies import Prediction

@@ -9,9 +9,8 @@ from middeck.identification.fit.fit_response import FitResult
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.measured_loop.computation import SEEN_DB, MeasuredLoop
-from middeck.study.words import Claim, Numbers, at_most, largest
+from middeck.study.words import Claim, Numbers, at_most, fields, largest
 from middeck.systems.plants.plant import Plant
-from middeck.values import fields
 
 
 def fit_numbers(fit: FitResult, plant: Plant, band_hz: tuple[float, float], output: int = 0) -> Numbers:

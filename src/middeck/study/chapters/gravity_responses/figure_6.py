@@ -12,7 +12,7 @@ from middeck.plot.curves import bode_figure, draw_bode, wrapped_phase_deg
 from middeck.plot.port_words import port_words
 from middeck.plot.style import COLOUR, DASHES, LABEL, styled
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
-from middeck.values import fields
+from middeck.study.words import fields
 
 
 @styled

@@ -6,8 +6,7 @@ import numpy as np
 
 from middeck.files.json.results import response_numbers
 from middeck.study.chapters.gravity_responses.computation import GravityResponses
-from middeck.study.words import Claim, Numbers, below
-from middeck.values import fields
+from middeck.study.words import Claim, Numbers, below, fields
 
 
 def figure_6(responses: GravityResponses) -> Numbers:

@@ -9,10 +9,9 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept
 from middeck.study.chapters.promise.ground import GroundTest
-from middeck.study.words import Claim, Numbers, above, at_most, row
+from middeck.study.words import Claim, Numbers, above, at_most, fields, row
 from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.refinement.findings import findings
-from middeck.values import fields
 
 PERCENT, LEAST_TIMES = 0.1, 8.0  # of the first flexible frequencies: error, and how far below the sheet's
 COVERED = 90.0  # per cent of outcomes within 95 % intervals

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.study.chapters.zero_g_control.computation import SubModelSweep, ZeroGControl
-from middeck.study.words import Claim, Numbers, at_most, below, row
-from middeck.values import fields
+from middeck.study.words import Claim, Numbers, at_most, below, fields, row
 
 
 def figure_7(control: ZeroGControl) -> Numbers:
