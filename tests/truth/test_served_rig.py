@@ -19,9 +19,11 @@ from middeck.laboratory.rig.plant.drifting_modes import Drift
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.ticks.simulate_rig import cut_blocks, simulate_rig, switch_on
 from middeck.laboratory.rig.ticks.stepped import SteppedRig
+from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.rigs import udp_replies
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
 from middeck.realtime.engine.rigs.udp_replies import (
@@ -315,6 +317,16 @@ def test_a_datagram_that_was_changed_is_none():
         assert session.answer(bytes(changed), "engine") is None
     assert rig.told == []
     assert ask(session, 1, 0.5, 1) == [1.0, 0.5]
+
+
+def test_a_rig_of_another_format_does_not_answer(monkeypatch):
+    """What its words meant would be a guess."""
+    session = RigSession(Counter())
+    assert ask(session, 0, 0.0, 0) == [0.0, 0.0]
+    now = constants()
+    data = seal(REQUEST.pack(1, 1) + np.array([0.5]).tobytes(), "ASKED")
+    monkeypatch.setattr(udp_replies, "constants", lambda: {**now, "FORMAT": now["FORMAT"] - 1})
+    assert session.answer(data, "engine") is None
 
 
 def test_a_rig_follows_one_engine():

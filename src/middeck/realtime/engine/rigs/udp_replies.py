@@ -109,8 +109,8 @@ class RigSession:
 
 
 def seal(body: bytes, start: str) -> bytes:
-    """The datagram: a check, begun with the constant ``start`` ("ASKED" or "ANSWERED"), and ``body``."""
-    return struct.pack("<Q", checksum(body, constants()[start])) + body
+    """The datagram: a check, begun with FORMAT and ``start`` ("ASKED" or "ANSWERED"), and ``body``."""
+    return struct.pack("<Q", checksum(body, constants()["FORMAT"] << 32 | constants()[start])) + body
 
 
 def unseal(data: bytes, start: str) -> bytes:

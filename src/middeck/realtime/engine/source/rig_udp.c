@@ -1,7 +1,7 @@
 /* An article in another process, over UDP on this machine's loopback interface.
 
    Sample k asks with (check, k, alive, outputs since sample k - 1) and is answered by (check, k, sensors). The check is that of
-   the words behind it, begun with ASKED or ANSWERED: what was changed on the way is as good as lost. A request that was lost is sent again;
+   the words behind it, begun with FORMAT 2^32 + ASKED or ANSWERED: what was changed on the way is as good as lost. A request that was lost is sent again;
    the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. */
 #include <arpa/inet.h>
 #include <errno.h>
@@ -52,22 +52,24 @@ static enum rig_answer found(udp_rig *r, int lost)
     return lost ? RIG_LOST : RIG_READ;
 }
 
-/* Of all words of a datagram but the first. */
-static uint64_t check_of(uint64_t start, const uint64_t *first, size_t size)
+/* Of all words of a datagram but the first, which is the check itself. FORMAT is in it: a rig of another one does not answer. */
+static uint64_t check_of(uint64_t start, const void *datagram, size_t size)
 {
-    return checksum(start, first + 1, size / sizeof *first - 1);
+    const size_t word = sizeof(uint64_t);
+
+    return checksum((uint64_t)FORMAT << 32 | start, (const unsigned char *)datagram + word, size / word - 1);
 }
 
 static void send_request(udp_rig *r)
 {
-    r->out.check = check_of(ASKED, &r->out.check, r->out_size);
+    r->out.check = check_of(ASKED, &r->out, r->out_size);
     if (send(r->socket, &r->out, r->out_size, MSG_DONTWAIT) < 0)
         return; /* as if it had been lost on the way */
 }
 
 static int is_answer(const udp_rig *r, const reply *in, ssize_t got)
 {
-    return got == (ssize_t)r->in_size && in->sample == r->out.sample && in->check == check_of(ANSWERED, &in->check, r->in_size);
+    return got == (ssize_t)r->in_size && in->sample == r->out.sample && in->check == check_of(ANSWERED, in, r->in_size);
 }
 
 static enum rig_answer read_udp(rig *face, real *y)

@@ -12,7 +12,7 @@
 typedef double real;
 typedef int64_t whole;
 
-enum { MAGIC = 0x4b44524d, FORMAT = 2 };
+enum { MAGIC = 0x4b44524d, FORMAT = 3 }; /* FORMAT: of this file and of a rig's datagrams */
 enum { ASKED = 0x4b44524e, ANSWERED = 0x4b44524f }; /* what the checks of a rig's datagrams begin with: no echo is an answer */
 enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 1024, NAME = 64, FAULTS = 16 };
 
