@@ -178,8 +178,10 @@ def _by_ends(load: np.ndarray) -> np.ndarray:
 def _inside_parts(
     model: Model, at: At, total: _Total, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, list[Lever]]]:
-    """State of the beams inside carried parts, without their weight, and that of the bushings. With how their
-    ends move as the common carriers see them."""
+    """State of the beams inside carried parts, without their weight, and that of the bushings.
+
+    With how their ends move as the common carriers see them.
+    """
     beams, bushings = model.inside
     if len(beams.rows):
         parts = (np.concatenate(some) for some in zip(*total.apart, strict=True))
@@ -259,9 +261,11 @@ NO_BEAMS = BeamState(
 
 class _Total(NamedTuple):
     """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
+
     ``excess`` is what the elements' own forces add to the gradient where others have taken their place;
     ``modal`` is the part of the gradient that components have in their modal coordinates. ``apart`` are the
-    states of beams inside carried parts, which are not in the sums."""
+    states of beams inside carried parts, which are not in the sums.
+    """
 
     energy: float
     gradient: np.ndarray
@@ -278,8 +282,10 @@ class _Total(NamedTuple):
 
 
 class _Members(NamedTuple):
-    """Elements of members at their poses, with their weight, and the weight of bodies. ``apart`` are states
-    of the elements inside carried parts."""
+    """Elements of members at their poses, with their weight, and the weight of bodies.
+
+    ``apart`` are states of the elements inside carried parts.
+    """
 
     energy: Any
     gradient: np.ndarray
@@ -289,8 +295,10 @@ class _Members(NamedTuple):
 
 
 def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
-    """All elements at their poses; ``inner`` takes the place of the forces inside them. Of those ``inside``
-    carried parts only the weight counts."""
+    """All elements at their poses; ``inner`` takes the place of the forces inside them.
+
+    Of those ``inside`` carried parts only the weight counts.
+    """
     members = _gather_members(model, at, loads, inner, inside)
     energy, gradient, excess, beams, apart = members
     start, end = model.spring_ends.T
@@ -386,8 +394,10 @@ def _between(hessian: np.ndarray) -> np.ndarray:
 
 
 def _push(model: Model, at: At, loads: Loads, gradient: np.ndarray) -> float:
-    """Energy of dead loads, whose force and moment are added to ``gradient``. A moment of fixed direction has
-    no potential, and adds nothing to it."""
+    """Energy of dead loads, whose force and moment are added to ``gradient``.
+
+    A moment of fixed direction has no potential, and adds nothing to it.
+    """
     if not len(loads.push):
         return 0.0
     np.add.at(gradient, model.load_point, -loads.push)

@@ -20,7 +20,9 @@ NONE = np.zeros(0, dtype=int)
 
 class _Products(NamedTuple):
     """Products of one group: entry of the element matrices, two of the Jacobian, and place of the product.
-    ``left`` and ``right`` are None where all of them are one."""
+
+    ``left`` and ``right`` are None where all of them are one.
+    """
 
     entry: np.ndarray
     left: np.ndarray | None

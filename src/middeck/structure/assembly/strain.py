@@ -105,7 +105,9 @@ def _motions(
     model: Model, at: At, jacobian: sp.csr_array, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see.
-    ``jacobian`` takes carried coordinates to poses."""
+
+    ``jacobian`` takes carried coordinates to poses.
+    """
     count = shapes.shape[1]
     motion = (jacobian @ shapes).reshape(len(at.world), 6, count)
     ends = motion[model.element_ends].reshape(len(model.element_ends), 12, count)

@@ -195,8 +195,10 @@ def _model(
     reduction: Reduction,
     units: tuple[str, ...],
 ) -> tuple[Candidates, ReducedMass]:
-    """The candidates at the channels, and the mass reduced on those that the test pairs with. Pairs rest on
-    the MAC alone, so that they can be found before there is a mass."""
+    """The candidates at the channels, and the mass reduced on those that the test pairs with.
+
+    Pairs rest on the MAC alone, so that they can be found before there is a mass.
+    """
     shape = seen(rows, modes)[:, index]
     first = candidates(modes, index, shape, np.eye(len(measured.node)), profile)
     pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs

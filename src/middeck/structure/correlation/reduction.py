@@ -108,8 +108,10 @@ class _Held(NamedTuple):
 
 
 def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> np.ndarray:
-    """T that makes the strain energy least for given readings; with ``improved`` the term of IRS. Where the
-    channels are coordinates this is Guyan's [I; -K_oo^-1 K_os]; constraints allow any reading."""
+    """T that makes the strain energy least for given readings; with ``improved`` the term of IRS.
+
+    Where the channels are coordinates this is Guyan's [I; -K_oo^-1 K_os]; constraints allow any reading.
+    """
     rest = modes.equilibrium
     check_beside_modes(modes, "a reduced mass")
     free = dynamic_freedom(rest.model, rest.config, in_world=True)

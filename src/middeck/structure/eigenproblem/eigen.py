@@ -116,7 +116,9 @@ def _moves_nothing(
     K: sp.csr_array, M: sp.csr_array, sigma: float, inverse: Callable[[np.ndarray], np.ndarray]
 ) -> bool:
     """Whether the motion that K + sigma M resists least, for its coordinates, has neither mass nor stiffness.
-    ``inverse`` solves with that matrix: three steps of inverse iteration leave that motion alone."""
+
+    ``inverse`` solves with that matrix: three steps of inverse iteration leave that motion alone.
+    """
     size = np.sqrt(np.abs(K.diagonal() + sigma * M.diagonal()))
     x = np.random.default_rng(SEED).standard_normal(order(K))
     for _ in range(3):
@@ -221,8 +223,10 @@ def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, 
 
 
 def _missing(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, count: int) -> int:
-    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided. A
-    list that ends within one frequency has no gap to count at: `SPARE` more are wanted."""
+    """Modes below the widest gap at or after number ``count`` that are not in the list; -1 if undecided.
+
+    A list that ends within one frequency has no gap to count at: `SPARE` more are wanted.
+    """
     gap = np.diff(lam[count - 1 :])
     last = count - 1 + int(np.argmax(gap))
     if len(lam) < order(K) - SPARE and gap.max() <= ONE_FREQUENCY * abs(lam[last + 1]):

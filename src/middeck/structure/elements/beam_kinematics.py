@@ -265,8 +265,10 @@ SERIES = _series(24)
 
 
 def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
-    """f = acos(c)/sqrt(1 - c^2) and two derivatives, smooth through c = 1. (1 - c^2) f' = c f - 1; hence the
-    series in x = 1 - c has a_n = n/(2n + 1) a_(n-1)."""
+    """f = acos(c)/sqrt(1 - c^2) and two derivatives, smooth through c = 1.
+
+    (1 - c^2) f' = c f - 1; hence the series in x = 1 - c has a_n = n/(2n + 1) a_(n-1).
+    """
     x = 1.0 - c
     near = np.real(x) < 0.2
     found = np.zeros((3, *c.shape), c.dtype)

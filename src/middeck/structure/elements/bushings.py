@@ -193,8 +193,10 @@ def _relative_turn(less_one: Array) -> _Turn:
 
 
 def _factor(y: Array) -> tuple[Array, Array, Array]:
-    """f = angle / sin(angle) with y = 1 - cos(angle), and two derivatives. (y(2-y)) f' = 1 - (1-y) f, and its
-    own derivative; f = 1 + y/3 + 2 y^2/15 + ... near zero."""
+    """f = angle / sin(angle) with y = 1 - cos(angle), and two derivatives.
+
+    (y(2-y)) f' = 1 - (1-y) f, and its own derivative; f = 1 + y/3 + 2 y^2/15 + ... near zero.
+    """
     small = np.real(y) < NEAR
     near, far = np.where(small, y, 0.0), np.where(small, 0.5, np.where(np.real(y) < MOST, y, MOST))
     series, term = np.zeros((3, *y.shape), y.dtype), 1.0

@@ -199,8 +199,10 @@ class _FrameMotion(NamedTuple):
     R: Array
 
     def second_order(self, moment: Array) -> Array:
-        """Second derivatives of the frame's turn, weighted by the ``moment`` on it. Of the condition sum w p
-        x b = 0, by the theorem of implicit functions."""
+        """Second derivatives of the frame's turn, weighted by the ``moment`` on it.
+
+        Of the condition sum w p x b = 0, by the theorem of implicit functions.
+        """
         mu = np.linalg.solve(self.resists, moment)
         size = self.slope.shape[1]
         twice = np.zeros((3 + size, 3 + size), self.slope.dtype)

@@ -107,15 +107,19 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
 
 
 def _nearest_basis(modes: Spectrum, others: np.ndarray) -> np.ndarray:
-    """Shapes of ``modes``, those of one frequency in the basis nearest to ``others``: any is as good. The
-    basis of rigid modes has names, and stays."""
+    """Shapes of ``modes``, those of one frequency in the basis nearest to ``others``: any is as good.
+
+    The basis of rigid modes has names, and stays.
+    """
     return np.where(modes.lam > 0.0, align_repeated(modes, others).shapes, modes.shapes)
 
 
 def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -> Iterator[str]:
-    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape. Modes
-    whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
-    difference to the ratio."""
+    """Pairs with a mode of another kind, or beside which another mode has half as much of the shape.
+
+    Modes whose frequencies differ by less than `ALIKE` count as one: which of them is the partner makes no
+    difference to the ratio.
+    """
     f_0, f_1 = orbit.frequency_hz, lab.frequency_hz
     cure = f", or {CURE}" if lab.equilibrium.environment.hung else ""
     for i, j in pairs.tolist():

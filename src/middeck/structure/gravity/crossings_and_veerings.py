@@ -220,10 +220,12 @@ def _look_inside(run: Sequence[PathState], course: Course) -> list[PathState]:
 def _nearest(
     near: tuple[PathState, PathState, PathState], pair: tuple[int, int], course: Course
 ) -> Approach | None:
-    """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity. Each goes
-    through the three stations nearest to the least gap so far (one through the bracket, whose far end may
-    stay where it is, converges linearly). The last one goes through points as near as the gap is wide: the
-    rate at which it opens is that there, whatever the bracket was."""
+    """The least gap by parabolas through its square, exact for a 2x2 problem linear in gravity.
+
+    Each goes through the three stations nearest to the least gap so far (one through the bracket, whose far
+    end may stay where it is, converges linearly). The last one goes through points as near as the gap is
+    wide: the rate at which it opens is that there, whatever the bracket was.
+    """
     tried, curved = [*near], 0.0
     for _ in range(PARABOLAS):
         best = course.distance(near[1].s)
@@ -307,8 +309,10 @@ def _exchanged(before: PathState, after: PathState, pair: tuple[int, int]) -> bo
 
 
 def _put_right(run: Sequence[PathState], found: Approach) -> tuple[list[PathState], np.ndarray]:
-    """The run with branches that turn through a veering, by its three stations, or straight on, by two. Also
-    the new order of branches behind it. Stations within a crossing are left out but for places."""
+    """The run with branches that turn through a veering, by its three stations, or straight on, by two.
+
+    Also the new order of branches behind it. Stations within a crossing are left out but for places.
+    """
     done = [x for x in run if x.s < found.before.s]
     behind = [x for x in run if x.s > found.after.s]
     within = [x for x in run if found.before.s < x.s < found.after.s and x.s == round(x.s)]

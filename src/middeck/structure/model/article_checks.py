@@ -208,7 +208,9 @@ def _ties_and_loads(structure: Structure) -> Iterator[str]:
 
 def _wheels(structure: Structure) -> Iterator[str]:
     """Across its axis a rotor has half of its inertia about it, or more, and its frame's body has that too.
-    Without it a momentum would act on a motion without mass."""
+
+    Without it a momentum would act on a motion without mass.
+    """
     for wheel in structure.wheels:
         if not (np.isfinite(wheel.inertia) and wheel.inertia > 0.0):
             yield f"wheel {wheel.name!r} has an inertia of {wheel.inertia} kg m^2: positive and finite"

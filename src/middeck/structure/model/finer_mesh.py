@@ -42,7 +42,9 @@ def add_shear(structure: Structure, part: float) -> Structure:
 
 def _in_shear(section: Section, coefficient: float | None) -> Section:
     """k G A of a section from its other stiffnesses: of a round one GJ = 2 G I, so that G A = GJ EA / (2 EI).
-    Others, crosses and slit tubes among them, twist more easily than that: G is no less than a third of E."""
+
+    Others, crosses and slit tubes among them, twist more easily than that: G is no less than a third of E.
+    """
     bending = section.EI_y + section.EI_z
     if coefficient is None or not (section.GJ > 0.0 and bending > 0.0):
         return section  # a rod has no shear to speak of

@@ -151,7 +151,9 @@ def link_faults(link: AnyLink, joints: set[str]) -> Iterator[str]:
 
 def _twice(link: Link | Interpolation) -> str | None:
     """None where no frame is named twice, or an average follows each in several ways, all equally often.
-    Otherwise the mean distance, by which turns that count are weighted, would not be one."""
+
+    Otherwise the mean distance, by which turns that count are weighted, would not be one.
+    """
     count = Counter(link.frames)
     if max(count.values()) == 1:
         return None

@@ -131,9 +131,11 @@ def reduce_structure(
 
 
 class _Held(NamedTuple):
-    """The article at rest with its boundary and its free joints held, in carried coordinates. The boundary is
-    carried by nothing, so that its coordinates are those of W, and what is soft keeps its digits beside what
-    is stiff."""
+    """The article at rest with its boundary and its free joints held, in carried coordinates.
+
+    The boundary is carried by nothing, so that its coordinates are those of W, and what is soft keeps its
+    digits beside what is stiff.
+    """
 
     model: Model
     config: Configuration

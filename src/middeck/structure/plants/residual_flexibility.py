@@ -193,8 +193,10 @@ class _Kept(NamedTuple):
 def _answer_of_the_rest(
     D: sp.csr_array, factor: Factor, kept: _Kept, force: np.ndarray, free: np.ndarray
 ) -> Float[np.ndarray, "coordinate input"]:
-    """D^-1 ``force`` less what the kept modes answer, itself without any part along them. The soft kept modes
-    answer a million times more than the stiff rest: a difference would be rounding."""
+    """D^-1 ``force`` less what the kept modes answer, itself without any part along them.
+
+    The soft kept modes answer a million times more than the stiff rest: a difference would be rounding.
+    """
     by_modes = kept.answer(force)
     x = np.zeros_like(force)
     for _ in range(2):  # once more for what rounding has left

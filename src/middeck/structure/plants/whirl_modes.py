@@ -286,7 +286,9 @@ def _residual(modes: Modes, spin: Spin, basis: np.ndarray, d: np.ndarray, found:
 
 def _left_out(modes: Modes, spin: Spin, kept: int, found: Whirls) -> tuple[str, ...]:
     """A warning where the modes beyond ``kept`` would move a frequency, by their flexibility at the wheels.
-    They give way to the torques f of the wheels by R f, which takes f^H R f from the stiffness of a mode."""
+
+    They give way to the torques f of the wheels by R f, which takes f^H R f from the stiffness of a mode.
+    """
     rigid = int(np.sum(modes.omega == 0.0))
     if kept < rigid:
         raise ConfigError(

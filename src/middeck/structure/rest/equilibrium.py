@@ -335,8 +335,10 @@ def _is_held(equilibrium: Equilibrium) -> bool:
 
 
 def _check_travel(structure: Structure, angle: Float[np.ndarray, " joint"]) -> None:
-    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops. Held joints are checked with
-    the structure; a sprung one goes where its load puts it."""
+    """Raise `EquilibriumError` where a sprung joint would rest beyond its stops.
+
+    Held joints are checked with the structure; a sprung one goes where its load puts it.
+    """
     for joint, at in zip(structure.joints, angle, strict=True):
         low, high = joint.travel
         if not low <= at <= high:

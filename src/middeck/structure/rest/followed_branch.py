@@ -73,7 +73,9 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
 
 class _Newton(NamedTuple):
     """Where Newton's method ended, None where it left the branch, and the residuals of its iterations.
-    ``fitting`` times the step of the loads would have made its first step as long as it may be."""
+
+    ``fitting`` times the step of the loads would have made its first step as long as it may be.
+    """
 
     fitting: float
     to: tuple[Configuration, Inner | None] | None = None
@@ -90,9 +92,11 @@ def _newton(
     part: float,
     rough: bool,
 ) -> _Newton:
-    """Newton's method from nearby, after a further ``part`` of what is prescribed. Forces inside are unknowns
-    (see `unfold`). It ends where the next step would be rounding, whatever the loads are beside the weight;
-    on the way a ``rough`` state will do, to which it contracts."""
+    """Newton's method from nearby, after a further ``part`` of what is prescribed.
+
+    Forces inside are unknowns (see `unfold`). It ends where the next step would be rounding, whatever
+    the loads are beside the weight; on the way a ``rough`` state will do, to which it contracts.
+    """
     scale = imbalance_scale(model, loads)
     config, moved = displace(model, start, loads, part)
     inner = inner if moved is None else moved
@@ -140,8 +144,10 @@ def rest_beside(
 
 
 def _spin(model: Model, at: Assembly, loads: Loads, free: Freedom) -> sp.csr_array | None:
-    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each. The
-    rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it."""
+    """The antisymmetric part of the tangent for moments of fixed direction: -[M]/2 on the turn of each.
+
+    The rest of the tangent is that of potentials in the chart exp(theta) R, where a gradient M has it.
+    """
     moved = np.flatnonzero(np.any(loads.push[:, 3:] != 0.0, axis=1))
     if not len(moved):
         return None

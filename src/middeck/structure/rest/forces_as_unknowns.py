@@ -87,8 +87,10 @@ def _unfolding_step(
     K: sp.csr_array, least: sp.csr_array, gradient: np.ndarray, damping: float, size: float
 ) -> _Step | None:
     """Newton's step or, where something grows, one with little more damping than makes K positive definite.
-    Damping of `AHEAD` times the rate squared at which something grows lets it grow by 1 + 1/(`AHEAD` - 1) in
-    a step: a column a millionth out of line is well bent after ten. What is in line to rounding stays."""
+
+    Damping of `AHEAD` times the rate squared at which something grows lets it grow by 1 + 1/(`AHEAD` - 1)
+    in a step: a column a millionth out of line is well bent after ten. What is in line to rounding stays.
+    """
     factor = positive_factor(K) or positive_factor(sp.csr_array(K + least))
     if factor is not None:
         return _Step(-factor.solve(gradient), 0.0)

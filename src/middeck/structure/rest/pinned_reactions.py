@@ -115,8 +115,10 @@ def _settle_pinned(
     *,
     contract: bool = False,
 ) -> tuple[Configuration, np.ndarray] | None:
-    """Newton's method from ``config`` and ``force``; None where it does not settle. Or where its steps do not
-    ``contract``: it is then on its way to some other branch."""
+    """Newton's method from ``config`` and ``force``; None where it does not settle.
+
+    Or where its steps do not ``contract``: it is then on its way to some other branch.
+    """
     scale = imbalance_scale(model, loads)
     size = np.inf
     for _ in range(MAX_ITERATIONS):
@@ -154,9 +156,11 @@ def _settle_pinned(
 def _constrained_step(
     K: sp.csr_array, G: sp.csr_array, gradient: np.ndarray, slip: np.ndarray, spring: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton step (q, multipliers m): K q + G'm = -gradient, G q = -slip. A ``spring`` at every support makes
-    the matrix regular and changes nothing, for it adds the same to both sides; the multipliers then follow
-    from the compliance of the supports, S m = G q(m = 0) + slip."""
+    """Newton step (q, multipliers m): K q + G'm = -gradient, G q = -slip.
+
+    A ``spring`` at every support makes the matrix regular and changes nothing, for it adds the same to both
+    sides; the multipliers then follow from the compliance of the supports, S m = G q(m = 0) + slip.
+    """
     factor = factorise(sp.csr_array(K + spring * (G.T @ G)))
     q = np.full(len(gradient), np.inf)
     m = np.zeros(len(slip))

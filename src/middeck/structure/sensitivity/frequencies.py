@@ -57,7 +57,10 @@ class FrequencySensitivities:
 
     @property
     def relative(self) -> Float[np.ndarray, "parameter mode"]:
-        """Logarithmic sensitivities d ln f / d ln p. Not a number where either of them is zero."""
+        """Logarithmic sensitivities d ln f / d ln p.
+
+        Not a number where either of them is zero.
+        """
         values = np.array([p.value if p.value != 0.0 else np.nan for p in self.parameters])
         return self.d_hz * values[:, None] / np.where(self.frequency_hz > 0.0, self.frequency_hz, np.nan)
 

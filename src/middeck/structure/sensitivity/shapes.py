@@ -75,8 +75,10 @@ def differentiate_modes(
 
 
 def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
-    """The rest state with the derivatives in one parameter in its imaginary parts. Its residual, holding
-    torques and tensions are not perturbed."""
+    """The rest state with the derivatives in one parameter in its imaginary parts.
+
+    Its residual, holding torques and tensions are not perturbed.
+    """
     patch, tree = moved.patches[number], rest.model.tree
     patch = patch._replace(
         model=lay_out(dataclasses.replace(patch.structure, links=())),  # those are in `ties`
@@ -149,7 +151,9 @@ class _Pencil(NamedTuple):
 
     def solve(self, lam: float, group: np.ndarray, load: np.ndarray, start: np.ndarray) -> np.ndarray:
         """x of (K - lam M) x = load but for forces of the group and of links, orthogonal to it in the mass.
-        It differs from ``start`` by what links allow."""
+
+        It differs from ``start`` by what links allow.
+        """
         A, own = sp.csr_array(self.own_K - lam * self.own_M), self.free.coordinates(group)
         inside = self.free.part(load - self.K @ start + lam * (self.M @ start))
         diagonal = np.abs(A.diagonal())

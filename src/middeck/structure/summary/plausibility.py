@@ -250,8 +250,10 @@ def _bodies(structure: Structure, of: Measures) -> Iterator[str]:
 
 
 def _sections(structure: Structure, of: Measures, length: np.ndarray) -> Iterator[str]:
-    """One sentence a section, at the first member that has it. A density of zero, or of a power of ten, is
-    one for form's sake where its members weigh next to nothing."""
+    """One sentence a section, at the first member that has it.
+
+    A density of zero, or of a power of ten, is one for form's sake where its members weigh next to nothing.
+    """
     seen: dict[Section, str] = {}
     weight: dict[Section, float] = {}
     for member, long in zip(structure.members, length.tolist(), strict=True):

@@ -214,8 +214,10 @@ def _bending(rods: _Rods, axis: np.ndarray, frames: np.ndarray) -> tuple[float, 
 def _cut_stiffness(
     x: np.ndarray, cosine: np.ndarray, EA: np.ndarray, EI: np.ndarray, axis: np.ndarray
 ) -> float:
-    """Bending stiffness of the members cut, about the softer axis across. A member that leans by ``cosine``
-    stretches along it with EA cosine^3; leaning bends as it stands upright."""
+    """Bending stiffness of the members cut, about the softer axis across.
+
+    A member that leans by ``cosine`` stretches along it with EA cosine^3; leaning bends as it stands upright.
+    """
     k = EA * cosine**3
     r = x - k @ x / k.sum()
     r = r - (r @ axis)[:, None] * axis

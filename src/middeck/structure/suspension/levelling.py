@@ -229,8 +229,10 @@ def _rates(task: _Task, at: _Hung) -> np.ndarray:
 
 
 def _within(rates: np.ndarray, at: _Hung, limit: float) -> np.ndarray | None:
-    """Newton's step, the shortest there is, with offsets that it would take beyond the limit left at it. None
-    where too few offsets remain."""
+    """Newton's step, the shortest there is, with offsets that it would take beyond the limit left at it.
+
+    None where too few offsets remain.
+    """
     step, free = np.zeros(len(at.change)), np.ones(len(at.change), dtype=bool)
     while True:
         left = at.tilt + rates[:, ~free] @ step[~free]

@@ -117,8 +117,10 @@ def _predict(
 def _zeros_of(
     refined: Refined, gauges: Sequence[Gauge], since_unloaded: bool, series: str
 ) -> tuple[Float[np.ndarray, "gauge zero"], Bool[np.ndarray, " gauge"]]:
-    """How readings follow the errors of the tests' unloaded ones, and which of the gauges do. Raises
-    `ConfigError` for a series that no static test has."""
+    """How readings follow the errors of the tests' unloaded ones, and which of the gauges do.
+
+    Raises `ConfigError` for a series that no static test has.
+    """
     named = {zero[0] for zero in refined.zeros}
     if series and series not in named:
         raise ConfigError(

@@ -99,8 +99,10 @@ def _one(delayed: Plant, law: Compensator, weights: LQGWeights) -> tuple[float, 
 def _least_square(
     plant: Plant, weights: LQGWeights, kalman: KalmanFilter, effort: float, alone: float
 ) -> float:
-    """The best bound of rms^2 over rho, ``effort`` and ``alone`` being squares too; not finite for none. It
-    is concave in rho, and where rho ``effort`` is ``alone`` it is zero at most: the best is on one side."""
+    """The best bound of rms^2 over rho, ``effort`` and ``alone`` being squares too; not finite for none.
+
+    It is concave in rho, and where rho ``effort`` is ``alone`` it is zero at most: the best is on one side.
+    """
 
     def surplus(log_authority: float) -> float:
         level = float(np.exp(log_authority))

@@ -224,8 +224,10 @@ def _ratio_db(
 
 def _as_articles_differ(found: Slipped) -> Slipped:
     """Draws nearer to their mean by the variance of their simulation (Louis 1984, J. Am. Stat. Assoc. 79).
-    Each is the article's decibels and an error of its own records: left in, that widens every interval. Where
-    draws of one linear performance slip alike, that is narrowed with the rest."""
+
+    Each is the article's decibels and an error of its own records: left in, that widens every interval.
+    Where draws of one linear performance slip alike, that is narrowed with the rest.
+    """
     held = np.isfinite(found.db)
     if np.count_nonzero(held) < 2:
         return found
@@ -242,10 +244,12 @@ def _as_articles_differ(found: Slipped) -> Slipped:
 
 def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray, " draw"]) -> float:
     """Expected variance of what articles differ by, all being as likely before: zero only where ``db`` agree.
+
     A difference of moments is zero, and all intervals with it, wherever chance makes the spread less than the
     noise (Morris 1983, J. Am. Stat. Assoc. 78). A noise told from few records errs to either side: by
     simulation the spread comes out right where noise is small, and up to 1.8 times too wide where it is twice
-    what articles differ by."""
+    what articles differ by.
+    """
     tried = np.linspace(0.0, 4.0, TRIED)[1:, None] * np.var(db, ddof=1)
     if not np.any(tried):
         return 0.0

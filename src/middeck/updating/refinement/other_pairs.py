@@ -45,8 +45,10 @@ class OtherPair(NamedTuple):
 
 class _Rows(NamedTuple):
     """Errors of ln f at the mean of the prior, slopes over prior deviations, deviations without the unknowns.
+
     One row for each mode that a measured one may be, first those that were taken. ``measured`` numbers the
-    measured modes of all surveys, ``mode`` the modes of the model in all."""
+    measured modes of all surveys, ``mode`` the modes of the model in all.
+    """
 
     y: np.ndarray
     J: np.ndarray

@@ -366,8 +366,10 @@ def _places(
 
 
 def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
-    """Half of it for steps that swing, twice of it, up to one, for others. Both in deviations of the prior:
-    those of the answer shrink with the model's errors on the way there."""
+    """Half of it for steps that swing, twice of it, up to one, for others.
+
+    Both in deviations of the prior: those of the answer shrink with the model's errors on the way there.
+    """
     swings = step @ last < 0.0 and np.linalg.norm(step) > SHRINKS * np.linalg.norm(last)
     return 0.5 * pace if swings else min(1.0, 2.0 * pace)
 

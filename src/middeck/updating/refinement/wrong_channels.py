@@ -55,7 +55,9 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
 
 class _Shapes(NamedTuple):
     """Measured shapes, their deviations, motion of the model, its paired modes, and which are close.
-    ``motion`` has the channels, then all nodes; ``straight`` says which of its rows are in metres."""
+
+    ``motion`` has the channels, then all nodes; ``straight`` says which of its rows are in metres.
+    """
 
     read: np.ndarray
     std: np.ndarray

@@ -190,9 +190,11 @@ def _independent(
     unknowns: int,
 ) -> ComparedResponse:
     """Independent rows that say all that the measured ones do, no more than there are unknowns and one.
+
     Common errors n are unknowns of deviation one beside x. Of the triangular factor of both, divided by the
-    rows' own deviations, the part below n is what remains for x (Bjorck 1996, 2.7), and its last column the
-    residual, whose square is that of all rows under their covariance."""
+    rows' own deviations, the part below n is what remains for x (Bjorck 1996, 2.7), and its last column
+    the residual, whose square is that of all rows under their covariance.
+    """
     whole, common, count = np.zeros((0, unknowns + 1)), 0, 0
     if found:
         std = np.concatenate([r.std for r in found])[:, None]
@@ -226,10 +228,12 @@ def _rms(values: np.ndarray) -> float:
 def _of_path(
     beside: _Beside, measured: MeasuredPath, open_x: np.ndarray
 ) -> tuple[_Rows, Complex[np.ndarray, " line"]]:
-    """Log magnitude and phase; and the complex errors. ln(1 + d) is d to first order, wrong by half its
-    square: where a pole that no survey measured, or a sum that nearly cancels, may move a line by d of
-    itself, that is an error of the line's own. Gains and delay are linear in the logarithm whatever their
-    size."""
+    """Log magnitude and phase; and the complex errors.
+
+    ln(1 + d) is d to first order, wrong by half its square: where a pole that no survey measured, or a sum
+    that nearly cancels, may move a line by d of itself, that is an error of the line's own. Gains and delay
+    are linear in the logarithm whatever their size.
+    """
     path = beside.outputs.index(measured.output), beside.inputs.index(measured.input)
     s, H = 2j * np.pi * measured.hz, measured.H
     parts = beside.model.parts(s, *path)

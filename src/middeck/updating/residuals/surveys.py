@@ -288,10 +288,12 @@ def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
 def _mixtures(
     modes: Modes, survey: Survey, pairs: np.ndarray, column: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The share of each paired mode in each measured shape, one of its own, and the deviations of that. Of
-    all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
+    """The share of each paired mode in each measured shape, one of its own, and the deviations of that.
+
+    Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
     deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
-    tell nothing, however many there are."""
+    tell nothing, however many there are.
+    """
     count, measured = len(pairs), survey.measured
     c, c_std = np.eye(count), np.zeros((count, count))
     channels = len(measured.node)
@@ -309,8 +311,10 @@ def _mixtures(
 
 
 def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """What ``shape`` has of each column of ``basis``, of ``one`` of them 1, and the deviations of that. None
-    where the rows of both, of unit deviation, do not tell the columns apart."""
+    """What ``shape`` has of each column of ``basis``, of ``one`` of them 1, and the deviations of that.
+
+    None where the rows of both, of unit deviation, do not tell the columns apart.
+    """
     if len(basis) <= basis.shape[1]:
         return None
     Q, R = np.linalg.qr(basis)

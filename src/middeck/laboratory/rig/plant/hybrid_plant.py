@@ -129,14 +129,18 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
 
 def _split_command(ticks: float) -> tuple[int, float]:
     """`HybridPlant.delay_ticks`, and when in a tick [ticks] the later command takes over: after 0, up to 1.
-    Without any delay it takes over at 0."""
+
+    Without any delay it takes over at 0.
+    """
     whole, part = split_delay(ticks)
     return (whole - 1, 1.0) if whole and not part else (whole, part)
 
 
 def _chain(ticks: float, direct: bool) -> tuple[int, float]:
-    """Length of the chain in which a sample waits, and when in a tick [ticks] it was taken. What answers a
-    command ``direct`` is sampled at the end of a tick, where the command that acts is known."""
+    """Length of the chain in which a sample waits, and when in a tick [ticks] it was taken.
+
+    What answers a command ``direct`` is sampled at the end of a tick, where the command that acts is known.
+    """
     whole, part = split_delay(ticks)
     length = max(whole + (part > 0.0), int(direct))
     return length, length - (whole + part)

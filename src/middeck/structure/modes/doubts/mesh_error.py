@@ -133,9 +133,11 @@ def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mod
 
 
 def _principal(beams: BeamProperties) -> tuple[BeamProperties, Float[np.ndarray, " element"]]:
-    """The properties in axes across each element that decouple its bendings, and their angle [rad]. The angle
-    is zero unless a section couples them. Ends that turn alike and oppositely leave the constant bending,
-    whose stiffness 2 D / L has no shear."""
+    """The properties in axes across each element that decouple its bendings, and their angle [rad].
+
+    The angle is zero unless a section couples them. Ends that turn alike and oppositely leave the constant
+    bending, whose stiffness 2 D / L has no shear.
+    """
     K = beams.stiffness
     near, far = (K[:, [[Y1], [Z1]], [last]] for last in ([Y1, Z1], [Y2, Z2]))
     D = 0.5 * beams.length[:, None, None] * (near - far)
@@ -223,8 +225,10 @@ def _bending_loads(
     L: np.ndarray, EI: np.ndarray, rho_A: np.ndarray, rho_I: np.ndarray, shear: np.ndarray, pull: np.ndarray
 ) -> tuple[Float[np.ndarray, "element point 4"], Float[np.ndarray, "element point 4"]]:
     """Root of a clamped element's energy under the inertia of its four static shapes, and under their pull.
+
     The stress resultants of each load are those of a cantilever less the end forces that make the
-    complementary energy least: exact for Bernoulli and Timoshenko beams."""
+    complementary energy least: exact for Bernoulli and Timoshenko beams.
+    """
     x, weight, integral = _gauss()
     shapes = [transverse_shapes(at, L, shear) for at in x]
     v, slope = (np.stack([s[k] for s in shapes], axis=1) for k in (0, 1))

@@ -187,8 +187,10 @@ class _Lines:
 
 def _across(axis: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Two unit vectors across, one as near to a world axis as can be, and the names of bending along them.
+
     That is the plane of bending where its normal has a letter, or the letter of the direction; one name for
-    both where one of them has neither."""
+    both where one of them has neither.
+    """
     e = np.eye(3)[int(np.argmin(np.abs(axis)))]
     e = e - (axis @ e) * axis
     e = e / np.linalg.norm(e)

@@ -88,8 +88,10 @@ def component_warnings(
 
 
 def _virial(part: Component, pull: np.ndarray, gravity: np.ndarray) -> tuple[float, float]:
-    """Forces times lengths [N m] in the component's axes, and its length [m]. The length is that of its
-    grids, and of a rod with its largest second moment of mass."""
+    """Forces times lengths [N m] in the component's axes, and its length [m].
+
+    The length is that of its grids, and of a rod with its largest second moment of mass.
+    """
     m, centre, inertia = body_of(part)
     arms = part.positions - centre
     second = 0.5 * np.trace(inertia) * np.eye(3) - inertia

@@ -116,8 +116,10 @@ def rigid_basis(
 
 
 def _amounts(motions: np.ndarray, mode: np.ndarray, M: sp.csr_array) -> Float[np.ndarray, " motion"]:
-    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia. That
-    of rotations is their largest: about axes across each other, the larger angle counts."""
+    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia.
+
+    That of rotations is their largest: about axes across each other, the larger angle counts.
+    """
     own = _norm(motions, M)
     unit = motions / np.where(own > 0.0, own, 1.0)
     parts = np.linalg.lstsq(unit.T @ (M @ unit), unit.T @ (M @ mode), rcond=NEW_PART**2)[0]

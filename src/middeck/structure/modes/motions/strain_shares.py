@@ -148,7 +148,9 @@ def _each_member(equilibrium: Equilibrium, changes: np.ndarray) -> np.ndarray:
 
 def _element_energies(equilibrium: Equilibrium, changes: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
     """Elements by the hundred, whose arrays stay in the cache, and the energy of each of their deformations.
-    That is (element, 6, mode); ``changes`` are those of all poses."""
+
+    That is (element, 6, mode); ``changes`` are those of all poses.
+    """
     model = equilibrium.model
     x, T = element_poses(model, equilibrium.config)
     _, slope = beam_deformations(model.beams, x, T)

@@ -210,9 +210,11 @@ def in_one_piece(model: Model) -> bool:
 
 
 def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
-    """Number of rigid-body modes of the same structure, free and undeformed. What members join to one piece
-    has six, and one for each free joint; springs can add mechanisms or take joints away, and then the modes
-    of no stiffness are counted."""
+    """Number of rigid-body modes of the same structure, free and undeformed.
+
+    What members join to one piece has six, and one for each free joint; springs can add mechanisms or take
+    joints away, and then the modes of no stiffness are counted.
+    """
     model = equilibrium.model
     free = dynamic_freedom(model, model.rest)
     if in_one_piece(model):

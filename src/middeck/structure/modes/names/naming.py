@@ -71,7 +71,9 @@ def name_modes(
 
 def _order(bent: np.ndarray, before: Sequence[np.ndarray | None]) -> int:
     """Place of a bending among those in its plane: one across is none of them, one half way is half of one.
-    Modes of one frequency, of which any basis will do, have half of each plane."""
+
+    Modes of one frequency, of which any basis will do, have half of each plane.
+    """
     shared = np.array([np.sum(bent * other) for other in before if other is not None])
     clear = np.where(shared > 1.0 - UNCLEAR, 1.0, np.where(shared < UNCLEAR, 0.0, 0.5))
     return 1 + int(clear.sum() + 0.5)
@@ -147,8 +149,10 @@ def _ordinal(count: int) -> str:
 
 
 def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -> list[str]:
-    """Label of each mode's largest effective mass, each motion's relative to its own. Of motions that clamps
-    and links leave: all of an article that floats in one piece."""
+    """Label of each mode's largest effective mass, each motion's relative to its own.
+
+    Of motions that clamps and links leave: all of an article that floats in one piece.
+    """
     if equilibrium.model.held is None and in_one_piece(equilibrium.model):
         motions, names = rigid_motions(equilibrium, M)
     else:

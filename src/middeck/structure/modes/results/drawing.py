@@ -312,9 +312,11 @@ def _ties(model: Model) -> Iterator[_Stroke]:
 
 
 def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
-    """From the centre of mass of each component to its grids, and to the points that its outputs move. What
-    else it is inside is not known. Its centre of mass moves by the momentum of all of its coordinates, the
-    modal ones too."""
+    """From the centre of mass of each component to its grids, and to the points that its outputs move.
+
+    What else it is inside is not known. Its centre of mass moves by the momentum of all of its coordinates,
+    the modal ones too.
+    """
     model = equilibrium.model
     lines: list[Strand] = []
     places = [np.zeros((2, 0, 3))]
