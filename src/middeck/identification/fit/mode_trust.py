@@ -128,8 +128,8 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     close = ", ".join(f"{f[m]:.6g}" for m in order if standing[m] == "unresolved")
     if close:
         found.append(
-            f"modes at {close} Hz: not resolved, their distance is below {APART:g} standard deviations, where "
-            "linearised standard deviations are not valid; record longer, or add an output or input"
+            f"modes at {close} Hz: not resolved, their distance is below {APART:g} standard deviations, "
+            "where linearised standard deviations are not valid; record longer, or add an output or input"
         )
     return found
 
