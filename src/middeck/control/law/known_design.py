@@ -20,8 +20,8 @@ SHARE = 3e-7
 """Of its decay, by which rounding moves a pole of a plant whose designs are computed again: a third of what
 other numbers take, for a Riccati equation squares the condition of mixed states (1 % was silent)."""
 UNCERTAIN = 3e-4
-"""Change of a response or cost that warns: of 133 designs no error was above 1.6 times the largest of the
-draws."""
+"""Change of a response or cost that warns: a third of what is not silent, since three draws may miss the
+largest."""
 
 
 @record
