@@ -79,7 +79,7 @@ def test_a_hold_that_is_pushed_about_stays_verified(hz):
 
 @pytest.mark.parametrize("damping", repeats([0.0, 0.01, 0.3]))
 def test_an_article_that_noise_sets_in_motion_loses_no_hold(damping):
-    """Without damping a third of the waits see three windows in a row, of some length, that grow by a fifth."""
+    """Without damping a third of the waits see three windows of some length in a row grow by a fifth."""
     rig = pendulum(2.0, push=0.02, noise=1e-6, start=0.0, step=0.02)
     hold = held(-2.0 * damping * INERTIA, verify_s=0.4, period_s=0.02)
     for seed in seeds_of("waits in READY from rest: ten minutes of 24 h"):
