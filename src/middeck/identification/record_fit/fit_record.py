@@ -45,6 +45,7 @@ from middeck.identification.record_fit.record_spectra import (
     without_drift,
     without_trend,
 )
+from middeck.identification.record_fit.record_terms import record_doubts
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
@@ -314,7 +315,9 @@ def _result(
         *_doubts_of_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    lacking = fitted.sample_hz is None and input_noise is None
+    wrong = record_doubts(run, data, covariance) if lacking else []
+    wrong += [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     if model.sample_hz is None:
         wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
