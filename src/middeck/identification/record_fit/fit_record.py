@@ -32,7 +32,8 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.model.refused_data import check_record, check_word
 from middeck.identification.model.steady_simulation import folded_response
 from middeck.identification.model.unstable_article import refuse_growth
-from middeck.identification.problem.data import Data
+from middeck.identification.order.recommended_order import count_unknowns
+from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
 from middeck.identification.record_fit.continuous_fit import fit_continuous
@@ -205,7 +206,7 @@ def _fit(
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = decided(lines, asked)
-    _check_length(record, options.moving + options.at_zero)
+    _check_length(data, lines, options)
     with residual_tests.named_cause(measured):
         if sampled:
             run, reason = choose_record(
@@ -246,15 +247,19 @@ def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
     return driven_band(inputs, rate)[1] >= NYQUIST * 0.5 * rate
 
 
-def _check_length(record: Record, states: int) -> None:
-    experiments, periods, samples, inputs = record.u.shape
-    outputs = record.y.shape[3]
-    unknowns = states * (inputs + outputs + outputs * experiments)
-    numbers = experiments * periods * samples * outputs
-    if unknowns >= numbers:
+def _check_length(data: Data, lines: FrequencyResponse, options: FitOptions) -> None:
+    """Raise `FitError` for as many unknowns as numbers, the terms that follow the ends included."""
+    assert data.transient is not None
+    outputs, _, experiments = data.H.shape
+    end = 0 if options.period_s else 1
+    degree = 2 if options.residuals or options.rigid else 1
+    free = Transient(data.period_s, end, end).drift_and_edges(data.s, degree)
+    unknowns = count_unknowns(lines, options) + outputs * experiments * (options.moving + len(free))
+    if unknowns >= 2 * data.H.size:
         raise FitError(
-            f"{unknowns} unknowns, transients among them, cannot be fitted to {numbers} samples",
-            hint="fewer states, or a longer record",
+            f"{unknowns} unknowns, transients and free ends among them, cannot be fitted to "
+            f"{2 * data.H.size} numbers, two on each line of each output",
+            hint="fewer states, a longer record, or a wider band",
         )
 
 
