@@ -19,12 +19,13 @@ from middeck.errors import ConfigError
 from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
+from middeck.realtime.gate.steps_on_paper import check_error_bound
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks
 from middeck.realtime.package.modal_form import to_modal
 from middeck.realtime.package.package_law import package_law, without_applied
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.single_precision import to_single
+from middeck.realtime.package.single_precision import bound_error, to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -282,6 +283,21 @@ def test_the_bound_in_single_precision_holds_for_commands_that_others_add(tmp_pa
     single = to_single(package)
     worst = worst_error(package, single, 30_000, tmp_path)
     assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
+
+
+def test_a_bound_for_own_commands_asks_that_no_limit_or_fade_touches_them(tmp_path):
+    """Of this law errors grow under limits, which its inputs do not let it reach."""
+    law = random_law(np.random.default_rng(1), 12, 3, 2, radii=(0.8, 0.998))
+    law = dataclasses.replace(law, applied=15.0 * law.applied)
+    package = package_law(law, "law", input_range=0.01, limit=30.0)
+    single = to_single(package)
+    assert bound_error(package).own
+    worst = worst_error(package, single, 3000, tmp_path)
+    assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
+    assert check_error_bound(single).said.endswith("for its own commands applied in full")
+    for touched in ({"limit": 0.3}, {"limit": 30.0, "ramp_s": 1.0}):
+        with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
+            to_single(package_law(law, "law", input_range=0.01, **touched))
 
 
 def test_what_has_no_bound_is_refused():

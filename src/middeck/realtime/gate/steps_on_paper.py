@@ -148,10 +148,13 @@ def check_error_bound(package: ControllerPackage) -> GateStep:
         return _step("error bound", [error.what], "")
     faults = [
         f"output {p.name} states an error bound of {stated:.3g}, but rounding may reach {needed:.3g}"
-        for p, stated, needed in zip(package.outputs, package.error_bound, least, strict=True)
+        for p, stated, needed in zip(package.outputs, package.error_bound, least.outputs, strict=True)
         if stated < needed
     ]
-    return _step("error bound", faults, f"at most {float(package.error_bound.max()):.3g}")
+    said = f"at most {float(package.error_bound.max()):.3g}"
+    if least.own:
+        said += ", for its own commands applied in full"
+    return _step("error bound", faults, said)
 
 
 def check_model(package: ControllerPackage, name: str, plant: Plant, least: GateMargins) -> GateStep:
