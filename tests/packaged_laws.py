@@ -13,6 +13,7 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_law import without_applied
 from middeck.realtime.package.rounding_errors import LinearLaw, unfold_law
 from middeck.realtime.package.single_precision import bound_error
 from middeck.signals.ports import Port
@@ -151,7 +152,8 @@ def worst_error(
     own = bound_error(package).own
     noise = np.sign(np.random.default_rng(5).standard_normal((count, m + len(package.outputs))))
     worst = np.zeros(len(package.outputs))
-    for signs in (*worst_signs(package, count), noise):
+    moved = without_applied(package) if own else package
+    for signs in (*worst_signs(moved, count), noise):
         for part in (1.0, 0.3):
             y = (part * single.input_range * signs[:, :m]).astype(np.float32).astype(float)
             tried = [(y,)]

@@ -259,6 +259,29 @@ def test_peaks_are_bounded_from_above_and_closely():
     assert 1e5 <= float(bound_peaks(slow, np.eye(1), np.eye(1), np.zeros((1, 1)))[0, 0]) < 1.1e5
 
 
+def test_limits_of_size_and_slew_at_once_act_as_written():
+    """Of random laws with both, which learn what is applied, in a loop of its own."""
+    both = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        law, limit = random_law(rng, 8, 2, 2, radii=(0.8, 0.99)), rng.uniform(0.05, 1.0, 2)
+        step = limit * rng.uniform(0.05, 0.5, 2)
+        reference = ReferenceLaw(
+            package_law(law, "law", input_range=1.0, limit=limit, slew_rate=step / PERIOD_S)
+        )
+        s, x, last = law.sampled, np.zeros(8), np.zeros(2)
+        slewed = sized = False
+        for y in np.clip(rng.standard_normal((200, 2)), -1.0, 1.0):
+            wanted = s.C @ x + s.D @ y
+            within = last + np.clip(wanted - last, -step, step)
+            u = np.clip(within, -limit, limit)
+            assert reference.step(y) == pytest.approx(u, rel=1e-9, abs=1e-11)
+            slewed, sized = slewed or bool(np.any(within != wanted)), sized or bool(np.any(u != within))
+            x, last = s.A @ x + s.B @ y + law.applied @ (u - wanted), u
+        both += slewed and sized
+    assert both >= 6
+
+
 @pytest.mark.parametrize("applied", [False, True])
 def test_single_precision_stays_within_its_bound(applied, tmp_path):
     ratios = []

@@ -175,8 +175,8 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
     by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
     without. An output whose limit of slew a growing motion within the sensors' ranges does not reach
-    (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so: it is
-    no proof for limits that come and go.
+    (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so, each
+    with limits of one kind: it is no proof for limits that come and go, nor for size and slew at once.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
