@@ -7,8 +7,9 @@ refined on some of what was measured, against the rest.
 CASES, of sheet, five, response, rig, promise, coverage, slip, frontier, multimodel, motors, Sag and Torsion,
 are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with
 one BLAS thread. Sheet and five are refined on modal surveys of the truth, response on its responses too, rig
-on records of it, which take an hour. The case "frontier" takes hours: with a folder it keeps the outcome of
-each truth there, and goes on where it was cut off; a folder holds for one state of the code.
+on records of it, which take an hour. The cases "frontier", "motors" and "slip" take hours: with a folder they
+keep the outcome of each truth there, and go on where they were cut off; a folder holds for one state of the
+code.
 """
 
 from __future__ import annotations

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from measured.kept import kept
 from measured.promise import AUTHORITY, LEAST_DB, case
 from measured.rows import miss_row, row
+from middeck.campaign.cases import Case
 from middeck.updating.promise.promise import design_ladder, promise
-from middeck.updating.refinement.refine import Refined
 
 # Disturbance [N m rms to 60 Hz]: the largest error of a promise there [dB], and how long the rig runs
 # without a compensator [s]. Friction does most there, and most at the smaller one: 400 s, or 2000, err by
@@ -37,23 +38,29 @@ class Came(NamedTuple):
     seconds: float
 
 
-def rows(_: str) -> list[dict[str, Any]]:
+def rows(options: Any) -> list[dict[str, Any]]:
     """Both disturbances."""
-    refined = [case.refined(seed) for seed in range(SEEDS)]
+    of_truths = kept(slips_of_truth, SEEDS, options)
     return [
-        one for torque, (level, alone_s) in TORQUES.items() for one in _rows(torque, level, alone_s, refined)
+        one
+        for torque in TORQUES
+        for one in _rows(torque, [Came(*c) for each in of_truths for c in each[str(torque)]])
     ]
 
 
-def _rows(torque: float, level: float, alone_s: float, refined: list[Refined]) -> list[dict[str, Any]]:
-    found = [one for seed, each in enumerate(refined) for one in _compensators(seed, each, torque, alone_s)]
+def slips_of_truth(truth: Case, _: Any) -> dict[str, list[list[float]]]:
+    """Each compensator's `Came`, by disturbance."""
+    return {str(torque): [list(c) for c in _compensators(truth.index, torque)] for torque in TORQUES}
+
+
+def _rows(torque: float, found: list[Came]) -> list[dict[str, Any]]:
     some = [c for c in found if np.isfinite(c.db) and c.db <= LEAST_DB]
     error = np.array([abs(c.median - c.db) for c in some])
     missed = 100.0 * np.mean([not c.low <= c.db <= c.high for c in some])
     without = [abs(c.linear - c.db) for c in some]
     title = f"slip, promise at {torque:g} N m rms, {len(some)} compensators of {SEEDS} truths"
     return [
-        row(title, "|promised median - truth|, median", "dB", np.median(error), level),
+        row(title, "|promised median - truth|, median", "dB", np.median(error), TORQUES[torque][0]),
         row(title, "the same, largest", "dB", error.max()),
         row(title, "the same, friction left out, median", "dB", np.median(without)),
         miss_row(title, "95 % intervals that miss", missed),
@@ -62,7 +69,8 @@ def _rows(torque: float, level: float, alone_s: float, refined: list[Refined]) -
     ]  # fmt: skip
 
 
-def _compensators(seed: int, refined: Refined, torque: float, alone_s: float) -> list[Came]:
+def _compensators(seed: int, torque: float) -> list[Came]:
+    refined, alone_s = case.refined(seed), TORQUES[torque][1]
     asked = case.with_slips(case.plan(AUTHORITY, DRAWS), torque)
     start = time.process_time()
     (found,) = promise(refined, asked).values()

@@ -232,7 +232,7 @@ def test_no_law_designed_in_mixed_states_is_silently_another(kind: str, campaign
     1e3 at most one in fifty warns."""
     design = DESIGNS[kind]
     omega, known, warned = np.geomspace(0.05, 50.0, 40), 0, 0
-    clean_warned, seeds = 0, campaign(60)
+    clean_warned, seeds = 0, campaign(180, share=30)
     for seed in seeds:
         rng = np.random.default_rng([91, seed])
         plant, weights = _sharp(rng)[0], unit_weights(("force",), 10.0 ** rng.uniform(-8.0, 0.0))

@@ -16,12 +16,6 @@ from middeck.values import record
 
 SCALINGS = 4
 """Rounds in which sizes of outputs and inputs settle."""
-SHARE = 3e-7
-"""Of its decay, by which rounding moves a pole of a plant whose designs are computed again: a third of what
-other numbers take, for a Riccati equation squares the condition of mixed states (1 % was silent)."""
-UNCERTAIN = 3e-4
-"""Change of a response or cost that warns: a third of what is not silent, since three draws may miss the
-largest."""
 
 
 @record
@@ -59,7 +53,7 @@ def design_known(
         apart = (statespace_response(seen.system, lines) / sizes).ravel()
         return np.concatenate([np.real(apart), np.imag(apart), np.log([seen.cost])])
 
-    return measure_known(what, design, numbers, plant, share=SHARE, uncertain=UNCERTAIN, stacklevel=4)
+    return measure_known(what, design, numbers, plant, stacklevel=4)
 
 
 def _lines(seen: DesignView) -> Float[np.ndarray, " line"]:

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool
 
+from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
@@ -51,6 +52,12 @@ def partition_modes(plant: Plant) -> ModePartition:
     names = tuple(name for name, out in zip(modal.names, inert, strict=True) if out)
     active = dataclasses.replace(plant, dynamics=select_modes(modal, ~inert)) if names else plant
     return ModePartition(active, names)
+
+
+def pose_modes(plant: Plant) -> ModePartition:
+    """As `partition_modes`, in states that are not mixed (`unmix_states`): a design squares them."""
+    part = partition_modes(plant)
+    return ModePartition(unmix_states(part.active), part.inert)
 
 
 def _partition_states(plant: Plant, system: StateSpace) -> ModePartition:

@@ -9,7 +9,8 @@ import numpy as np
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.integrators import part_integrators, realise_residues
-from middeck.systems.state_space.statespace import StateSpace, add
+from middeck.systems.state_space.modal_states import modal_states
+from middeck.systems.state_space.statespace import StateSpace, add, poles
 
 DEPENDENT = 1e8
 """Condition number of unit eigenvectors beyond which modes count as inseparable: half the digits are lost."""
@@ -52,3 +53,24 @@ def part_modes(plant: Plant) -> Plant:
         *(f"pole {k + 1}, {rate:.4g} rad/s" for k, rate in enumerate(np.real(values[real]))),
     )
     return dataclasses.replace(plant, dynamics=add(chain, blocks), state_names=names)
+
+
+def unmix_states(plant: Plant) -> Plant:
+    """The plant in states of which each group belongs to its own poles, in order of their magnitude.
+
+    Each has the name that most of it had, or "mode of 2.5 Hz" where states had none. The plant as it is where
+    its states are not mixed (`modal_states`).
+    """
+    system = plant.dynamics
+    T = modal_states(system.A) if isinstance(system, StateSpace) else None
+    if T is None or not isinstance(system, StateSpace):
+        return plant
+    back = np.linalg.inv(T)
+    inside = StateSpace(back @ system.A @ T, back @ system.B, system.C @ T, system.D)
+    if plant.state_names:
+        given = list(dict.fromkeys(plant.state_names))
+        of = np.array(given)[:, None] == np.array(plant.state_names)
+        names = tuple(given[k] for k in np.argmax(of @ np.abs(T * back.T), axis=0))
+    else:
+        names = tuple(f"mode of {rate / (2.0 * np.pi):.4g} Hz" for rate in np.sort(np.abs(poles(system))))
+    return dataclasses.replace(plant, dynamics=inside, state_names=names)

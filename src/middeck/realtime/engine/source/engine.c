@@ -90,7 +90,7 @@ static void go_safe(engine *e, const trip_cause *cause)
             put_on_blacklist(e, e->slots[k].p.law_hash);
         stop_slot(&e->slots[k]);
     }
-    if (alone && e->hold_verified && is_of_the_hold(cause)) {
+    if (alone && e->hold_verified && (is_of_the_hold(cause) || e->doubted)) {
         e->hold_verified = 0;
         lose_hold(e, cause);
     }

@@ -66,6 +66,9 @@ typedef struct {
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
     drift_states drift;
+    enum outwards outwards;      /* whether what the hold holds moves out, and which sensor says so */
+    int outwards_at;
+    int doubted;                 /* it may have moved out, and has not been quiet again for as long as a verification takes */
     whole since_trip;            /* or since the hold was lost */
     whole take_over;             /* samples until the safe state has taken over */
     real taken_over;             /* largest amplitude over its reach, squared, when the safe state took over */
