@@ -31,7 +31,7 @@ CAMPAIGNS = {
     "samples that cannot be, in every state": Campaign(3 * 5 * 25, 3 * 5 * 2),
     "STOP in every state": Campaign(6 * 25, 6 * 2),
     "engaging and disengaging": Campaign(2 * 25, 3),
-    "normal operation: half minutes of 24 h": Campaign(2 * 24 * 60, 180),
+    "normal operation: half minutes of 24 h": Campaign(2 * 24 * 60, 144),
     "waits in READY from rest: ten minutes of 24 h": Campaign(144, 8),
     "random packages past the gate": Campaign(1000, 50),
     "packages that only the truth destabilises, past the gate": Campaign(1000, 50),
