@@ -24,7 +24,7 @@ Kind = Literal["input", "path", "output", "filter"]
 # Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4.
 TOLD = 5.0
 # Powers of s of a filter's terms: its delay is the output's, of the first.
-FILTER = (2, 3, 4)
+FILTER = (2, 3)
 # Deviations by which a lacking term must move an unknown of the fit before it is told.
 MOVED = 1.0
 # Share of a term that the fitted unknowns must leave, in squares, for it to be told from them.
