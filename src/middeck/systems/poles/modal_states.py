@@ -11,10 +11,11 @@ from typing import Any, cast
 
 import numpy as np
 import scipy.linalg as sla
-from jaxtyping import Bool, Float
+import scipy.sparse.csgraph as csgraph
+from jaxtyping import Bool, Complex, Float
 from scipy.linalg import lapack
 
-from middeck.systems.poles.rounding import poles_with_rounding
+from middeck.systems.poles.rounding import ROUNDINGS, poles_with_rounding
 from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
 from middeck.values import record
@@ -25,15 +26,13 @@ MIXED = 30.0
 """Condition of unit bases, in balanced units, up to which the states stay as they are."""
 INSEPARABLE = 1e8
 """Condition of the bases beyond which half the digits would be lost."""
-APART, NOTHING = 1.01, 1e-6
-"""Ratio of magnitudes from which poles are of two groups; magnitude, of the largest, that counts as zero."""
 
 
 @record
 class ModalStates:
-    """x = T x_m: T^-1 A T is block diagonal where it was mixed, a block for each group of poles of one
-    magnitude; ``rate`` [rad/s] is that of each state, NaN where it stays as it is. ``condition`` is the
-    largest of T's parts, in balanced units.
+    """x = T x_m: T^-1 A T is block diagonal where it was mixed, a block for each group of poles that rounding
+    does not tell apart; ``rate`` [rad/s] is their magnitude, NaN of a state that stays as it is.
+    ``condition`` is the largest of T's parts, in balanced units.
     """
 
     T: Float[np.ndarray, "state state"]
@@ -53,39 +52,38 @@ def modal_states(A: Float[np.ndarray, "state state"]) -> ModalStates | None:
         return None
     T, rate, condition = np.eye(len(A)), np.full(len(A), np.nan), 1.0
     for part in strong_components(A):
-        within = A[np.ix_(part, part)]
-        unit, basis = _unmixed(within)
+        balanced, unit = balance(A[np.ix_(part, part)])
+        poles, moved = poles_with_rounding(balanced)
+        if not np.any(moved > BLURRED * np.abs(np.real(poles))):
+            continue
+        basis, sizes = _bases(balanced, poles, _groups(poles, moved))
         if MIXED < (mixed := float(np.linalg.cond(basis))) < INSEPARABLE:
-            T[np.ix_(part, part)], condition = unit[:, None] * basis, max(condition, mixed)
-            rate[part] = np.sort(np.abs(np.linalg.eigvals(within)))
+            T[np.ix_(part, part)], rate[part] = unit[:, None] * basis, sizes
+            condition = max(condition, mixed)
     return ModalStates(T, rate, condition) if condition > 1.0 else None
 
 
-def _unmixed(A: np.ndarray) -> tuple[Float[np.ndarray, " state"], Float[np.ndarray, "state state"]]:
-    """Balanced units, and bases of all groups side by side; unit ones where rounding moves no pole far."""
-    balanced, unit = balance(A)
-    poles, moved = poles_with_rounding(balanced)
-    if not np.any(moved > BLURRED * np.abs(np.real(poles))):
-        return unit, np.eye(len(A))
-    form, vectors = cast("tuple[np.ndarray, np.ndarray]", sla.schur(balanced))
-    return unit, np.hstack([_subspace(form, vectors, group) for group in _groups(form, vectors)])
+def _groups(
+    poles: Complex[np.ndarray, " pole"], moved: Float[np.ndarray, " pole"]
+) -> list[Bool[np.ndarray, " pole"]]:
+    """Poles that rounding does not tell apart, both of a pair in one group; by magnitude."""
+    # To first order a double pole moves without bound.
+    reach = ROUNDINGS * np.minimum(moved, np.abs(poles))
+    upper = np.real(poles) + 1j * np.abs(np.imag(poles))
+    near = np.abs(upper[:, None] - upper) <= reach[:, None] + reach
+    count, label = csgraph.connected_components(near, directed=False)
+    return sorted((label == group for group in range(count)), key=lambda of: np.abs(poles[of]).max())
 
 
-def _groups(form: np.ndarray, vectors: np.ndarray) -> list[Bool[np.ndarray, " state"]]:
-    """Eigenvalues of a Schur form, in its order, by magnitude: pairs and multiple ones stay together."""
-    _, _, real, imaginary, *_ = cast("Any", lapack).dtrsen(
-        np.zeros(len(form), np.int32), form, vectors, job="N"
-    )
-    size = np.hypot(real, imaginary)
-    size = np.maximum(size, NOTHING * size.max())
-    order = np.argsort(size, kind="stable")
-    label = np.empty(len(form), int)
-    label[order] = np.cumsum(np.append(0, size[order][1:] > APART * size[order][:-1]))
-    return [label == group for group in range(label.max() + 1)]
-
-
-def _subspace(
-    form: np.ndarray, vectors: np.ndarray, group: Bool[np.ndarray, " state"]
-) -> Float[np.ndarray, "state member"]:
-    """An orthonormal basis of the states that belong to the eigenvalues of ``group``."""
-    return cast("Any", lapack).dtrsen(group.astype(np.int32), form, vectors, job="N")[1][:, : group.sum()]
+def _bases(
+    A: np.ndarray, poles: np.ndarray, groups: list[Bool[np.ndarray, " pole"]]
+) -> tuple[Float[np.ndarray, "state state"], Float[np.ndarray, " state"]]:
+    """Orthonormal bases of the states that belong to each group, side by side, and its poles' magnitudes."""
+    form, vectors = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A))
+    reorder = cast("Any", lapack).dtrsen
+    _, _, real, imaginary, *_ = reorder(np.zeros(len(A), np.int32), form, vectors, job="N")
+    nearest = np.argmin(np.abs((real + 1j * imaginary)[:, None] - poles), axis=1)
+    chosen = [group[nearest] for group in groups]
+    bases = [reorder(c.astype(np.int32), form, vectors, job="N")[1][:, : c.sum()] for c in chosen]
+    sizes = [np.sort(np.hypot(real, imaginary)[c]) for c in chosen]
+    return np.hstack(bases), np.concatenate(sizes)
