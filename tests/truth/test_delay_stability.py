@@ -512,6 +512,38 @@ def test_a_plant_that_a_law_leaves_undecided_counts_as_lost_among_many(late: flo
     assert 0 < undecided < 24
 
 
+@pytest.mark.parametrize("authority", [1.0, 1e4])
+def test_a_heavy_body_that_a_law_holds_slowly_beside_fast_modes(authority: float) -> None:
+    """Slow roots beside modes to 3 kHz look like integrators that rounding has split. The margin is where
+    roots by the argument principle begin; regulator and estimator make them double, known to a per cent.
+    """
+    omega = np.concatenate([[0.0, 0.2, 22.0, 89.0, 190.0, 454.0], np.geomspace(1600.0, 2e4, 6)])
+    zeta = np.concatenate([[0.0, 0.8], np.full(10, 0.005)])
+    drives = np.concatenate([[0.1, 1.0, 3.0, 2.0, 1.5, 0.3], np.full(6, 0.05)])
+    reads = np.concatenate([[-0.03, 1.0, -3.0, 2.0, -1.0, 0.3], np.full(6, 0.02)])
+    modes = sum_of_modes(omega, zeta, drives[:, None], reads[None])
+    late = delay_plant(grouped_plant(modes, (FORCE,), (WAY,)), 0.01)
+    model = approximate_delays(late, approximation_order(late))
+    law = design_lqg(model, unit_weights(("force",), 1e-9, process=1e-4), authority)
+    found = decide_stability(late, law)
+
+    poles, vectors = np.linalg.eig(law.system.A)
+    gains = (law.system.C @ vectors)[0] * np.linalg.solve(vectors, law.system.B.astype(complex))[:, 0]
+    half = np.geomspace(1e-6, 1e6, 50_000)
+
+    def right_of(line: float) -> int:
+        """Roots of 1 - K G exp(-s T), which is one where |s| is large: its turns, and the poles there."""
+        s = line + 1j * np.concatenate([[0.0], half])[:, None]
+        G = np.sum(drives * reads / (s**2 + 2.0 * zeta * omega * s + omega**2), axis=1)
+        K, s = np.sum(gains / (s - poles), axis=1), s[:, 0]
+        phase = np.unwrap(np.angle(1.0 - K * G * np.exp(-0.01 * s)))
+        return round((phase[0] - phase[-1]) / np.pi) + int(np.sum(np.append(poles, [0.0, 0.0]).real > line))
+
+    assert found.stable
+    assert [right_of(share * found.margin) for share in (0.1, -0.95)] == [0, 0]
+    assert right_of(-1.05 * found.margin) > 0
+
+
 def test_a_real_root_beside_such_a_pole_stays_real_and_counts_once() -> None:
     """f = c + r / (s + a): the root is -a - r / c."""
     a, c, shift = 0.06, 2e4, 3e-9

@@ -45,6 +45,11 @@ def is_vague_plant(plant: Plant) -> bool:
     return not isinstance(dynamics, ModalSystem) and is_vague(dynamics)
 
 
+def is_vague_half(half: Plant | Compensator) -> bool:
+    """`is_vague_plant` or `is_vague`, of a law."""
+    return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
+
+
 def move_plant(plant: Plant, rng: np.random.Generator) -> Plant:
     """A plant that is not in modal form with its entries moved (`moved_entries`)."""
     dynamics = plant.dynamics
@@ -61,11 +66,12 @@ def measure_known(
     measure: Callable[..., Found],
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
     *halves: Plant | Compensator,
+    vague: Callable[[Plant | Compensator], bool] = is_vague_half,
     stacklevel: int = 3,
 ) -> Found:
     """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
 
-    Halves of which no pole `is_vague` cost nothing more.
+    Halves that are not ``vague`` cost nothing more: those of which no pole `is_vague`.
 
     Args:
         what: Names the numbers in the warning.
@@ -73,8 +79,8 @@ def measure_known(
         stacklevel: Of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
-    vague = [_is_vague(half) for half in halves]
-    if not any(vague):
+    moves = [vague(half) for half in halves]
+    if not any(moves):
         return found
 
     def of(found: Found) -> np.ndarray:
@@ -83,7 +89,7 @@ def measure_known(
 
     here = of(found)
     if np.isfinite(here).any():
-        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, vague, strict=True)))
+        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, moves, strict=True)))
         if most > UNCERTAIN:
             warnings.warn(
                 f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
@@ -91,10 +97,6 @@ def measure_known(
                 stacklevel=stacklevel,
             )
     return found
-
-
-def _is_vague(half: Plant | Compensator) -> bool:
-    return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
 
 
 def _move(half: Plant | Compensator, rng: np.random.Generator) -> Plant | Compensator:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.law.known_design import is_mixed
 from middeck.control.law.partition import pose_modes
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.design_model import LQGProblem, pose_problem
@@ -49,12 +50,12 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
         return np.log([np.sum((model.C1 @ kalman.solution.X) * model.C1)])
 
     what = "errors that the filter leaves"
-    return measure_known(what, design, numbers, plant)[0]
+    return measure_known(what, design, numbers, plant, vague=is_mixed)[0]
 
 
 def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
     """The filter and what it was posed as; as `design_filter`, rounding apart."""
-    part = pose_modes(plant)
+    part = pose_modes(plant, driven=False)
     model = pose_problem(part.active, weights, shaping)
     solution = estimate_states(model)
     kalman = KalmanFilter(

@@ -24,7 +24,7 @@ Kind = Literal["input", "path", "output", "filter"]
 # Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4.
 TOLD = 5.0
 # Powers of s of a filter's terms: its delay is the output's, of the first.
-FILTER = (2, 3, 4)
+FILTER = (2, 3)
 # Deviations by which a lacking term must move an unknown of the fit before it is told.
 MOVED = 1.0
 # Share of a term that the fitted unknowns must leave, in squares, for it to be told from them.
@@ -67,8 +67,13 @@ class Term(NamedTuple):
 
 
 def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]:
-    """The terms to test; without delays, what is left may well be one (`fit.missing_delay`)."""
-    filters = FILTER if structure.with_delay else ()
+    """The terms to test.
+
+    Without delays, what is left may well be one (`fit.missing_delay`); terms for what is beyond the band
+    follow a filter, as they follow modes.
+    """
+    alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
+    filters = FILTER if alone else ()
     found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
     if structure.common_delay:
         found += [Term("output", o) for o in range(outputs)]
@@ -95,8 +100,8 @@ class TermRows(NamedTuple):
 class TermScores(NamedTuple):
     """Of each term the deviations by which it is not zero and its likeliest value.
 
-    ``moves``: by how many of its deviations that moves the unknown of the fit that it moves most. All are
-    zero where a term cannot be told from the unknowns.
+    ``moves``: by how many of its deviations that moves the unknown that it moves most; terms beyond the band,
+    which stand for anything there, do not count. All are zero where a term cannot be told from the unknowns.
     """
 
     z: Float[np.ndarray, " term"]
@@ -131,7 +136,10 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     z = np.divide(value * power, spread, out=np.zeros(count), where=told)
     known = np.linalg.norm(covariance.root, axis=1, keepdims=True)
     moves = np.abs(follow * value) / np.maximum(known, np.finfo(float).tiny)
-    return TermScores(z, value, moves.max(axis=0, initial=0.0))
+    at, inner = covariance.at, np.zeros(size, bool)
+    for place in (at.sigma, at.omega, at.b, at.c, at.delay, at.path):
+        inner[place[place >= 0]] = True
+    return TermScores(z, value, moves[inner].max(axis=0, initial=0.0))
 
 
 def _by_line(r: TermRows, numbers: Float[np.ndarray, "term number"]) -> Float[np.ndarray, "term line"]:

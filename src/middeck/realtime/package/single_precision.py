@@ -175,7 +175,7 @@ def _with_limits(
     if np.abs(np.linalg.eigvals(fed)).max() >= 1.0:
         raise ConfigError(
             "no bound of the error in single precision: the path of the applied command may amplify it",
-            hint=f"{DOUBLE}, or without that path",
+            hint=f"{DOUBLE}; without that path; or without a ramp and with limits that no input reaches",
         )
     e = np.linalg.solve(np.eye(len(fed)) - fed, 0.5 * (alone[law] + alone[loop]) + more)
     return alone + by_e @ e

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -116,8 +118,9 @@ def find_roots(loop: FeedbackLoop, *, known: bool = False) -> Complex[np.ndarray
     vague = any(map(is_vague, _parts(loop)))
     vague |= bool(np.any(is_light(open_poles) & (rounding > NEAR * np.abs(open_poles))))
     found, counted = 0, None
-    for order in (orders := _orders(loop, open_poles)):
-        near, blur = _near(loop, order, vague)
+    orders = _orders(loop, open_poles)
+    for order, apart in itertools.product(orders, (True,) if vague else (False, True)):
+        near, blur = _near(loop, order, apart)
         roots, others = follow_roots(halves, near, open_poles, rounding, reach)
         walls = clear_walls(np.real(np.concatenate([near, roots, open_poles])), reach)
         for wall in walls if order == orders[-1] else walls[:1]:
@@ -158,13 +161,15 @@ def _parts(loop: FeedbackLoop) -> tuple[LinearSystem, LinearSystem]:
 
 
 def _near(
-    loop: FeedbackLoop, order: int, vague: bool
+    loop: FeedbackLoop, order: int, apart: bool
 ) -> tuple[Complex[np.ndarray, " root"], Float[np.ndarray, " root"]]:
-    """Poles of the loop with approximated delays, and how far rounding may move them where poles are vague.
+    """Poles of the loop with approximated delays, those near zero replaced by their mean or ``apart``.
 
-    Then modes are slow beside the entries of A, and `growth_rates` would take them for integrators.
+    Where they stay apart, also how far rounding may move them. Modes that are slow beside the entries of A
+    need that: `growth_rates` takes them for integrators that rounding has split, and no root is near their
+    mean.
     """
-    if vague:
+    if apart:
         return poles_with_rounding(close_channels(approximate_halves(loop, order)).A)
     near = loop_poles(loop, order)
     return near, np.zeros(len(near))

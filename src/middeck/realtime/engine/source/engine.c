@@ -266,7 +266,7 @@ static void look_around(engine *e, const circumstances *c, trip_cause *cause)
     if (c->stop)
         blame(cause, STOP, -1, 0, 0);
     if (c->rig_dead)
-        blame(cause, RIG_DEAD, -1, 0, 0);
+        blame(cause, c->foreign ? OTHER_FORMAT : RIG_DEAD, -1, 0, 0);
     if (c->no_answer)
         blame(cause, NO_ANSWER, -1, 0, 0);
     if (c->silent)

@@ -44,7 +44,7 @@ typedef struct {
 
 /* What the world tells the engine with a sample. */
 typedef struct {
-    int stop, silent, late, no_answer, rig_dead; /* each: 1 where it is so */
+    int stop, silent, late, no_answer, rig_dead, foreign; /* each: 1 where it is so; foreign: dead for its format */
     whole late_ns;
 } circumstances;
 

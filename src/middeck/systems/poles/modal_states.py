@@ -14,8 +14,13 @@ import scipy.linalg as sla
 from jaxtyping import Bool, Float
 from scipy.linalg import lapack
 
+from middeck.systems.poles.rounding import poles_with_rounding
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
+from middeck.values import record
 
+BLURRED = 1e-9
+"""Of its decay, by which rounding of the entries moves a pole of mixed states (of light ones from 300 on)."""
 MIXED = 30.0
 """Condition of unit bases, in balanced units, up to which the states stay as they are."""
 INSEPARABLE = 1e8
@@ -24,25 +29,46 @@ APART, NOTHING = 1.01, 1e-6
 """Ratio of magnitudes from which poles are of two groups; magnitude, of the largest, that counts as zero."""
 
 
-def modal_states(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"] | None:
-    """T of x = T x_m, so that T^-1 A T is block diagonal, a block for each group of poles of one magnitude.
-
-    None where the states are not mixed, and where no such T is well conditioned.
-
-    >>> turn = np.array([[1.0, 100.0], [0.0, 1.0]])
-    >>> T = modal_states(turn @ np.diag([-1.0, -2.0]) @ np.linalg.inv(turn))
-    >>> np.round(np.linalg.solve(T, turn @ np.diag([-1.0, -2.0]) @ np.linalg.inv(turn)) @ T, 9)
-    array([[-1.,  0.],
-           [ 0., -2.]])
+@record
+class ModalStates:
+    """x = T x_m: T^-1 A T is block diagonal where it was mixed, a block for each group of poles of one
+    magnitude; ``rate`` [rad/s] is that of each state, NaN where it stays as it is. ``condition`` is the
+    largest of T's parts, in balanced units.
     """
-    if len(A) < 2 or not np.all(np.isfinite(A)):
+
+    T: Float[np.ndarray, "state state"]
+    rate: Float[np.ndarray, " state"]
+    condition: float
+
+
+def modal_states(A: Float[np.ndarray, "state state"]) -> ModalStates | None:
+    """The states of every strongly connected part of ``A`` that are mixed; None for none.
+
+    >>> turn = np.array([[1.0, 1e4], [1.0, 1e4 + 1.0]])
+    >>> found = modal_states(turn @ np.diag([-1.0, -2.0]) @ np.linalg.inv(turn))
+    >>> found.rate.round(6).tolist()
+    [1.0, 2.0]
+    """
+    if not np.all(np.isfinite(A)):
         return None
+    T, rate, condition = np.eye(len(A)), np.full(len(A), np.nan), 1.0
+    for part in strong_components(A):
+        within = A[np.ix_(part, part)]
+        unit, basis = _unmixed(within)
+        if MIXED < (mixed := float(np.linalg.cond(basis))) < INSEPARABLE:
+            T[np.ix_(part, part)], condition = unit[:, None] * basis, max(condition, mixed)
+            rate[part] = np.sort(np.abs(np.linalg.eigvals(within)))
+    return ModalStates(T, rate, condition) if condition > 1.0 else None
+
+
+def _unmixed(A: np.ndarray) -> tuple[Float[np.ndarray, " state"], Float[np.ndarray, "state state"]]:
+    """Balanced units, and bases of all groups side by side; unit ones where rounding moves no pole far."""
     balanced, unit = balance(A)
-    if np.linalg.cond(np.linalg.eig(balanced)[1]) <= MIXED:
-        return None
+    poles, moved = poles_with_rounding(balanced)
+    if not np.any(moved > BLURRED * np.abs(np.real(poles))):
+        return unit, np.eye(len(A))
     form, vectors = cast("tuple[np.ndarray, np.ndarray]", sla.schur(balanced))
-    T = np.hstack([_subspace(form, vectors, group) for group in _groups(form, vectors)])
-    return unit[:, None] * T if MIXED < np.linalg.cond(T) < INSEPARABLE else None
+    return unit, np.hstack([_subspace(form, vectors, group) for group in _groups(form, vectors)])
 
 
 def _groups(form: np.ndarray, vectors: np.ndarray) -> list[Bool[np.ndarray, " state"]]:
