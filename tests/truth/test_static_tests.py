@@ -27,7 +27,14 @@ from middeck.updating.orbit.deflections import predict_deflections
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
-from middeck.updating.residuals.static_tests import ErrorFields, StaticTest, set_up_static
+from middeck.updating.residuals.static_tests import (
+    ErrorFields,
+    StaticTest,
+    compare_statics,
+    set_up_static,
+    set_up_statics,
+    solve_statics,
+)
 from middeck.updating.unknowns.unknowns import Unknown
 from repeats import LONG, repeats
 
@@ -120,6 +127,34 @@ def test_slopes_are_those_of_differences_at_large_sag(since_unloaded: bool):
     assert left[0] < 1e-3
     assert left[1] < 2e-2 * left[0]
     assert left[2] < 1e-6
+
+
+def test_tests_of_one_set_up_share_it_without_loads_and_others_do_not():
+    """Each reads, and moves with the unknowns, as it does alone: another setting or gravity is another."""
+    heavy = (("node.tip.mass", 0.4),)
+    tests = [
+        StaticTest(
+            name=f"test {k}",
+            environment=stand(gravity),
+            gauges=(TIP,),
+            value=np.zeros(1),
+            load_case=hung(kg),
+            settings=settings,
+        )
+        for k, (gravity, kg, settings) in enumerate(
+            [(G, 1.0, ()), (G, 2.0, ()), (G / 6.0, 1.0, ()), (G, 1.0, heavy), (G, 2.0, heavy)]
+        )
+    ]
+    x, unknowns = np.array([0.05, -0.1]), (BENDING, WEIGHT)
+    places = set_up_statics(wing(), tests, unknowns)
+    at = solve_statics(places, x)
+    assert [[a.unloaded is b.unloaded for b in at].index(True) for a in at] == [0, 0, 2, 3, 3]
+    for one, test in zip(compare_statics(at, tests, places), tests, strict=True):
+        case = test.load_case
+        alone = set_up_static(wing(), test.environment, test.settings, case, True, unknowns)
+        own = alone.solve(x)
+        np.testing.assert_array_equal(one.value, own.value((TIP,)))
+        np.testing.assert_array_equal(one.slope, alone.slope(own, (TIP,)) / one.scale[:, None])
 
 
 def suspended() -> tuple[Structure, Environment]:

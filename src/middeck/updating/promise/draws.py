@@ -178,17 +178,20 @@ def draw_plants(
     rng: np.random.Generator,
     loop: LoopSpread,
     finish: Callable[[Plant], Plant] = lambda plant: plant,
+    mean: Prediction | None = None,
 ) -> Drawing:
     """So many plants of the article in ``environment``.
 
     ``build`` makes a plant in modal form of the lowest modes; ``finish`` is what is done to it when gains,
-    frequencies and damping are in, as to close an inner loop; the delay comes last. Raises `ConfigError` for
-    a plant that is not modal.
+    frequencies and damping are in, as to close an inner loop; the delay comes last. ``mean`` is
+    `predict_modes` there of as many modes as such a plant has, if known. Raises `ConfigError` for a plant
+    that is not modal.
     """
     there = set_up(refined.structure, environment, (), refined.unknowns)
-    plant = build(there.solve(refined.x))
+    plant = build(there.solve(refined.x) if mean is None else mean.modes)
     count, sensors = len(require_modal(plant).omega), _sensors(plant)
-    mean = predict_modes(refined, environment, count=count, umbilical_hz=loop.most_cable_hz)
+    if mean is None:
+        mean = predict_modes(refined, environment, count=count, umbilical_hz=loop.most_cable_hz)
     # A stream of its own: with a cable or without, all else is drawn alike.
     pulls = rng.spawn(1)[0].uniform(0.0, 1.0, draws)
     both, modes, own = refined.estimate.root.shape[1], len(mean.index), len(set(sensors))

@@ -41,7 +41,6 @@ from middeck.updating.promise.stability_probability import (
     with_friction,
 )
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
 
 
@@ -114,11 +113,18 @@ def set_sites(refined: Refined, plan: Plan) -> dict[str, Site]:
     Raises as `promise`, of whose draws none is built yet.
     """
     plan = with_refined(plan, refined)
-    first = next(iter(plan.environments.values()))
-    modes = set_up(refined.structure, first, (), refined.unknowns).solve(refined.x)
-    _require_flexible(modes, plan, first)
-    laws = _together(plan.laws, design_ladder(modes, plan))
-    return {name: _site(refined, plan, place, laws) for name, place in plan.environments.items()}
+    most_hz = plan.loop.most_cable_hz
+    predicted = {
+        name: predict_modes(refined, place, count=plan.modes, umbilical_hz=most_hz)
+        for name, place in plan.environments.items()
+    }
+    for name, place in plan.environments.items():
+        _require_flexible(predicted[name].modes, plan, place)
+    first = next(iter(predicted.values()))
+    laws = _together(plan.laws, design_ladder(first.modes, plan))
+    return {
+        name: _site(refined, plan, place, predicted[name], laws) for name, place in plan.environments.items()
+    }
 
 
 def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
@@ -131,9 +137,13 @@ def _require_flexible(modes: Modes, plan: Plan, place: Environment) -> None:
         )
 
 
-def _site(refined: Refined, plan: Plan, place: Environment, laws: Mapping[str, Compensator]) -> Site:
-    predicted = predict_modes(refined, place, count=plan.modes, umbilical_hz=plan.loop.most_cable_hz)
-    _require_flexible(predicted.modes, plan, place)
+def _site(
+    refined: Refined,
+    plan: Plan,
+    place: Environment,
+    predicted: Prediction,
+    laws: Mapping[str, Compensator],
+) -> Site:
     drawing = draw_plants(
         refined,
         place,
@@ -142,6 +152,7 @@ def _site(refined: Refined, plan: Plan, place: Environment, laws: Mapping[str, C
         rng=np.random.default_rng(plan.seed),
         loop=plan.loop,
         finish=partial(close_inner, plan),
+        mean=predicted,
     )
     return Site(plan=plan, title=place.title, predicted=predicted, drawing=drawing, laws=laws)
 
