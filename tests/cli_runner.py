@@ -18,6 +18,8 @@ import pytest
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
 from middeck.identification.faults.detect import detect_faults
+from middeck.structure.modes.solve import solve_modes
+from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise
@@ -67,10 +69,13 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
 
 refine_once, promise_once, detect_faults_once = once(refine), once(promise), once(detect_faults)
 foresee_once, solve_there_once = once(foresee), once(solve_there)
+at_rest_once, modes_once = once(solve_equilibrium), once(solve_modes)
 
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let verbs search faults, fit, refine, rank and promise once where several examples ask alike."""
+    """Let verbs solve, search faults, fit, refine, rank and promise once where several examples ask alike."""
+    monkeypatch.setattr("middeck.cli.given.cases.solve_equilibrium", at_rest_once)
+    monkeypatch.setattr("middeck.cli.given.cases.solve_modes", modes_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.identification.faults.detect.detect_faults", detect_faults_once)

@@ -13,7 +13,9 @@ import numpy as np
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_law import without_applied
 from middeck.realtime.package.rounding_errors import LinearLaw, unfold_law
+from middeck.realtime.package.single_precision import bound_error
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 
@@ -144,16 +146,18 @@ def worst_error(
     """Largest difference of outputs in C, ``single`` to ``package``, which ``count`` samples find.
 
     Inputs are those of `worst_signs` in full and at three tenths, and noise. What is applied is the law's own
-    command, or one within its limits.
+    command, or one within its limits, unless the bound is for its own commands.
     """
     runs, m = [compile_law(one, folder) for one in (package, single)], len(package.inputs)
+    own = bound_error(package).own
     noise = np.sign(np.random.default_rng(5).standard_normal((count, m + len(package.outputs))))
     worst = np.zeros(len(package.outputs))
-    for signs in (*worst_signs(package, count), noise):
+    moved = without_applied(package) if own else package
+    for signs in (*worst_signs(moved, count), noise):
         for part in (1.0, 0.3):
             y = (part * single.input_range * signs[:, :m]).astype(np.float32).astype(float)
             tried = [(y,)]
-            if package.core.drives:
+            if package.core.drives and not own:
                 limit = np.where(signs[:, m:] > 0.0, single.upper, single.lower)
                 tried.append((y, np.where(signs[:, m:] == 0.0, 0.0, part * limit).astype(np.float32)))
             for given in tried:

@@ -29,6 +29,8 @@ T = TypeVar("T")
 SHORT, LINE = 6, 100
 # The most fields that a record takes by position: A, B, C, D.
 POSITIONAL = 4
+# The most sets of shapes of a class that are known to fit, and not looked at again.
+MOST_SHAPES = 1000
 
 
 @overload
@@ -54,10 +56,9 @@ def _recorded(cls: type[T], *, kw_only: bool) -> type[T]:
 
     def post_init(self: Any) -> None:
         _lock_arrays(self)
-        if user_check is not None:
-            user_check(self)
+        user_check(self)
 
-    namespace.__post_init__ = post_init
+    namespace.__post_init__ = _lock_arrays if user_check is None else post_init
     namespace.__eq__ = _equal
     namespace.__hash__ = _hash
     namespace.__reduce__ = _reduce
@@ -82,10 +83,10 @@ class _ArrayField(NamedTuple):
 def _lock_arrays(self: Any) -> None:
     # Descents make thousands of records a second: no call that can be spared.
     cls, values = type(self), self.__dict__
-    fields, fixed = _array_fields(cls)
-    sizes = fixed.copy()
+    fields, fitting = _array_fields(cls)
+    shapes: list[tuple[int, ...] | None] = []
     for field in fields:
-        name, optional, kinds, dims = field
+        name, optional, kinds, _ = field
         value = values[name]
         if type(value) is np.ndarray and (not kinds or value.dtype in kinds):
             # One that is locked and no view of what is not, as those of other records are, needs no copy.
@@ -93,16 +94,31 @@ def _lock_arrays(self: Any) -> None:
                 value = values[name] = value.copy("K")
                 value.setflags(write=False)
         elif value is None and optional:
+            shapes.append(None)
             continue
         else:
             value = values[name] = _as_locked(cls, field, value)
-        if dims is not None:
-            shape = value.shape
-            fits = len(shape) == len(dims)
-            for dim, size in zip(dims, shape, strict=False):
-                fits = fits and sizes.setdefault(dim, size) == size
-            if not fits:
-                raise _misfit(cls.__name__, field, shape, sizes)
+        shapes.append(value.shape)
+    known = tuple(shapes)
+    if known not in fitting:
+        _check_shapes(cls.__name__, fields, shapes)
+        if len(fitting) < MOST_SHAPES:
+            fitting.add(known)
+
+
+def _check_shapes(owner: str, fields: tuple[_ArrayField, ...], shapes: list[tuple[int, ...] | None]) -> None:
+    """Raise `ConfigError` where shapes do not fit their fields' annotations, or each other."""
+    every = {dim for field in fields for dim in field.dims or ()}
+    sizes: dict[str | int, int] = {dim: dim for dim in every if isinstance(dim, int)}
+    for field, shape in zip(fields, shapes, strict=True):
+        dims = field.dims
+        if shape is None or dims is None:
+            continue
+        fits = len(shape) == len(dims)
+        for dim, size in zip(dims, shape, strict=False):
+            fits = fits and sizes.setdefault(dim, size) == size
+        if not fits:
+            raise _misfit(owner, field, shape, sizes)
 
 
 def _as_locked(cls: type, field: _ArrayField, value: Any) -> np.ndarray:
@@ -136,8 +152,8 @@ def _misfit(
 
 
 @functools.cache
-def _array_fields(cls: type) -> tuple[tuple[_ArrayField, ...], dict[str | int, int]]:
-    """The fields that hold arrays, and the sizes that are fixed by themselves."""
+def _array_fields(cls: type) -> tuple[tuple[_ArrayField, ...], set[tuple[tuple[int, ...] | None, ...]]]:
+    """The fields that hold arrays, and the shapes of theirs that were found to fit, as yet none."""
     found: dict[str, _ArrayField] = {}
     for name, hint in get_type_hints(cls).items():
         options = get_args(hint) or (hint,)
@@ -150,10 +166,7 @@ def _array_fields(cls: type) -> tuple[tuple[_ArrayField, ...], dict[str | int, i
                 found[name] = _ArrayField(name, type(None) in options, given, dims)
             elif option is np.ndarray:
                 found[name] = _ArrayField(name, type(None) in options, (), None)
-    fixed: dict[str | int, int] = {
-        dim: dim for field in found.values() for dim in field.dims or () if isinstance(dim, int)
-    }
-    return tuple(found.values()), fixed
+    return tuple(found.values()), set()
 
 
 def _fields(self: Any) -> tuple[Any, ...]:

@@ -103,8 +103,8 @@ def test_several_delays_are_told_what_would_save_their_states(tmp_path: Path, ca
 
 
 def test_a_design_that_fails_beside_fast_poles_says_so(tmp_path: Path, capfd: Capture) -> None:
-    """Delays 10 ps apart without a covariance: poles beyond 1e11 Hz at order six."""
-    model = saved(tmp_path, fit(late_s=1e-11), known=False)
+    """Delays 1 ps apart without a covariance: poles beyond 1e12 Hz at order six."""
+    model = saved(tmp_path, fit(late_s=1e-12), known=False)
     ended = middeck(capfd, "design", model, *ALL, "--pade-order", 6)
     assert ended.code == 5
     assert str(model) in ended.err

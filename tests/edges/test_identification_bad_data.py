@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from middeck import estimate_response, fit_response
+from middeck import estimate_response, fit_record, fit_response
 from middeck.errors import ConfigError, DataError, FitError
 from middeck.identification import nrmse
 from middeck.identification.model.measurement_model import natural_hz
@@ -124,6 +124,17 @@ def test_a_line_of_zero_has_no_logarithm():
 def test_more_unknowns_than_data():
     with pytest.raises(FitError, match="unknowns cannot be fitted to 20 numbers"):
         fit_response(a_response(1.0 / (np.arange(10) + 1j)), states=28)
+
+
+def test_a_record_with_more_unknowns_than_its_lines_have_numbers():
+    """13 of the model, 8 of its transient, a ramp, a free sample and three tails at each end; 24 numbers."""
+    x = np.random.default_rng(1).standard_normal((2, 1, 1, 26, 1))
+    ports = (Port("torque", "N m"),), (Port("angle", "rad"),)
+    record = Record(sample_hz=20.0, u=x[0], y=x[1], inputs=ports[0], outputs=ports[1], periodic=False)
+    with pytest.raises(
+        FitError, match=r"30 unknowns, .* free ends among them, cannot be fitted to 24 numbers"
+    ):
+        fit_record(record, states=8, sampled=False)
 
 
 def test_nothing_but_noise():

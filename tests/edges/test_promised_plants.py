@@ -89,6 +89,7 @@ def test_qualify_finds_on_the_promised_plants_what_was_promised(promised: Path, 
         found = json.loads(ended.out)
         assert [row["plant"] for row in found["rows"]] == [f"promise: orbit {k}" for k in range(DRAWS)]
         assert found["stable"] == round(DRAWS * loops[level]["probability_stable"])
+        assert not any("hold" in said for said in found["warnings"])  # none in continuous time
 
 
 def test_the_gate_tries_a_package_on_every_promised_plant(promised: Path, capfd):
@@ -101,7 +102,10 @@ def test_the_gate_tries_a_package_on_every_promised_plant(promised: Path, capfd)
 
 
 def test_one_promised_plant_is_enough_to_refuse(promised: Path, capfd):
+    """And a hold in the plan's delays, which the package adds too, is asked for."""
     found = gate(capfd, promised, LEVELS[1], "--paper")
+    (said,) = found["warnings"]
+    assert "count in full, and sample and hold add 1 ms" in said
     assert not found["passed"]
     refused = found["steps"][-1]
     assert refused["name"].startswith("model promise: orbit"), refused

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,26 @@ def test_even_times_give_the_rate(times: np.ndarray, rate: float, tmp_path: Path
 def test_slow_times_are_doubted(times: np.ndarray, tmp_path: Path) -> None:
     (told,) = read_record(written(tmp_path, t=times)).faults
     assert told.severity == "serious"
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"fs": 0.004}, r"fs = 0.004 means 0.004 Hz: if it is a period, it is 250 Hz"),
+        ({"Ts": 250.0}, r"Ts = 250 means 0.004 Hz: if it is a rate, it is 250 Hz"),
+        ({"run": {"u": K[:, None], "y": K[:, None], "Fs": 1e-3}}, r"run.Fs = 0.001 .* 1000 Hz"),
+        ({"fs": 250.0}, ""),
+        ({"Ts": 0.004}, ""),
+        ({"Ts": 1.0}, ""),
+    ],
+)
+def test_a_period_told_as_a_rate_is_doubted(told: dict[str, object], said: str, tmp_path: Path) -> None:
+    path = written(tmp_path, **told)
+    if "run" in told:
+        scipy.io.savemat(path, told)
+    faults = read_record(path).faults
+    assert [f.severity for f in faults] == (["serious"] if said else [])
+    assert all(re.search(said, f.what) for f in faults)
 
 
 @pytest.mark.parametrize(

@@ -214,3 +214,30 @@ def test_points_between_thousands_are_no_decimal_points(tmp_path: Path) -> None:
     found = load_measured_modes(path)
     assert found.frequency_hz.tolist() == [1234.5]
     assert any("per cent" in w for w in found.warnings)
+
+
+def trace(*nodes: int, stated: int | None = None) -> str:
+    return block(82, whole(1, len(nodes) if stated is None else stated, 8), "NONE", whole(*nodes))
+
+
+def test_a_mode_without_a_node_that_others_have_is_told(tmp_path: Path) -> None:
+    lacking = {n: x for n, x in SHAPE.items() if n != 1}
+    whole_survey = (units(), places(), trace(1, 2, 0, 2, 3), normal(10.0, 0.01))
+    assert survey(tmp_path, *whole_survey, normal(20.0, 0.01)).warnings == ()
+    found = survey(tmp_path, *whole_survey, normal(20.0, 0.01, lacking))
+    assert found.warnings == (
+        "the mode of 20 Hz leaves out 1 of 3 nodes: they are taken to stand still in it (is the file whole?)",
+    )
+
+
+def test_trace_lines_tell_of_lost_nodes(tmp_path: Path) -> None:
+    found = survey(tmp_path, units(), places(), trace(1, 2, 3, 4), normal(10.0, 0.01))
+    assert found.warnings == ("trace lines join nodes without coordinates (4): is the file whole?",)
+    with pytest.raises(DataError, match="3 of the 9 nodes of a trace line"):
+        survey(tmp_path, units(), places(), trace(1, 2, 3, stated=9), normal(10.0, 0.01))
+
+
+def test_a_node_at_two_places_in_two_data_sets_is_refused(tmp_path: Path) -> None:
+    moved = block(15, whole(1, 1, 1, 11) + reals((1.0, 0.0, 0.2)))
+    with pytest.raises(DataError, match="node 1 stands at two places"):
+        survey(tmp_path, units(), places(), moved, normal(10.0, 0.01))

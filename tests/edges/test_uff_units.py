@@ -73,3 +73,79 @@ def test_a_response_loses_its_line_at_zero_hertz(tmp_path: Path):
         found = load_response(path)
     assert found.frequency_hz.tolist() == [0.5 * k for k in range(1, 8)]
     assert found.H[:, 0, 0].tolist() == H[1:].tolist()
+
+
+def response_58(
+    node: int = 2, *, axis: str = "Hz", quantity: int = ACCELERATION, unit: str = "m/s^2", step: float = 0.5
+) -> str:
+    H = np.arange(8) + 1.0 + 0.5j
+    return function_58(H, kind=4, node=node, quantity=quantity, step=step, axis=axis, unit=unit)
+
+
+def of_types(text: str, kind: int) -> str:
+    """With another specific data type of the abscissa."""
+    return text.replace(f"\n{18:10d}{0:5d}", f"\n{kind:10d}{0:5d}")
+
+
+def against(text: str, node: int, unit: str = "N") -> str:
+    """With another reference node, and its unit."""
+    text = text.replace(f"{1:10d}{3:4d}\n", f"{node:10d}{3:4d}\n")
+    return text.replace(f"{'N':>20s}\n{0:10d}", f"{unit:>20s}\n{0:10d}")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (response_58(axis="mHz"), "'mHz'"),
+        (response_58(axis="rad/sec"), "'rad/sec'"),
+        (response_58(axis="Orders"), "'Orders'"),
+        (of_types(response_58(axis="NONE"), 19), "type 19, not 18"),
+        (response_58() + response_58(quantity=8, unit="m"), r"second response of 2\+z to 1\+z.*line 2"),
+        (
+            response_58() + against(response_58(unit="mm/s^2"), 3),
+            r"2\+z in mm/s\^2 here, in m/s\^2 on line 2",
+        ),
+        (response_58() + against(response_58(3), 1, "lbf"), r"1\+z in lbf here, in N on line 2"),
+    ],
+)
+def test_responses_that_would_be_confused_are_refused(tmp_path: Path, text: str, says: str):
+    path = tmp_path / "a.uff"
+    path.write_text(text)
+    with pytest.raises(DataError, match=says):
+        load_response(path)
+
+
+@pytest.mark.parametrize("axis", ["NONE", "HZ", "[Hz]", "Hertz"])
+def test_other_words_for_hertz_are_read_and_the_mark_of_an_end(tmp_path: Path, axis: str):
+    path = tmp_path / "a.uff"
+    path.write_text(response_58(axis=axis) + against(response_58(axis=axis), 3) + "\x1a")
+    with pytest.warns(UserWarning, match="0 Hz"):
+        assert load_response(path).H.shape == (7, 1, 2)
+
+
+@pytest.mark.parametrize("order", [slice(None, None, -1), [0, 1, 2, 2, 3]])
+def test_frequencies_that_do_not_rise_are_refused(tmp_path: Path, order: slice | list[int]):
+    even = response_58().splitlines()
+    even[8] = f"{6:10d}{len(np.arange(5)[order]):10d}{0:10d}{0.0:13.5E}{0.0:13.5E}{0.0:13.5E}"
+    f = np.linspace(1.0, 3.0, 5)[order]
+    rows = [f"{hz:13.5E}{1.0:20.12E}{0.5:20.12E}" for hz in f]
+    path = tmp_path / "a.uff"
+    path.write_text("\n".join([*even[:13], *rows, "    -1", ""]))
+    with pytest.raises(DataError, match="frequencies do not rise"):
+        load_response(path)
+
+
+@pytest.mark.parametrize("axis", ["Msec", "milliseconds", "h", "samples", "mm"])
+def test_times_in_other_units_are_refused(tmp_path: Path, axis: str):
+    with pytest.raises(DataError, match=f"'{axis}'"):
+        load_record(two_channels(tmp_path / "a.uff", axis=axis))
+
+
+def test_a_unit_that_changes_between_experiments_is_refused(tmp_path: Path):
+    path = two_channels(tmp_path / "a.uff", unit="m/s^2")
+    first = path.read_text()
+    path.write_text(first + first)
+    assert load_record(path).y.shape[0] == 2
+    path.write_text(first + two_channels(tmp_path / "b.uff", unit="g").read_text())
+    with pytest.raises(DataError, match=r"in g, in the first experiment in m/s\^2"):
+        load_record(path)

@@ -265,6 +265,7 @@ def test_a_delay_counts():
     assert sound.constant
     late = prove_gain(packaged(law), gain_of(maximum=1.0), {"mode": delay_plant(plant, 0.1)})[0]
     assert not late.constant
+    assert not late.fades
     assert late.unstable_gain is not None
     assert "grows" in late.said
 
@@ -286,9 +287,15 @@ def test_a_free_body_needs_a_hold_or_a_least_gain():
     assert "does not decay" in free.said
     least = prove_gain(package, gain_of(minimum=0.2), {"body": body})[0]
     assert least.proved
+    assert not least.fades
+    assert "tried at eleven points: not decided at a gain of 0" in least.said
     inner = tuple(LoopPath(k, 0, static_gain(-0.4)) for k in (0, 1))
     holding = add_test_vectors(dataclasses.replace(package, paths=inner, vectors=None))
     assert prove_gain(holding, gain_of(), {"body": body})[0].proved
+    above = prove_gain(holding, gain_of(minimum=0.2), {"body": body})[0]
+    assert above.proved
+    assert above.fades
+    assert "every constant gain below 0.2" in above.said
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])

@@ -131,6 +131,26 @@ def test_punched_matrices(tmp_path, component, in_one_file):
     np.testing.assert_allclose(back.mass, component.mass, atol=1e-8 * np.abs(component.mass).max())
 
 
+def test_punched_matrices_beside_others(tmp_path, component):
+    """Loads by column (form 9) and complex matrices that nobody asks for change nothing; a rival is told."""
+    points = [(g, c) for g in (7, 9) for c in range(1, 7)] + [(100 + k, 0) for k in range(component.modal)]
+    x = component.positions[1]
+    cards = ["GRID,7,,0.,0.,0.", f"GRID*,9,,{x[0]:.9f},{x[1]:.9f}\n*,{x[2]:.9f}"]
+    matrices = [*punch("KAAX", component.stiffness, points), *punch("MAAX", component.mass, points)]
+    others = ["DMIG,PAX,0,9,2,0,,,2", "DMIG,PAX,1,0,,7,1,1.", "DMIG,PAX,2,0,,9,3,1."]
+    others += ["DMIG,B2PP,0,6,3,0", "DMIG,B2PP,7,1,,7,1,1.,2."]
+    part = tmp_path / "part.pch"
+    part.write_text("\n".join([*cards, *others, *matrices, ""]))
+    units = parse_units("m-kg-s-N")
+    np.testing.assert_allclose(read_external([part], None, units).mass, component.mass, atol=1e-7)
+    part.write_text("\n".join([*cards, *matrices, *punch("KXX", 2.0 * component.stiffness, points), ""]))
+    with pytest.raises(DataError, match="KXX and KAAX, which differ: either may be the stiffness"):
+        read_external([part], None, units)
+    part.write_text("\n".join([*cards, *others, *matrices, ""]).replace("MAAX", "MASS"))
+    with pytest.raises(DataError, match="MXX, MAAX, MAA; there are KAAX, PAX, B2PP, MASS"):
+        read_external([part], None, units)
+
+
 def article(folder, text=""):
     (folder / "a.toml").write_text(
         'schema = 1\nname = "a"\n[[node]]\nname = "a"\nx_m = 0.0\n[[node]]\nname = "b"\n'

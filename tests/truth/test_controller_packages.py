@@ -19,12 +19,13 @@ from middeck.errors import ConfigError
 from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
+from middeck.realtime.gate.steps_on_paper import check_error_bound
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks
 from middeck.realtime.package.modal_form import to_modal
 from middeck.realtime.package.package_law import package_law, without_applied
 from middeck.realtime.package.reference import ReferenceLaw
-from middeck.realtime.package.single_precision import to_single
+from middeck.realtime.package.single_precision import bound_error, to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
@@ -258,6 +259,29 @@ def test_peaks_are_bounded_from_above_and_closely():
     assert 1e5 <= float(bound_peaks(slow, np.eye(1), np.eye(1), np.zeros((1, 1)))[0, 0]) < 1.1e5
 
 
+def test_limits_of_size_and_slew_at_once_act_as_written():
+    """Of random laws with both, which learn what is applied, in a loop of its own."""
+    both = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        law, limit = random_law(rng, 8, 2, 2, radii=(0.8, 0.99)), rng.uniform(0.05, 1.0, 2)
+        step = limit * rng.uniform(0.05, 0.5, 2)
+        reference = ReferenceLaw(
+            package_law(law, "law", input_range=1.0, limit=limit, slew_rate=step / PERIOD_S)
+        )
+        s, x, last = law.sampled, np.zeros(8), np.zeros(2)
+        slewed = sized = False
+        for y in np.clip(rng.standard_normal((200, 2)), -1.0, 1.0):
+            wanted = s.C @ x + s.D @ y
+            within = last + np.clip(wanted - last, -step, step)
+            u = np.clip(within, -limit, limit)
+            assert reference.step(y) == pytest.approx(u, rel=1e-9, abs=1e-11)
+            slewed, sized = slewed or bool(np.any(within != wanted)), sized or bool(np.any(u != within))
+            x, last = s.A @ x + s.B @ y + law.applied @ (u - wanted), u
+        both += slewed and sized
+    assert both >= 6
+
+
 @pytest.mark.parametrize("applied", [False, True])
 def test_single_precision_stays_within_its_bound(applied, tmp_path):
     ratios = []
@@ -282,6 +306,21 @@ def test_the_bound_in_single_precision_holds_for_commands_that_others_add(tmp_pa
     single = to_single(package)
     worst = worst_error(package, single, 30_000, tmp_path)
     assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
+
+
+def test_a_bound_for_own_commands_asks_that_no_limit_or_fade_touches_them(tmp_path):
+    """Of this law errors grow under limits, which its inputs do not let it reach."""
+    law = random_law(np.random.default_rng(1), 12, 3, 2, radii=(0.8, 0.998))
+    law = dataclasses.replace(law, applied=15.0 * law.applied)
+    package = package_law(law, "law", input_range=0.01, limit=30.0)
+    single = to_single(package)
+    assert bound_error(package).own
+    worst = worst_error(package, single, 3000, tmp_path)
+    assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
+    assert check_error_bound(single).said.endswith("for its own commands applied in full")
+    for touched in ({"limit": 0.3}, {"limit": 30.0, "ramp_s": 1.0}):
+        with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
+            to_single(package_law(law, "law", input_range=0.01, **touched))
 
 
 def test_what_has_no_bound_is_refused():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import struct
 import threading
 import time
 from importlib import resources
@@ -13,6 +14,8 @@ import pytest
 
 from engine_cases import OUTPUTS, SENSORS, kinds, plain_settings, random_article, random_package
 from middeck.errors import DataError
+from middeck.realtime.engine.interface.checksum import checksum
+from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import DriverRig, UdpRig
@@ -27,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("compiler")
 
 
 @contextlib.contextmanager
-def answering(reply):
+def answering(reply, raw=None):
     """A rig whose ``reply(sample)`` gives the datagrams for a request."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
         opened.bind((LOOPBACK, 0))
@@ -41,7 +44,7 @@ def answering(reply):
                 except OSError:
                     continue
                 sample, _ = REQUEST.unpack_from(unseal(data, "ASKED"))
-                for datagram in reply(sample):
+                for datagram in reply(sample) if not raw else raw(data):
                     opened.sendto(datagram, sender)
 
         thread = threading.Thread(target=serve)
@@ -182,6 +185,26 @@ def test_a_rig_with_other_sensors_is_told_as_the_rig_s(computer):
     settings = plain_settings(answer_s=0.5)
     trial = run_trial(package, settings, TwoSensors(), stages, computer=computer)
     assert trial.trip.endswith("how many sensors and outputs it has, must be the engine's")
+    assert not trial.blamed
+
+
+def old_rig(data):
+    """From before there were checks: (sample, sensors) for (sample, alive, outputs)."""
+    return [data[:8] + np.full(SENSORS, 0.01).tobytes()]
+
+
+def other_format(data):
+    body = struct.pack("<q", constants()["FORMAT"] + 1)
+    return [struct.pack("<Q", checksum(body, constants()["REFUSED_FORMAT"])) + body]
+
+
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+@pytest.mark.parametrize("rig", [old_rig, other_format])
+def test_a_rig_of_another_format_is_told_as_such(rig, computer):
+    package, stages = random_package(input_range=10.0), (Stage("standby", 0.1),)
+    with answering(None, rig) as there:
+        trial = run_trial(package, plain_settings(answer_s=0.5), there, stages, computer=computer)
+    assert "the rig speaks another format of datagrams" in trial.trip
     assert not trial.blamed
 
 

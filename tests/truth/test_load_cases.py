@@ -21,6 +21,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
+from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, member, node, straight_beam, structure
 
 L, EI, RHO = 2.0, 100.0, 0.5
@@ -130,6 +131,27 @@ def test_a_prescribed_turn_of_any_size_carries_a_free_end_along() -> None:
     modes = solve_modes(rest)
     want = solve_modes(solve_equilibrium(straight_beam(TUBE, L, 4), WALL))
     np.testing.assert_allclose(modes.omega[:6], want.omega[:6], rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("EI", "EA", "turn"),
+    repeats(
+        [(4.0, 5e6, (0.84, -0.15, 0.03)), (5.0, 5e4, (0.84, -0.15, 0.03)), (30.0, 1e7, (1.34, 0.75, 0.43))]
+    ),
+)
+def test_a_bent_boom_is_turned_in_a_few_iterations(EI: float, EA: float, turn: tuple[float, ...]) -> None:
+    """As it hangs in a weight that is turned the other way, all turned back: no frame is special."""
+    section = dataclasses.replace(TUBE, EA=EA, GJ=0.8 * EI, EI_y=EI, EI_z=1.2 * EI, rho_A=0.2)
+    nodes = [node("a", (0, 0, 0)), node("b", (0.8, 0.2, 0.0)), node("c", (1.2, 0.1, 0.6), body(0.1))]
+    boom = structure(nodes, [member("a", "b", section, 8), member("b", "c", section, 8)])
+    R = rotation_exp(np.array(turn))
+    moved = LoadCase(name="turned", prescribed=(Clamp(node="a", turn=np.array(turn)),))
+    rest = solve_equilibrium(boom, Environment(title="turned", gravity=GRAVITY, clamps=()), moved)
+    same = solve_equilibrium(boom, dataclasses.replace(WALL, gravity=R.T @ GRAVITY))
+    assert rest.converged
+    assert rest.followed
+    assert len(rest.history) <= 20
+    np.testing.assert_allclose(rest.config.x, same.config.x @ R.T, atol=1e-10)
 
 
 def critical_turn(EI_over_GJ: float) -> float:

@@ -232,7 +232,7 @@ def test_no_law_designed_in_mixed_states_is_silently_another(kind: str, campaign
     1e3 at most one in fifty warns."""
     design = DESIGNS[kind]
     omega, known, warned = np.geomspace(0.05, 50.0, 40), 0, 0
-    clean_warned, seeds = 0, campaign(60)
+    clean_warned, seeds = 0, campaign(180, share=30)
     for seed in seeds:
         rng = np.random.default_rng([91, seed])
         plant, weights = _sharp(rng)[0], unit_weights(("force",), 10.0 ** rng.uniform(-8.0, 0.0))
@@ -300,7 +300,7 @@ def test_integral_action_and_what_is_zero_by_rounding_are_no_doubt_of_a_law() ->
 def test_modes_named_by_their_frequency_have_their_names_when_entries_move() -> None:
     omega = 2.0 * np.pi * 0.15925
     mode = StateSpace([[0.0, omega], [-omega, -0.02 * omega]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    for seed in repeats(range(6), 3):
+    for seed in repeats([1, 0, 2, 3, 4, 5]):  # on the first a moved plant has another name
         mixed = _mixed(mode, 3e4, np.random.default_rng([93, seed]))
         ports = {"w": ["f"], "u": ["f"], "z": ["y"], "y": ["y"]}
         plant = make_plant(mixed.A, mixed.B, mixed.C, inputs=["f"], outputs=["y"], **ports)
@@ -315,7 +315,7 @@ def test_modes_named_by_their_frequency_have_their_names_when_entries_move() -> 
 def test_a_limit_of_the_search_beside_the_shift_itself_is_no_doubt_of_it() -> None:
     """A shift found just below ``most`` for one plant and just above it for the moved one is the same."""
     tried = 0
-    for seed in repeats(range(12), 6):
+    for seed in repeats([5, 3, 1, 0, 2, 4, *range(6, 12)], 3):  # the first warned before it was mended
         rng = np.random.default_rng([85, seed])
         plant, law = _sharp(rng)
         mixed = dataclasses.replace(law, dynamics=_mixed(law.system, 3e3, rng))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import socket
+import struct
 import threading
 
 import numpy as np
@@ -319,14 +320,19 @@ def test_a_datagram_that_was_changed_is_none():
     assert ask(session, 1, 0.5, 1) == [1.0, 0.5]
 
 
-def test_a_rig_of_another_format_does_not_answer(monkeypatch):
-    """What its words meant would be a guess."""
+def test_a_rig_of_another_format_only_says_which(monkeypatch):
+    """What the words of the other meant would be a guess: of an older one, and of one from before checks."""
     session = RigSession(Counter())
     assert ask(session, 0, 0.0, 0) == [0.0, 0.0]
     now = constants()
     data = seal(REQUEST.pack(1, 1) + np.array([0.5]).tobytes(), "ASKED")
     monkeypatch.setattr(udp_replies, "constants", lambda: {**now, "FORMAT": now["FORMAT"] - 1})
-    assert session.answer(data, "engine") is None
+    (said,) = struct.unpack("<q", session.answer(data, "engine")[8:])
+    assert said == now["FORMAT"] - 1
+    unchecked = REQUEST.pack(1, 1) + np.array([0.5]).tobytes()
+    assert session.answer(unchecked, "engine") == udp_replies.refusal()
+    assert session.answer(udp_replies.refusal(), "engine") is None
+    assert session.sample == 0
 
 
 def test_a_rig_follows_one_engine():

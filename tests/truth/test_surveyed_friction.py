@@ -20,6 +20,7 @@ from middeck.structure.correlation.measured_modes import MeasurementNoise, measu
 from middeck.structure.model.article import Actuator, Body, Damping, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.links import Link
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise.refined_slips import spread_refined, with_refined
 from middeck.updating.promise.slip import JointSlip, draw_slips
@@ -217,6 +218,36 @@ def test_two_close_modes_that_a_stuck_joint_mixes_are_two():
     assert compared.pairs[:, 1].tolist() == list(range(6))
     assert len(set(compared.paired.labels.tolist())) == 6
     np.testing.assert_allclose(compared.residual[:6], 0.0, atol=5e-4)
+
+
+def unfolded(stiffness: float) -> Structure:
+    """A clamped boom of two halves and a hinge between them, which bends both where it sticks."""
+    tube = dataclasses.replace(case.TUBE, GA_y=np.inf, GA_z=np.inf)
+    light, tip = build.body(0.01, inertia=(1e-5,) * 3), build.body(0.2, inertia=(1e-4,) * 3)
+    nodes = [
+        build.node(n, (x, 0, 0), b) for n, x, b in (("a", 0, build.NONE), ("b", 1, light), ("c", 2, tip))
+    ]
+    nodes.append(build.node("d", (1, 0, 0)))
+    hinge = build.joint("p", "b", (0, 0, 1), light, angle=0.0, stiffness=stiffness, target=0.0)
+    made = build.structure(nodes, [build.member(*ends, tube, 3) for ends in ("ab", "dc")], [hinge])
+    latch = (Link(name="latch", first="p", second="d"),)
+    return dataclasses.replace(made, links=latch, damping=Damping(flexible=0.01, suspension=0.01))
+
+
+@pytest.mark.parametrize("stiffness", repeats([1e6, 1e3]))
+def test_a_hinge_amid_a_boom_may_stick_as_firmly_as_it_likes(stiffness: float):
+    """Its flexibility is in modes far above those measured: as many are taken as it asks for."""
+    held = Environment(title="held", gravity=np.zeros(3), suspension=None, clamps=(Clamp(node="a"),))
+    true = md.solve_modes(md.solve_equilibrium(unfolded(20.0 + stiffness), held))
+    stated = SurveyedFriction(
+        joint="p", slip_torque=1e-3 * stiffness, slip_angle=1e-3, amplitude=np.full(4, 1e-4)
+    )
+    noise = MeasurementNoise(frequency=1e-9, shape=1e-6)
+    measured = measure_modes(true, chosen=range(4), noise=noise, rng=np.random.default_rng(3))
+    survey = Survey(name="s", measured=measured, environment=held, friction=(stated,), damping_std=0.1)
+    compared, _ = beside(survey, np.zeros(1), unfolded(20.0), SLIPS[:1])
+    assert compared.pairs[:, 1].tolist() == [0, 1, 2, 3]
+    np.testing.assert_allclose(compared.residual[:4], 0.0, atol=2e-6)
 
 
 def test_without_friction_its_stiffness_and_loss_go_elsewhere():

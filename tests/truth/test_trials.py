@@ -11,10 +11,13 @@ import scipy.linalg as sla
 
 from engine_cases import SENSORS, plain_settings, random_article, random_package
 from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
+from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.process.launch import DriverRig
 from middeck.realtime.engine.rigs.linear_article import Fault, linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
+from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials, check_shadow_run
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.single_precision import to_single
 from middeck.signals.ports import Port
@@ -123,6 +126,26 @@ def test_without_a_compiler_the_reference_law_runs(monkeypatch):
             random_article(),
             STAGES[:1],
         )
+
+
+def test_without_a_compiler_nothing_that_is_to_be_guarded_goes_unguarded(monkeypatch):
+    """A rig does not run without the trips that its settings ask for: nothing would stop it."""
+    monkeypatch.setattr(shutil, "which", lambda *_: None)
+    plain = plain_settings()
+    sensor, drive = plain.sensors[0], plain.drives[0]
+    quiet = {"sensor": sensor.port.name, "band_hz": (1.0, 2.0), "quiet_rms": 0.1, "loud_rms": 0.2}
+    for changed, lacking in (
+        ({"monitors": (Monitor(channel=sensor.port.name, band_hz=(1.0, 2.0), limit=1.0),)}, "monitors"),
+        ({"sensors": (dataclasses.replace(sensor, stuck_s=1.0), *plain.sensors[1:])}, "test of stuck"),
+        ({"drives": (dataclasses.replace(drive, momentum=1.0, stored=0.0), *plain.drives[1:])}, "momentum"),
+        ({"adaptive": AdaptiveGain(maximum=1.0, rate=0.1, **quiet)}, "adaptive gain"),
+    ):
+        settings = dataclasses.replace(plain, **changed)
+        with pytest.raises(ConfigError, match=f"{lacking}.*which the settings ask for"):
+            run_trial(random_package(), settings, random_article(), STAGES[:1])
+        step = check_shadow_run(random_package(), GateRig(random_article(), settings), GateTrials())
+        assert not step.passed
+        assert "which the settings ask for" in step.said
 
 
 def test_what_is_for_small_processors_runs_by_the_reference():

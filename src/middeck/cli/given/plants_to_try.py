@@ -152,6 +152,18 @@ def also_held(gathered: Gathered, law: Law, delay_s: float) -> Gathered:
     return dataclasses.replace(gathered, plants=gathered.plants | held)
 
 
+def say_promised_hold(gathered: Gathered, rates_hz: Sequence[float]) -> list[str]:
+    """Warning for promised plants whose delays, those of the plan, may include a hold that a rate adds."""
+    late_s = [float(plant.delay_s.min()) for one in gathered.promises for plant in one.plants.values()]
+    return [
+        f"promised plants, {rate:g} Hz: their delays (from {1e3 * min(late_s):.4g} ms, the plan's delay_s) "
+        f"count in full, and sample and hold add {500.0 / rate:g} ms; where the plan includes a hold take "
+        "that off"
+        for rate in rates_hz
+        if late_s and min(late_s) >= 0.5 / rate
+    ]
+
+
 def say_hold(
     gathered: Gathered, law: Law, weights: LQGWeights, rates_hz: Sequence[float], delay_s: float
 ) -> list[str]:
@@ -159,7 +171,7 @@ def say_hold(
 
     ``delay_s`` is what was added to the delays of the models.
     """
-    said: list[str] = []
+    said = say_promised_hold(gathered, [1.0 / form.sampled.period_s for form in sampled_forms(law, rates_hz)])
     for name in gathered.hold_unknown:
         for form in sampled_forms(law, rates_hz):
             with reading(name):

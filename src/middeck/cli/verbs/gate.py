@@ -131,7 +131,7 @@ def verb(
     a share of authority, then at full authority. They use the engine or, without a C compiler, the reference
     law in Python. The exit code is 1 if a step fails. --set takes the keys of articles and environments.
     """
-    from middeck.cli.given.plants_to_try import also_held, gather_plants
+    from middeck.cli.given.plants_to_try import also_held, gather_plants, say_promised_hold
     from middeck.cli.given.shifted_plants import all_plants
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
@@ -163,7 +163,8 @@ def verb(
         engaged=engaged,
     )  # fmt: skip
     document = describe(verdict, margins, trials) | {
-        "promises": [promise.sha256 for promise in gathered.promises]
+        "promises": [promise.sha256 for promise in gathered.promises],
+        "warnings": say_promised_hold(gathered, [1.0 / package.period_s]),
     }
     if verdict_file is not None:
         write_json(verdict_file, seal(document))

@@ -19,6 +19,7 @@ EXAMPLES = """\
   middeck generate law.mdk --without-applied --single -o small.mdk
 """
 LIMITS = ("input_range", "limit", "slew_rate")
+OWN = "for the law's own commands, applied in full; none is known where others limit or add to them"
 PACKAGES = (".mdk", ".json", ".c", ".h")
 
 
@@ -157,6 +158,7 @@ def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]
     """The JSON document; null stands for a limit that is not there."""
     from middeck.files.laws.packages import package_document
     from middeck.realtime.package.package_bytes import encode_package
+    from middeck.realtime.package.single_precision import bound_error
 
     keys = (
         "sha256", "name", "period_s", "precision", "unstable", "inputs", "input_range", "outputs", "lower",
@@ -166,6 +168,7 @@ def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]
     return {
         "schema": "middeck.generate/1",
         **{key: twin[key] for key in keys},
+        "error_bound_own": bound_error(package).own if package.single else None,
         "form": "dense" if package.core.pairs is None else "modal",
         "states": len(package.core.A),
         "applied": package.core.drives,
@@ -190,6 +193,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"rate         {1.0 / document['period_s']:g} Hz, ramp of {document['ramp_samples']} samples",
         f"estimates    from {sees}",
         f"tested by    {document['samples']} samples, to the last bit",
+        *(["error bound  " + OWN] if document["error_bound_own"] else []),
         Table("inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r, "g")] for p, r in ranges]),
         Table(
             "outputs",

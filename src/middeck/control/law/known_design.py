@@ -8,7 +8,9 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.control.law.rounding_of_results import measure_known
+from middeck.control.law.compensator import Compensator
+from middeck.control.law.rounding_of_results import is_vague_half, measure_known
+from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.state_space.statespace import LinearSystem, poles
@@ -16,12 +18,6 @@ from middeck.values import record
 
 SCALINGS = 4
 """Rounds in which sizes of outputs and inputs settle."""
-SHARE = 3e-7
-"""Of its decay, by which rounding moves a pole of a plant whose designs are computed again: a third of what
-other numbers take, for a Riccati equation squares the condition of mixed states (1 % was silent)."""
-UNCERTAIN = 3e-4
-"""Change of a response or cost that warns: a third of what is not silent, since three draws may miss the
-largest."""
 
 
 @record
@@ -59,7 +55,12 @@ def design_known(
         apart = (statespace_response(seen.system, lines) / sizes).ravel()
         return np.concatenate([np.real(apart), np.imag(apart), np.log([seen.cost])])
 
-    return measure_known(what, design, numbers, plant, share=SHARE, uncertain=UNCERTAIN, stacklevel=4)
+    return measure_known(what, design, numbers, plant, vague=is_mixed, stacklevel=4)
+
+
+def is_mixed(half: Plant | Compensator) -> bool:
+    """Whether rounding may move a design: poles (`is_vague_half`), or what reaches and sees weak modes."""
+    return is_vague_half(half) or (isinstance(half, Plant) and unmix_states(half)[1] > 1.0)
 
 
 def _lines(seen: DesignView) -> Float[np.ndarray, " line"]:

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.poles.rounding import EPS, ROUNDINGS, VAGUE, is_vague
+from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import System
@@ -39,10 +39,15 @@ def moved_entries(system: System, rng: np.random.Generator) -> System:
     return dataclasses.replace(system, **moved)
 
 
-def is_vague_plant(plant: Plant, share: float = VAGUE) -> bool:
+def is_vague_plant(plant: Plant) -> bool:
     """Whether rounding moves poles of the plant (`is_vague`): of modal form never."""
     dynamics = remove_delays(plant).dynamics
-    return not isinstance(dynamics, ModalSystem) and is_vague(dynamics, share)
+    return not isinstance(dynamics, ModalSystem) and is_vague(dynamics)
+
+
+def is_vague_half(half: Plant | Compensator) -> bool:
+    """`is_vague_plant` or `is_vague`, of a law."""
+    return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
 
 
 def move_plant(plant: Plant, rng: np.random.Generator) -> Plant:
@@ -61,23 +66,21 @@ def measure_known(
     measure: Callable[..., Found],
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
     *halves: Plant | Compensator,
-    share: float = VAGUE,
-    uncertain: float = UNCERTAIN,
+    vague: Callable[[Plant | Compensator], bool] = is_vague_half,
     stacklevel: int = 3,
 ) -> Found:
     """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
 
-    Halves of which no pole `is_vague` by ``share`` cost nothing more.
+    Halves that are not ``vague`` cost nothing more: those of which no pole `is_vague`.
 
     Args:
         what: Names the numbers in the warning.
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
-        uncertain: Change of a number that warns.
         stacklevel: Of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
-    vague = [_is_vague(half, share) for half in halves]
-    if not any(vague):
+    moves = [vague(half) for half in halves]
+    if not any(moves):
         return found
 
     def of(found: Found) -> np.ndarray:
@@ -86,18 +89,14 @@ def measure_known(
 
     here = of(found)
     if np.isfinite(here).any():
-        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, vague, strict=True)))
-        if most > uncertain:
+        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, moves, strict=True)))
+        if most > UNCERTAIN:
             warnings.warn(
                 f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
                 f"or rad) or more; {CURE}, would tell",
                 stacklevel=stacklevel,
             )
     return found
-
-
-def _is_vague(half: Plant | Compensator, share: float) -> bool:
-    return is_vague_plant(half, share) if isinstance(half, Plant) else is_vague(half.dynamics, share)
 
 
 def _move(half: Plant | Compensator, rng: np.random.Generator) -> Plant | Compensator:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.known_design import SHARE, UNCERTAIN
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.known_design import is_mixed
+from middeck.control.law.partition import pose_modes
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.design_model import LQGProblem, pose_problem
 from middeck.control.lqg.weights import LQGWeights, Shaping
@@ -20,7 +20,8 @@ class KalmanFilter:
     """The stationary filter of a plant; the same at every control authority.
 
     ``gain`` is L in xhat' = A xhat + B u + L (y - yhat), ``solution`` that of the dual Riccati equation
-    (its X is the error covariance), ``inert`` names the modes left out of the design. ``process``, ``sensor``
+    (its X is the error covariance), ``inert`` names the modes left out of the design. States that are mixed
+    are estimated as those of `unmix_states`. ``process``, ``sensor``
     and ``cross`` are the intensities that it expects.
     """
 
@@ -49,12 +50,12 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
         return np.log([np.sum((model.C1 @ kalman.solution.X) * model.C1)])
 
     what = "errors that the filter leaves"
-    return measure_known(what, design, numbers, plant, share=SHARE, uncertain=UNCERTAIN)[0]
+    return measure_known(what, design, numbers, plant, vague=is_mixed)[0]
 
 
 def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
     """The filter and what it was posed as; as `design_filter`, rounding apart."""
-    part = partition_modes(plant)
+    part = pose_modes(plant, driven=False)
     model = pose_problem(part.active, weights, shaping)
     solution = estimate_states(model)
     kalman = KalmanFilter(

@@ -3,7 +3,7 @@
 Places and motions in Cartesian, cylindrical and spherical systems of 2420 are turned into the part's own.
 
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
-file formats). Trace lines (82) and functions (58) of the same file are passed over.
+file formats). Functions (58) of the same file are passed over; trace lines (82) only show what is missing.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from middeck.files.nastran.deck.coordinates import BASIC, System
 from middeck.files.records.uff58 import AGAIN, TextSet, fortran, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
-HEADER, NODES, SHAPES, UNITS, SYSTEMS = 151, (15, 2411), (55, 2414), 164, (18, 2420)
+HEADER, NODES, SHAPES, UNITS, SYSTEMS, LINES = 151, (15, 2411), (55, 2414), 164, (18, 2420), 82
 NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an eigenvalue
 # Derivatives of displacement by the specific data type; of unknown and general data none.
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
@@ -51,7 +51,7 @@ def load_uff(path: Path) -> MeasuredModes:
     Raises `DataError`, with the line, for a file that is cut or holds no modes, for nodes with displacement
     axes of their own, units that contradict themselves, and shapes that are not motions.
     """
-    sets = scan_texts(path, (HEADER, *NODES, *SHAPES, *SYSTEMS, UNITS))
+    sets = scan_texts(path, (HEADER, *NODES, *SHAPES, *SYSTEMS, UNITS, LINES))
     _require_all(sets, path)
     shapes = _once([mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None])
     rigid = sum(s.hz == 0.0 for s in shapes)
@@ -61,7 +61,9 @@ def load_uff(path: Path) -> MeasuredModes:
         raise DataError("no mode shapes", where=str(path), hint=hint)
     factor = _metre([s for s in sets if s.number == UNITS], path)
     systems = _Systems(sets, path)
-    found = {n: at for s in sets if s.number in NODES for n, at in _nodes(s, path, systems).items()}
+    found = dict[int, tuple[np.ndarray, np.ndarray]]()
+    for s in (s for s in sets if s.number in NODES):
+        _nodes(s, path, systems, found)
     places = {n: at for n, (at, _) in found.items()}
     numbers = sorted({n for shape in shapes for n in shape.rows})
     table = np.array([[_six(s.rows.get(n)) for s in shapes] for n in numbers]).reshape(-1, len(shapes), 6)
@@ -71,7 +73,10 @@ def load_uff(path: Path) -> MeasuredModes:
             table[k] = _turn(table[k], found[n][1], n, path)
     moved = [(k, a) for k in range(len(numbers)) for a in range(6) if table[k, :, a].any()]
     located = bool(places) and all(n in places for n in numbers)
-    said = dict.fromkeys(w for s in shapes for w in s.warnings)
+    said = dict.fromkeys(w for s in shapes for w in (*s.warnings, *_lacking(s, len(numbers))))
+    traced = {n for s in sets if s.number == LINES for n in _traced(s, path)}
+    if places and (lost := sorted(traced - places.keys())):
+        said[f"trace lines join nodes without coordinates ({_few(lost)}): is the file whole?"] = None
     if rigid:
         said[f"{rigid} modes at 0 Hz are left out"] = None
     if factor is None and (places or any(a > 2 for _, a in moved)):
@@ -110,6 +115,31 @@ def _require_all(sets: list[TextSet], path: Path) -> None:
         what = f"cut: {there} of the {sum(stated)} modes that its header states"
         hint = f"{AGAIN}; if modes were deleted on purpose, correct the number in data set {HEADER}"
         raise DataError(what, where=str(path), hint=hint)
+
+
+def _lacking(shape: Shape, nodes: int) -> tuple[str, ...]:
+    """A word on nodes that other modes have: the format means that they stand still, a cut looks alike."""
+    lacks = nodes - len(shape.rows)
+    what = f"the mode of {shape.hz:.6g} Hz leaves out {lacks} of {nodes} nodes"
+    return (f"{what}: they are taken to stand still in it (is the file whole?)",) if lacks else ()
+
+
+def _traced(found: TextSet, path: Path) -> set[int]:
+    """The nodes that a trace line joins; `DataError` for fewer or more than it states."""
+    lines = _Lines(found, path)
+    stated = lines.whole(2)[1]
+    lines.line()  # its name
+    joined = [
+        n for line in lines.lines[2:] if line.strip() for n in lines.whole(-(-len(line.rstrip()) // 10))
+    ]
+    if len(joined) != stated:
+        what = f"{len(joined)} of the {stated} nodes of a trace line"
+        raise DataError(what, where=lines.where(), hint=AGAIN)
+    return set(joined) - {0}
+
+
+def _few(nodes: list[int]) -> str:
+    return ", ".join(map(str, nodes[:5])) + (", ..." if len(nodes) > 5 else "")
 
 
 def _six(row: np.ndarray | None) -> np.ndarray:
@@ -276,9 +306,11 @@ def _equal(one: Shape, other: Shape) -> bool:
     return bool(np.abs(here - there).max(initial=0.0) <= SAME * np.abs(here).max(initial=0.0))
 
 
-def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-    """Places, and axes of displacement."""
-    lines, places = _Lines(found, path), dict[int, tuple[np.ndarray, np.ndarray]]()
+def _nodes(
+    found: TextSet, path: Path, systems: _Systems, places: dict[int, tuple[np.ndarray, np.ndarray]]
+) -> None:
+    """Add to ``places`` those of a data set, and the axes of displacement there."""
+    lines = _Lines(found, path)
     while lines.more():
         if found.number == 15:
             text = lines.line()
@@ -294,10 +326,10 @@ def _nodes(found: TextSet, path: Path, systems: _Systems) -> dict[int, tuple[np.
             systems.placed_in.add(defined)
         at = moved
         own = systems.axes(number, axes, at, lines.where())
-        if number in places and not np.array_equal(places[number][0], at):
+        apart = np.abs(places[number][0] - at).max() if number in places else 0.0
+        if apart > SAME * np.abs(at).max():  # data sets differ in digits
             raise DataError(f"node {number} stands at two places", where=lines.where(), hint=AGAIN)
         places[number] = at, own
-    return places
 
 
 def _shape(found: TextSet, path: Path) -> Shape | None:

@@ -110,7 +110,19 @@ def _rate(
             hint = "state the rate (fs or Ts) if it is another one"
             faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)
     _refuse_rates(rates, told, share, file)
-    return next(iter(rates.values()), None), share, faults
+    return next(iter(rates.values()), None), share, faults or _doubts_of_told(told, head)
+
+
+def _doubts_of_told(told: dict[str, float], head: Head) -> tuple[Fault, ...]:
+    """A fault where a rate below 1 Hz is told: rather a period as fs, or a rate as Ts."""
+    rates = _rates(told)
+    slow = next((n for n in told if rates[n] < 1.0), None)
+    if slow is None:
+        return ()
+    meant, hz = ("period", 1.0 / told[slow]) if rates[slow] == told[slow] else ("rate", told[slow])
+    what = f"{slow} = {told[slow]:g} means {rates[slow]:.6g} Hz: if it is a {meant}, it is {hz:.6g} Hz"
+    hint = "fs, Fs and sample_hz are rates [Hz], Ts is a period [s]: rename it, unless it is meant so"
+    return (channel_fault("rate", "serious", head, what, hint),)
 
 
 def _around(arrays: dict[str, np.ndarray], stem: str, names: Sequence[str]) -> dict[str, np.ndarray]:

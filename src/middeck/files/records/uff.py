@@ -119,6 +119,11 @@ def read_runs(file: Path) -> list[Experiment]:
         if len(data) != most:
             what = f"{len(data)} time functions, other channels have {most}"
             raise DataError(what, where=f"{file}, channel {head.name}", hint="one for each experiment")
+        other = next((d for d in data if d.unit != data[0].unit), None)
+        if other is not None:
+            what = f"in {other.unit or 'no stated unit'}, in the first experiment in {data[0].unit or 'none'}"
+            where = f"{file}:{other.line}, channel {head.name}"
+            raise DataError(what, where=where, hint="export all experiments in one unit")
     return [_run(heads, together, file) for together in zip(*channels.values(), strict=True)]
 
 
@@ -306,7 +311,7 @@ def read_response(file: Path) -> FrequencyResponse:
         raise DataError(
             what, where=str(file), hint="a file of frequency responses; load_record reads time functions"
         )
-    found = {_ends(d): d for d in sets}
+    found = _by_ends(sets, file)
     outputs, inputs = (list(dict.fromkeys(ends[k] for ends in found)) for k in range(2))
     lines: np.ndarray | None = None
     H = np.empty((sets[0].count, len(outputs), len(inputs)), complex)
@@ -322,6 +327,11 @@ def read_response(file: Path) -> FrequencyResponse:
                 raise DataError("other frequencies than the first", where=where, hint="export them alike")
             H[:, o, i] = values
     assert lines is not None
+    if not (np.diff(lines) > 0.0).all():
+        hz = lines[1 + int(np.argmin(np.diff(lines)))]
+        what = f"frequencies do not rise: {hz:.6g} Hz does not stand above the one before it"
+        raise DataError(what, where=str(file), hint="export them in order, each once")
+    _check_units(found, outputs, inputs, file)
     kept = slice(int(lines[0] == 0.0), None)  # zero hertz has no phase, and no fit a use for it
     if kept.start:
         warnings.warn(f"{file}: the line at 0 Hz, which has no phase, is left out", UserWarning, stacklevel=3)
@@ -343,6 +353,35 @@ End = tuple[Place, str]  # with the name of the port, where the file is ours
 def _ends(data: Dataset) -> tuple[End, End]:
     names = data.texts[:2] if _is_ours(data) else ("", "")
     return (data.response, names[0]), (data.reference, names[1])
+
+
+def _by_ends(sets: list[Dataset], file: Path) -> dict[tuple[End, End], Dataset]:
+    """The responses by their ends. Raises `DataError` for two of one pair, as of runs or of quantities."""
+    found: dict[tuple[End, End], Dataset] = {}
+    for data in sets:
+        first = found.setdefault(_ends(data), data)
+        if first is not data:
+            output, at = map(_end_name, _ends(data))
+            what = f"a second response of {output} to {at}: the first is on line {first.line}"
+            raise DataError(what, where=f"{file}:{data.line}", hint="export one run, of one quantity")
+    return found
+
+
+def _check_units(
+    found: dict[tuple[End, End], Dataset], outputs: list[End], inputs: list[End], file: Path
+) -> None:
+    """Raise `DataError` where responses state other units of one output, or of one input."""
+    for (output, at), data in found.items():
+        first, divisor = found[output, inputs[0]], found[outputs[0], at]
+        if (data.quantity, data.unit) != (first.quantity, first.unit):
+            end, one, other = output, data.unit, first.unit
+        elif data.divisor_unit != divisor.divisor_unit:
+            end, one, other = at, data.divisor_unit, divisor.divisor_unit
+        else:
+            continue
+        what = f"{_end_name(end)} in {one or 'no stated unit'} here, in {other or 'none'} on line "
+        line = first.line if end is output else divisor.line
+        raise DataError(f"{what}{line}", where=f"{file}:{data.line}", hint="export all in one unit")
 
 
 def _end_name(end: End) -> str:

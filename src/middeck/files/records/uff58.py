@@ -22,6 +22,7 @@ TIME, RESPONSE = 1, 4  # function types that are read
 # Ordinate data type: is complex, bytes of a real number, characters of one, numbers on an ASCII line.
 ORDINATES = {2: (False, 4, 13, 6), 4: (False, 8, 20, 4), 5: (True, 4, 13, 6), 6: (True, 8, 20, 4)}
 MARK = b"    -1"
+BLANK = b" \t\r\n\0\x1a"  # some programs end a file with the mark of its end
 AGAIN = "copy or export it again"
 # No measurement is beyond these: its bytes are in another order.
 SANE = (1e-25, 1e25)
@@ -37,8 +38,12 @@ class Place:
     direction: int
 
 
-# Labels of an abscissa that is neither in seconds nor in hertz.
-OTHER_ABSCISSAS = ("ms", "msec", "us", "µs", "min", "kHz", "MHz", "rad/s", "rpm", "RPM", "cpm")
+# Abscissa of what is read: its specific data type, where it is known (0, 1: it is not), its unit and how
+# programs label that. All other labels (mHz, RPM, rad/sec, orders, mm) are refused: none is guessed.
+ABSCISSAS = {
+    TIME: (17, "s", ("", "s", "sec", "secs", "second", "seconds", "time")),
+    RESPONSE: (18, "Hz", ("", "hz", "hertz", "cps", "c/s", "cycles/s", "1/s", "frequency")),
+}
 # Units (data set 164) stand near the beginning of a file.
 SEARCHED = 1_000_000
 
@@ -137,7 +142,7 @@ def _sets(file: Path, wanted: Collection[int]) -> Iterator[Dataset | TextSet]:
         cursor = _Cursor(stream, file)
         while stream.tell() < size:
             line = cursor.line("a data set")
-            if not line.strip():
+            if not line.strip(BLANK):
                 continue
             if line.rstrip() != MARK:
                 raise DataError(
@@ -225,11 +230,8 @@ def _byte_order(head: str, where: str) -> Literal["", "<", ">"]:
 
 def _dataset(lines: list[str], begin: int, order: Literal["", "<", ">"], start: int, where: str) -> Dataset:
     function, form, abscissa, ordinate, denominator, _ = lines[5:]
-    if _label(abscissa) in OTHER_ABSCISSAS:
-        raise DataError(
-            f"the abscissa is in {_label(abscissa)!r}", where=where, hint="export it in s, or in Hz"
-        )
     kind = _whole(function, 0, 5, where, "the function type")
+    _check_abscissa(kind, abscissa, where)
     data = _whole(form, 0, 10, where, "the ordinate data type")
     if data not in ORDINATES:
         what = f"ordinate data type {data}"
@@ -257,6 +259,17 @@ def _dataset(lines: list[str], begin: int, order: Literal["", "<", ">"], start: 
         start=start,
         size=0,
     )
+
+
+def _check_abscissa(kind: int, line: str, where: str) -> None:
+    if kind not in ABSCISSAS:
+        return
+    due, unit, labels = ABSCISSAS[kind]
+    quantity, label = _whole(line, 0, 10, where, "the abscissa's quantity"), _label(line)
+    # "MHZ" is no known label, but "HZ" and "[Hz]" are.
+    if label.strip("[]() ").lower() not in labels or quantity not in (0, 1, due):
+        what = f"the abscissa is in {label!r}" if label else f"the abscissa is of type {quantity}, not {due}"
+        raise DataError(what, where=where, hint=f"export it in {unit}")
 
 
 def _place(line: str, at: int, where: str) -> Place:

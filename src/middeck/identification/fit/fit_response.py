@@ -32,7 +32,12 @@ from middeck.identification.order.best_start import leaves_noise, model_error, r
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, data_of
-from middeck.identification.search.fit_warnings import doubts_of_deviations, doubts_of_model, doubts_of_record
+from middeck.identification.search.fit_warnings import (
+    LEFT,
+    doubts_of_deviations,
+    doubts_of_model,
+    doubts_of_record,
+)
 from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
@@ -44,6 +49,7 @@ from middeck.identification.spectra.excess_variance import (
     spread_of,
 )
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
+from middeck.identification.uncertainty.lacking_terms import response_doubts
 from middeck.identification.uncertainty.parameter_deviations import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
@@ -204,6 +210,7 @@ class _Searched:
     spread: Spread
     followed: Spread
     reason: str
+    cost: Cost
 
 
 def _searched(
@@ -248,6 +255,7 @@ def _searched(
         spread=spread,
         followed=followed,
         reason=reason,
+        cost=cost,
     )
 
 
@@ -296,8 +304,13 @@ def _result(run: _Searched) -> FitResult:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
     warnings += doubts_of_record(measured)
     excess = model_error(best, spread)
+    lacks = _lacks(run, covariance)
     doubts = doubts_of_model(measured, error, excess, residual)
-    warnings += name_missing_delay(doubts, measured, covariance, error)
+    doubts = [
+        *lacks,
+        *(doubts if not lacks or np.any(error > LEFT) else []),
+    ]  # modes are what it does not lack
+    warnings += doubts if lacks else name_missing_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
     standing = standing_of(measured, covariance, holds=not doubts, phase=phase[0])
@@ -325,6 +338,13 @@ def _result(run: _Searched) -> FitResult:
         standing=standing,
         delay_standing=of_delays,
     )
+
+
+def _lacks(run: _Searched, covariance: ModelCovariance) -> list[str]:
+    """Warnings for a delay or a filter that the model lacks; only least squares have scores."""
+    if run.cost != "weighted" or covariance.model.sample_hz is not None:
+        return []
+    return response_doubts(covariance, run.measured, run.followed.at(run.best.share))
 
 
 def _pairs_for_a_delay(

@@ -32,7 +32,8 @@ from middeck.identification.model.measurement_model import MeasurementModel, mod
 from middeck.identification.model.refused_data import check_record, check_word
 from middeck.identification.model.steady_simulation import folded_response
 from middeck.identification.model.unstable_article import refuse_growth
-from middeck.identification.problem.data import Data
+from middeck.identification.order.recommended_order import count_unknowns
+from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
 from middeck.identification.record_fit.continuous_fit import fit_continuous
@@ -45,6 +46,7 @@ from middeck.identification.record_fit.record_spectra import (
     without_drift,
     without_trend,
 )
+from middeck.identification.record_fit.record_terms import record_doubts
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
@@ -204,7 +206,7 @@ def _fit(
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
     options = decided(lines, asked)
-    _check_length(record, options.moving + options.at_zero)
+    _check_length(data, lines, options)
     with residual_tests.named_cause(measured):
         if sampled:
             run, reason = choose_record(
@@ -245,15 +247,19 @@ def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
     return driven_band(inputs, rate)[1] >= NYQUIST * 0.5 * rate
 
 
-def _check_length(record: Record, states: int) -> None:
-    experiments, periods, samples, inputs = record.u.shape
-    outputs = record.y.shape[3]
-    unknowns = states * (inputs + outputs + outputs * experiments)
-    numbers = experiments * periods * samples * outputs
-    if unknowns >= numbers:
+def _check_length(data: Data, lines: FrequencyResponse, options: FitOptions) -> None:
+    """Raise `FitError` for as many unknowns as numbers, the terms that follow the ends included."""
+    assert data.transient is not None
+    outputs, _, experiments = data.H.shape
+    end = 0 if options.period_s else 1
+    degree = 2 if options.residuals or options.rigid else 1
+    free = Transient(data.period_s, end, end).drift_and_edges(data.s, degree)
+    unknowns = count_unknowns(lines, options) + outputs * experiments * (options.moving + len(free))
+    if unknowns >= 2 * data.H.size:
         raise FitError(
-            f"{unknowns} unknowns, transients among them, cannot be fitted to {numbers} samples",
-            hint="fewer states, or a longer record",
+            f"{unknowns} unknowns, transients and free ends among them, cannot be fitted to "
+            f"{2 * data.H.size} numbers, two on each line of each output",
+            hint="fewer states, a longer record, or a wider band",
         )
 
 
@@ -314,7 +320,9 @@ def _result(
         *_doubts_of_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
-    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    lacking = fitted.sample_hz is None and input_noise is None
+    wrong = record_doubts(run, data, covariance) if lacking else []
+    wrong += [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     if model.sample_hz is None:
         wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)

@@ -41,7 +41,7 @@ def record_covariance(
     """
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
-    each = _Rows(run, data, model, structure)
+    each = Rows(run, data, model, structure)
     alone = np.zeros(size)
     blocks: list[np.ndarray] = []
     for o in range(run.layout.outputs):
@@ -76,7 +76,7 @@ def record_covariance(
     return covariance, moves
 
 
-class _Rows:
+class Rows:
     """Derivatives of each output's spectra with the norm of its transients; made anew, for they are large."""
 
     def __init__(
@@ -112,7 +112,7 @@ class _Rows:
 
 
 def _power(
-    each: _Rows,
+    each: Rows,
     noise: Float[np.ndarray, "part sample input"],
     floor: Float[np.ndarray, "*lines input"] | float,
 ) -> Float[np.ndarray, "line input"]:
@@ -130,7 +130,7 @@ def _power(
 
 
 def _scores_spread(
-    each: _Rows,
+    each: Rows,
     W: Float[np.ndarray, "unknown direction"],
     noise: Float[np.ndarray, "part sample input"],
     least: Float[np.ndarray, "line input"],

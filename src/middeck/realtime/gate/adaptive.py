@@ -22,6 +22,7 @@ class GainProof:
         model: Its name.
         proved: For every constant gain, and for every path of the gain within its rate.
         constant: For every constant gain.
+        fades: For every constant gain below ``minimum`` too, which a fade passes.
         decay_per_s: Least decay that is proved of every constant gain [1/s]; 0 for none.
         fade_growth: A bound of the factor by which a fade, however fast, lets the norm of the proof grow,
             while the gain stands still; infinite where no constant gain is proved.
@@ -35,6 +36,7 @@ class GainProof:
     model: str
     proved: bool
     constant: bool
+    fades: bool
     decay_per_s: float
     fade_growth: float
     rate_limit: float | None
@@ -52,8 +54,8 @@ def prove_gain(
     Nothing is sampled: every gain from ``minimum`` to ``maximum`` and every move is covered (`gain_path`),
     and rounding is bounded. It holds at full authority; where ``minimum`` is 0 also while the law fades, as
     the engine moves only one of fade f and gain g at a time, and f g is one of these gains. Below a
-    ``minimum`` above 0 the gate tries eleven fades. What cannot be proved is not proved; it may still be
-    stable.
+    ``minimum`` above 0 constant gains are proved if they can be (``fades``), and the gate tries eleven fades
+    besides. What cannot be proved is not proved; it may still be stable.
     Raises `ConfigError` for a sensor that the package does not read and a band beyond half its rate.
     """
     fault = misfit(package, gain)
@@ -79,22 +81,32 @@ def _prove(package: ControllerPackage, gain: AdaptiveGain, name: str, plant: Pla
     try:
         loop = form_gain_loop(package, plant)
         found = prove_interval(loop, gain.minimum, gain.maximum, gain.rate * package.period_s)
+        faded = prove_interval(loop, 0.0, gain.minimum, 0.0) if gain.minimum else found
     except (ConfigError, NumericalError) as error:
-        found = Proved(said=f"not decided: {error.what}")
+        found = faded = Proved(said=f"not decided: {error.what}")
     period = package.period_s
     limit = None if math.isinf(found.step) else found.step / period
     return GainProof(
         model=name,
         proved=bool(found.moving < 1.0),
         constant=bool(found.constant < 1.0),
+        fades=bool(max(found.constant, faded.constant) < 1.0),
         decay_per_s=_decay(found.constant, period),
         fade_growth=found.fade,
         rate_limit=limit,
         weakest=found.weakest,
         pieces=found.pieces,
         unstable_gain=found.unstable_gain,
-        said=found.said or _describe(gain, found, limit, period),
+        said=found.said or _describe(gain, found, limit, period) + _describe_fades(gain, faded),
     )
+
+
+def _describe_fades(gain: AdaptiveGain, faded: Proved) -> str:
+    if not gain.minimum:
+        return ""
+    if faded.constant < 1.0:
+        return f"; so does every constant gain below {gain.minimum:g}, as fades pass them"
+    return f"; gains below {gain.minimum:g}, as fades pass them, are tried at eleven points: {faded.said}"
 
 
 def _decay(factor: float, period_s: float) -> float:

@@ -148,10 +148,13 @@ def check_error_bound(package: ControllerPackage) -> GateStep:
         return _step("error bound", [error.what], "")
     faults = [
         f"output {p.name} states an error bound of {stated:.3g}, but rounding may reach {needed:.3g}"
-        for p, stated, needed in zip(package.outputs, package.error_bound, least, strict=True)
+        for p, stated, needed in zip(package.outputs, package.error_bound, least.outputs, strict=True)
         if stated < needed
     ]
-    return _step("error bound", faults, f"at most {float(package.error_bound.max()):.3g}")
+    said = f"at most {float(package.error_bound.max()):.3g}"
+    if least.own:
+        said += ", for its own commands applied in full"
+    return _step("error bound", faults, said)
 
 
 def check_model(package: ControllerPackage, name: str, plant: Plant, least: GateMargins) -> GateStep:
@@ -172,8 +175,8 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     What grows at this limit without the law, at least half as fast, is not its doing, unless it is unstable
     by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
     without. An output whose limit of slew a growing motion within the sensors' ranges does not reach
-    (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so: it is
-    no proof for limits that come and go.
+    (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so, each
+    with limits of one kind: it is no proof for limits that come and go, nor for size and slew at once.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))

@@ -36,7 +36,8 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     difference to the law of ``package`` in double precision never exceeds it. No operation overflows there.
     Where a law estimates from what was applied, that may be anything within the limits, as the law's own
     command is; limits and fade act as gains from 0 to 1, which about one half must not amplify errors
-    without end (Khalil 2002, section 7.1).
+    without end (Khalil 2002, section 7.1). Where they may, the bound is for its own commands applied in full
+    (`ErrorBound.own`): no inputs within their ranges let them reach a limit, and no ramp fades them.
 
     Raises `ConfigError` for a law that is single already, unstable, without a range at an input or a limit of
     what is applied, or with a slew limit, in which roundings add up without end; and where no bound is found.
@@ -49,7 +50,7 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     exact = dataclasses.replace(package, core=modal or core, vectors=None)
     numbers = np.concatenate([np.ravel(part) for part in law_numbers(exact)])
     _require_room(float(np.abs(numbers[np.isfinite(numbers)]).max()), "a coefficient or limit")
-    bound = bound_error(exact)
+    bound = bound_error(exact).outputs
     rounded = dataclasses.replace(
         exact,
         core=_round_core(exact.core),
@@ -64,14 +65,50 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     return add_test_vectors(rounded, len(package.vectors.y) if package.vectors else 48)
 
 
-def bound_error(package: ControllerPackage) -> Array:
-    """The most by which each output of the law in single precision differs from that in double precision."""
+class ErrorBound(NamedTuple):
+    """The most by which each output in single precision differs from that in double precision.
+
+    Attributes:
+        outputs: Of each output.
+        own: Whether it holds only while the law's own commands are applied in full, from a reset on: as long
+            as it is engaged and nothing else limits them or adds to them. Then it has nothing to learn from
+            what is applied, and its path moves no error.
+    """
+
+    outputs: Array
+    own: bool
+
+
+def bound_error(package: ControllerPackage) -> ErrorBound:
+    """The bound whatever is applied within the limits; where none is found, that for its own commands."""
+    limits = np.maximum(np.abs(package.lower), np.abs(package.upper))
+    if package.core.drives and not np.isfinite(limits).all():
+        raise ConfigError("what is applied has no limit: its error has no bound", hint="limits of outputs")
+    try:
+        return ErrorBound(_find_bound(package)[0], own=False)
+    except ConfigError:
+        untouched = _bound_untouched(package)
+        if untouched is None:
+            raise
+        return ErrorBound(untouched, own=True)
+
+
+def _bound_untouched(package: ControllerPackage) -> Array | None:
+    """The bound without the path of applied commands, if no fade or limit lets it learn anything."""
+    if package.ramp or not package.core.drives:
+        return None
+    silent = dataclasses.replace(package.core, E=np.zeros_like(package.core.E))
+    bound, wanted = _find_bound(dataclasses.replace(package, core=silent, vectors=None))
+    least = np.minimum(package.upper, -package.lower) * (1.0 - 2.0 * UNIT)
+    return bound if np.all(wanted <= least) else None
+
+
+def _find_bound(package: ControllerPackage) -> tuple[Array, Array]:
+    """The bound whatever is applied within the limits, and the largest command before them."""
     linear = unfold_law(package)
     closed = _close_limits(package, linear)
     m, p = len(package.inputs), len(package.outputs)
     limits = np.maximum(np.abs(package.lower), np.abs(package.upper))
-    if package.core.drives and not np.isfinite(limits).all():
-        raise ConfigError("what is applied has no limit: its error has no bound", hint="limits of outputs")
     try:
         gain = bound_peaks(closed.F, closed.G, closed.H, closed.J)
     except NumericalError as error:
@@ -89,7 +126,8 @@ def bound_error(package: ControllerPackage) -> Array:
         wanted = rounded[[w - linear.first for w in linear.wanted]]
         errors = _with_limits(package, linear, by_error @ rounded, by_e, limited + 0.5 * wanted)
         if np.all(peaks + errors <= assumed):
-            return ALLOWANCE * (errors[list(linear.law)] + errors[list(linear.loop)] + limited)
+            bound = ALLOWANCE * (errors[list(linear.law)] + errors[list(linear.loop)] + limited)
+            return bound, assumed[list(linear.wanted)]
     raise ConfigError("rounding may change a signal by more than itself", hint=DOUBLE)
 
 

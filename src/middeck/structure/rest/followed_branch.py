@@ -98,7 +98,7 @@ def _newton(
     the loads are beside the weight; on the way a ``rough`` state will do, to which it contracts.
     """
     scale = imbalance_scale(model, loads)
-    config, moved = displace(model, start, loads, part)
+    config, moved = displace(model, start, loads, part, inner)
     inner = inner if moved is None else moved
     left, longest, before, fitting = [], 0.0, LONGEST_STEP, 0.5
     for _ in range(MAX_NEWTON):
@@ -177,11 +177,13 @@ def prescribed_steps(model: Model) -> int:
 
 
 def displace(
-    model: Model, config: Configuration, loads: Loads, part: float
+    model: Model, config: Configuration, loads: Loads, part: float, inner: Inner | None = None
 ) -> tuple[Configuration, Inner | None]:
     """``config`` after a further ``part`` of what is prescribed; the rest follows by the tangent.
 
-    With the forces inside to first order, None where nothing followed.
+    With the forces inside to first order, None where nothing followed. ``inner`` are those before, where they
+    are not the configuration's own: of a rough state these balance nothing, and what they made of the tangent
+    kept Newton's method from the branch however short a step was.
     """
     since = config.since_drawn
     if model.held is None or since is None or not np.any(model.held.moved):
@@ -191,7 +193,7 @@ def displace(
     pushed[: moved.size] = moved.ravel()
     drawn_along = followed(model, config, pushed)
     pushed = pushed + drawn_along
-    at = assemble_carried(model, config, loads)
+    at = assemble_carried(model, config, loads, None, inner)
     factor = positive_factor(free.matrix(at.tangent))
     turn = turn_of(moved[:, 3:])
     shifted = since.shift + moved[:, :3]
@@ -203,7 +205,12 @@ def displace(
     there = closed(model, there)
     if there is None:
         raise torn(model, config, pushed)
-    return there, None if q is None else predict_forces(model, config, loads, pushed + q, at)
+    if q is None:
+        return there, None
+    after, now = (predict_forces(model, config, loads, step, at) for step in (pushed + q, 0.0 * q))
+    return there, after if inner is None else Inner(
+        *(i + a - n for i, a, n in zip(inner, after, now, strict=True))
+    )
 
 
 def with_linear_springs(model: Model, config: Configuration, loads: Loads, inner: Inner) -> Inner:

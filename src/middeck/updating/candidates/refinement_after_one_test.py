@@ -24,7 +24,7 @@ from middeck.updating.residuals.static_tests import (
     ErrorFields,
     StaticTest,
     compare_statics,
-    set_up_static,
+    set_up_statics,
 )
 from middeck.updating.residuals.surveys import Survey, compare, set_up
 from middeck.values import record
@@ -104,12 +104,7 @@ def _with_survey(refined: Refined, candidate: CandidateSurvey) -> Foreseen:
 
 def _with_static(refined: Refined, candidate: StaticTest) -> Refined:
     tests = (*(c.test for c in refined.statics), candidate)
-    places = [
-        set_up_static(
-            refined.structure, t.environment, t.settings, t.load_case, t.since_unloaded, refined.unknowns
-        )
-        for t in tests
-    ]
+    places = set_up_statics(refined.structure, tests, refined.unknowns)
     at = [*(c.at for c in refined.statics), places[-1].solve(refined.x)]
     value = at[-1].value(candidate.gauges)
     tests = (*tests[:-1], dataclasses.replace(candidate, value=value))

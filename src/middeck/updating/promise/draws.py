@@ -35,7 +35,9 @@ class LoopSpread:
     """Uncertainty of the loop beside that of the article.
 
     Attributes:
-        delay_s: Delay from command to reading of every path [s].
+        delay_s: Delay from command to reading of every path [s], as the compensators of the promise meet it:
+            of one in continuous time that stands for a sampled one, half a sample of its hold included. A
+            package, or a rate, adds its hold to promised plants by itself.
         delay_tolerance_s: Its tolerance to both sides, all values within as likely.
         gain_tolerance: Relative tolerance of each sensor's gain; an angle and its rate share one.
         damping_std: Standard deviation of ln zeta for a mode that no survey measured.

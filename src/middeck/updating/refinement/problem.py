@@ -14,7 +14,13 @@ from middeck.updating.refinement.posterior import KNOWN, Linear
 from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.responses import ComparedResponse
-from middeck.updating.residuals.static_tests import ComparedStatic, ErrorFields, StaticTest, gauge_key
+from middeck.updating.residuals.static_tests import (
+    ComparedStatic,
+    ErrorFields,
+    OncePerState,
+    StaticTest,
+    gauge_key,
+)
 from middeck.updating.residuals.surveys import Compared
 
 # Modes that live of gravity and suspension, and flexible ones, have errors of their own; static tests one
@@ -106,7 +112,8 @@ def _of_damping(compared: Sequence[Compared], damped: Sequence[ComparedDamping],
 
 
 def _of_statics(statics: Sequence[ComparedStatic], fields: ErrorFields) -> _Errors:
-    by_fields = np.vstack([fields.slope(c.at, c.test.gauges)[0] / c.scale[:, None] for c in statics])
+    moves = OncePerState()
+    by_fields = np.vstack([fields.slope(c.at, c.test.gauges, moves)[0] / c.scale[:, None] for c in statics])
     zeros = zeros_of(statics)
     by_zeros = np.zeros((len(by_fields), len(zeros)))
     rows = [(c, gauge) for c in statics for gauge in c.test.gauges]

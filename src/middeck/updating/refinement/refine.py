@@ -34,7 +34,8 @@ from middeck.updating.residuals.static_tests import (
     StaticSetUp,
     StaticTest,
     compare_statics,
-    set_up_static,
+    set_up_statics,
+    solve_statics,
 )
 from middeck.updating.residuals.surveys import (
     Compared,
@@ -301,7 +302,7 @@ class _Places(NamedTuple):
             solve_damped_near(m, s) if lossy and (states_damping(s) or s.friction) else None
             for m, s in zip(modes, self.surveys, strict=True)
         ]
-        return _At(x, modes, [place.solve(x) for place in self.loaded], damped)
+        return _At(x, modes, solve_statics(self.loaded, x), damped)
 
     def compare(self, at: _At, statics: Sequence[StaticTest], settled: bool) -> Tests:
         """Damping, as far as ``at`` has any, where the modes have ``settled``."""
@@ -336,10 +337,7 @@ def _places(
     unknowns: Sequence[Unknown],
 ) -> _Places:
     surveyed = [set_up(structure, s.environment, s.settings, unknowns) for s in surveys]
-    loaded = [
-        set_up_static(structure, t.environment, t.settings, t.load_case, t.since_unloaded, unknowns)
-        for t in statics
-    ]
+    loaded = set_up_statics(structure, statics, unknowns)
     stated: dict[str, tuple[float, float]] = {}
     for friction in (f for s in surveys for f in s.friction):
         sizes = friction.slip_torque, friction.slip_angle
@@ -355,7 +353,8 @@ def _places(
         elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard) or any(
             np.any(friction.moved_by([unknown.parameters])) for friction in rubbed
         )
-        if not elsewhere and not any(place.bound[k].parameters for place in (*surveyed, *loaded)):
+        places = (*surveyed, *(place.loaded for place in loaded))
+        if not elsewhere and not any(place.bound[k].parameters for place in places):
             raise ConfigError(
                 f"no article, environment or loop under test has a parameter {', '.join(unknown.parameters)}",
                 where=f"unknown {unknown.name!r}",

@@ -17,9 +17,9 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, solve_damped
 from middeck.updating.residuals.complex_roots import LogRoots, differentiate_roots, roots_of_pairs
 from middeck.updating.residuals.friction import Added, add_friction
-from middeck.updating.residuals.own_articles import SPARE
+from middeck.updating.residuals.own_articles import MOST, SPARE, TooFewModesError
 from middeck.updating.residuals.pairing import WINDOW
-from middeck.updating.residuals.surveys import Compared, Survey, compare, pair_survey
+from middeck.updating.residuals.surveys import Compared, Paired, Survey, compare, pair_survey
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record
 
@@ -84,8 +84,7 @@ def compare_with_damping(
     ``damped`` is of `solve_damped_near`. Raises as `compare`, `DataError` for ratios in per cent, and
     `ConfigError` for deviations that are not stated and a mode to which the model gives no damping.
     """
-    count = len(damped.s)
-    paired = pair_survey(modes, survey, add_friction(modes, count, survey.friction, bound, x), count)
+    damped, paired = _paired(modes, damped, survey, bound, x)
     ours, theirs = paired.pairs.T
     s, mixed = roots_of_pairs(damped, paired)
     higher = np.ones(len(survey.measured.frequency_hz))
@@ -98,6 +97,21 @@ def compare_with_damping(
     residual[len(ours) :] -= _mixed(found, mixed)
     compared = dataclasses.replace(found, survey=survey, slope=slope, residual=residual)
     return compared, _rows(compared, roots, mixed, bound)
+
+
+def _paired(
+    modes: Modes, damped: DampedModes, survey: Survey, bound: Sequence[Bound], x: np.ndarray
+) -> tuple[DampedModes, Paired]:
+    """The pairs with friction, and the complex modes: of more modes where joints are too stiff for these."""
+    while True:
+        count = len(damped.s)
+        try:
+            added = add_friction(modes, count, survey.friction, bound, x)
+            return damped, pair_survey(modes, survey, added, count)
+        except TooFewModesError:
+            if count >= MOST:
+                raise
+            damped = solve_damped(modes, count=min(2 * count, MOST))
 
 
 def _at_pairs(added: Sequence[Added], theirs: np.ndarray) -> tuple[Added, ...]:

@@ -23,6 +23,12 @@ from middeck.values import record
 # friction may move without the last of these: a joint that sticks bends the article where it holds, as a sum
 # of free modes does slowly.
 SPARE, MISSED = 6, 1e-3
+# Modes up to which more are taken where they are too few: as many cost seconds an iteration.
+MOST = 200
+
+
+class TooFewModesError(ConfigError):
+    """Joints with friction that are too stiff for the modes that were taken."""
 
 
 @record
@@ -79,7 +85,7 @@ def own_articles(modes: Modes, count: int, added: Sequence[Added]) -> OwnArticle
 
 
 def check_spare(free: np.ndarray, own: OwnArticles, pairs: np.ndarray, added: Sequence[Added]) -> None:
-    """Raise `ConfigError` where the modes are too few for the stiffness of the joints."""
+    """Raise `TooFewModesError` where the modes are too few for the stiffness of the joints."""
     if own.turn is None:
         return
     count = own.count
@@ -91,7 +97,7 @@ def check_spare(free: np.ndarray, own: OwnArticles, pairs: np.ndarray, added: Se
         hz = own.modes.frequency_hz[place]
         moved = _stiffened(free[:kept], rows[:, :kept], here, near)[0][0] / own.modes.omega[place] - 1.0
         if moved > MISSED:
-            raise ConfigError(
+            raise TooFewModesError(
                 f"joints with friction are too stiff for {count} modes: the mode at {hz:.4g} Hz moves by "
                 f"{100.0 * moved:.2g} % without the last {count - kept}",
                 where="surveyed friction",

@@ -13,7 +13,8 @@ its gauge; and so has the reading of the unloaded article, which all readings of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,9 +27,9 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.sensitivity.parameters import read_parameter
-from middeck.structure.sensitivity.rest import differentiate_rest, yield_further
+from middeck.structure.sensitivity.rest import RestMotion, differentiate_rest, yield_further
 from middeck.updating.residuals.gauges import Gauge, lengths, read, slopes
-from middeck.updating.residuals.surveys import set_up
+from middeck.updating.residuals.surveys import SetUp, set_up
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change
 from middeck.values import record
 
@@ -124,31 +125,61 @@ class StaticSetUp(NamedTuple):
     """An article under a load case and, where readings count from there, without it; and what moves it."""
 
     name: str
-    loaded: tuple[Structure, Environment]
-    unloaded: tuple[Structure, Environment] | None
-    bound: tuple[Bound, ...]
-    bound_unloaded: tuple[Bound, ...]
+    loaded: SetUp
+    unloaded: SetUp | None
 
     def solve(self, x: Float[np.ndarray, " unknown"]) -> Loaded:
         """The rest states with the unknowns at ``x``. Raises `NumericalError` where none is stable."""
-        rest = _at_rest(self.name, *change(*self.loaded, self.bound, x))
-        if self.unloaded is None:
-            return Loaded(rest, None)
-        return Loaded(rest, _at_rest("", *change(*self.unloaded, self.bound_unloaded, x)))
+        return solve_statics([self], x)[0]
 
-    def slope(self, at: Loaded, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge unknown"]:
-        """Derivatives of what gauges read by the unknowns, in the rest states ``at``."""
+    def slope(
+        self, at: Loaded, gauges: Sequence[Gauge], moves: OncePerState | None = None
+    ) -> Float[np.ndarray, "gauge unknown"]:
+        """Derivatives of what gauges read by the unknowns, in the rest states ``at``.
+
+        ``moves`` knows how states that several tests share move with the unknowns.
+        """
+        moves, places = moves or OncePerState(), (self.loaded, self.unloaded)
         return np.sum(
             [
-                sign * _slopes(rest, bound, gauges)
-                for (sign, rest), bound in zip(at.states(), (self.bound, self.bound_unloaded), strict=False)
+                sign * _slopes(rest, place.bound, gauges, moves)
+                for (sign, rest), place in zip(at.states(), places, strict=False)
+                if place is not None
             ],
             axis=0,
         )
 
 
-def _at_rest(load_case: str, structure: Structure, environment: Environment) -> Equilibrium:
-    rest = solve_equilibrium(structure, environment)
+class OncePerState:
+    """What is computed of each rest state, once: tests in one set-up share that without their loads."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Equilibrium, RestMotion]] = {}
+
+    def motion(self, rest: Equilibrium, compute: Callable[[], RestMotion]) -> RestMotion:
+        """How the state moves, as computed when it was first asked for."""
+        if id(rest) not in self._known:
+            self._known[id(rest)] = rest, compute()  # kept with it, so that no other state has its place
+        return self._known[id(rest)][1]
+
+
+def solve_statics(places: Sequence[StaticSetUp], x: Float[np.ndarray, " unknown"]) -> list[Loaded]:
+    """Rest states of all set-ups with the unknowns at ``x``; one that several share without loads, once.
+
+    Raises `NumericalError` where none is stable.
+    """
+    unloaded: dict[int, Equilibrium | None] = {id(None): None}
+    found: list[Loaded] = []
+    for place in places:
+        rest, bare = _at_rest(place.name, place.loaded, x), place.unloaded
+        if bare is not None and id(bare) not in unloaded:
+            unloaded[id(bare)] = _at_rest("", bare, x)
+        found.append(Loaded(rest, unloaded[id(bare)]))
+    return found
+
+
+def _at_rest(load_case: str, place: SetUp, x: Float[np.ndarray, " unknown"]) -> Equilibrium:
+    rest = solve_equilibrium(*change(*place, x))
     if not (rest.converged and rest.stable):
         what = "its rest state is not stable: it buckles or topples" if rest.converged else "no rest state"
         where = f"load case {load_case!r}" if load_case else "without a load case"
@@ -165,18 +196,40 @@ def set_up_static(
     unknowns: Sequence[Unknown],
 ) -> StaticSetUp:
     """The article with ``settings`` and its loads. Raises `ConfigError` as `set_up` and `apply_load_case`."""
-    bare = set_up(structure, environment, settings, unknowns)
-    loaded = apply_load_case(bare.structure, bare.environment, load_case)
-    unloaded = (bare.structure, bare.environment) if since_unloaded else None
+    return _under_load(
+        set_up(structure, environment, settings, unknowns), load_case, since_unloaded, unknowns
+    )
+
+
+def set_up_statics(
+    structure: Structure, tests: Sequence[StaticTest], unknowns: Sequence[Unknown]
+) -> list[StaticSetUp]:
+    """The article as each test has it; what tests share without their loads is one. Raises as
+    `set_up_static`."""
+
+    @functools.cache
+    def bare(environment: Environment, settings: tuple[tuple[str, float], ...]) -> SetUp:
+        return set_up(structure, environment, settings, unknowns)
+
+    return [
+        _under_load(bare(t.environment, t.settings), t.load_case, t.since_unloaded, unknowns) for t in tests
+    ]
+
+
+def _under_load(
+    bare: SetUp, load_case: LoadCase | str | None, since_unloaded: bool, unknowns: Sequence[Unknown]
+) -> StaticSetUp:
+    both = apply_load_case(bare.structure, bare.environment, load_case)
     name = load_case.name if isinstance(load_case, LoadCase) else load_case or ""
-    return StaticSetUp(name, loaded, unloaded, bind(unknowns, *loaded), bare.bound)
+    return StaticSetUp(name, SetUp(*both, bind(unknowns, *both)), bare if since_unloaded else None)
 
 
 def _slopes(
-    rest: Equilibrium, bound: Sequence[Bound], gauges: Sequence[Gauge]
+    rest: Equilibrium, bound: Sequence[Bound], gauges: Sequence[Gauge], moves: OncePerState
 ) -> Float[np.ndarray, "gauge unknown"]:
     now = [[read_parameter(rest.model.structure, rest.environment, p) for p in b.parameters] for b in bound]
-    by = slopes(rest, differentiate_rest(rest, [p for own in now for p in own]), gauges)
+    motion = moves.motion(rest, lambda: differentiate_rest(rest, [p for own in now for p in own]))
+    by = slopes(rest, motion, gauges)
     out, k = np.zeros((len(gauges), len(bound))), 0
     for column, (one, own) in enumerate(zip(bound, now, strict=True)):
         for parameter in own:
@@ -208,8 +261,8 @@ def compare_statics(
     at: Sequence[Loaded], tests: Sequence[StaticTest], places: Sequence[StaticSetUp]
 ) -> tuple[ComparedStatic, ...]:
     """Residuals and slopes. Raises `ConfigError` for a gauge on what is not there, and as `slopes`."""
-    full = full_scales(at, tests)
-    return tuple(_compare(*one, full) for one in zip(at, tests, places, strict=True))
+    full, moves = full_scales(at, tests), OncePerState()
+    return tuple(_compare(*one, full, moves) for one in zip(at, tests, places, strict=True))
 
 
 def full_scales(at: Sequence[Loaded], tests: Sequence[StaticTest]) -> dict[tuple[str, str, str], float]:
@@ -227,7 +280,11 @@ def gauge_key(gauge: Gauge) -> tuple[str, str, str]:
 
 
 def _compare(
-    at: Loaded, test: StaticTest, place: StaticSetUp, full: Mapping[tuple[str, str, str], float]
+    at: Loaded,
+    test: StaticTest,
+    place: StaticSetUp,
+    full: Mapping[tuple[str, str, str], float],
+    moves: OncePerState,
 ) -> ComparedStatic:
     std = np.array([gauge.std for gauge in test.gauges])
     scale = np.maximum([full[gauge_key(gauge)] for gauge in test.gauges], std)
@@ -239,7 +296,7 @@ def _compare(
         scale=scale,
         residual=(test.value - value) / scale,
         std=std / scale,
-        slope=place.slope(at, test.gauges) / scale[:, None],
+        slope=place.slope(at, test.gauges, moves) / scale[:, None],
     )
 
 
@@ -274,18 +331,25 @@ class ErrorFields(NamedTuple):
         return float(own @ own / (change @ change or 1.0))
 
     def slope(
-        self, at: Loaded, gauges: Sequence[Gauge]
+        self, at: Loaded, gauges: Sequence[Gauge], moves: OncePerState | None = None
     ) -> tuple[Float[np.ndarray, "gauge error"], Float[np.ndarray, " gauge"]]:
-        """What gauges read by each error, all at ``most`` first, and by that of all that has no direction."""
-        out = np.zeros((len(gauges), 2 * len(self.most) + 1))
+        """What gauges read by each error, all at ``most`` first, and by that of all that has no direction.
+
+        ``moves`` knows how states that several tests share move with the errors.
+        """
+        out, moves = np.zeros((len(gauges), 2 * len(self.most) + 1)), moves or OncePerState()
         for sign, rest in at.states():
-            own = _whitened(rest)
-            size = self.whitened.T @ own
-            part = self.whitened * size
-            growth = GROWTH * np.log(np.maximum(np.abs(size), ROUNDING * self.most) / self.most)
-            parts = np.column_stack([part, part * growth, own - part.sum(axis=1)])
-            out += sign * slopes(rest, yield_further(rest, _strains_of(rest, parts)), gauges)
+            motion = moves.motion(rest, lambda rest=rest: self._motion(rest))
+            out += sign * slopes(rest, motion, gauges)
         return out[:, :-1], out[:, -1]
+
+    def _motion(self, rest: Equilibrium) -> RestMotion:
+        own = _whitened(rest)
+        size = self.whitened.T @ own
+        part = self.whitened * size
+        growth = GROWTH * np.log(np.maximum(np.abs(size), ROUNDING * self.most) / self.most)
+        parts = np.column_stack([part, part * growth, own - part.sum(axis=1)])
+        return yield_further(rest, _strains_of(rest, parts))
 
 
 def _roots(stiffness: np.ndarray, power: float) -> np.ndarray:

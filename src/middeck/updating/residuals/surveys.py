@@ -227,7 +227,8 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
                 )
             ),
         )
-    check_spare(modes.omega, own, pairs, added)
+    if count < len(modes.omega):  # all of them leave nothing out
+        check_spare(modes.omega, own, pairs, added)
     column = own.columns(pairs[:, 1])[pairs[:, 0] % own.count].T
     return Paired(own, pairs, column, tuple(added))
 

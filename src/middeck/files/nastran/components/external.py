@@ -149,15 +149,18 @@ def component_of(
 ) -> Component:
     """The component of the ``cards`` of one superelement, see `read_external`; ``names`` of its matrices."""
     places = geometry_of(cards)
-    punched = read_dmig([card for card in cards if card.name == "DMIG"])
+    wanted = {name for what in NAMES for name in names.get(what, ())}
+    direct = [card for card in cards if card.name == "DMIG"]
+    punched = read_dmig([card for card in direct if card.fields[0] in wanted])  # loads and outputs are not
     boundary = _boundary(cards, punched.pairs(names), places, where)
     found = _op4_matrices(matrices) if matrices is not None else punched.matrices(boundary, where)
     source = where if matrices is None else str(matrices)
     K, M, B, K4 = (_pick(found, names.get(what, ()), what, boundary.size, source) for what in NAMES)
     if K is None or M is None:
         what = names["stiffness" if K is None else "mass"]
+        there = dict.fromkeys((*found, *(card.fields[0] for card in direct)))
         raise DataError(
-            f"none of the matrices {', '.join(what)}; there are {', '.join(found) or 'none'}",
+            f"none of the matrices {', '.join(what)}; there are {', '.join(there) or 'none'}",
             where=source,
             hint="the file with both stiffness and mass of the component",
         )
@@ -204,7 +207,7 @@ def basic_matrix(
     symmetric.
     """
     places = geometry_of(cards)
-    punched = read_dmig([card for card in cards if card.name == "DMIG"])
+    punched = read_dmig([card for card in cards if card.name == "DMIG" and card.fields[0] == name])
     boundary = _boundary(cards, punched.pairs({"stiffness": (name,), "mass": ()}), places, where)
     matrix = _pick(punched.matrices(boundary, where), (name,), what, boundary.size, where)
     if matrix is None:
@@ -240,10 +243,17 @@ def _pick(
     found: Mapping[str, np.ndarray], names: Sequence[str], what: str, size: int, where: str
 ) -> np.ndarray | None:
     """The matrix of one of its names; a 1x1 of zero stands for none."""
-    name = next((n for n in names if n in found), None)
-    if name is None:
+    name, *others = [n for n in names if n in found] or [""]
+    if not name:
         return None
     matrix = found[name]
+    for other in others:
+        if not np.array_equal(found[other], matrix):
+            raise DataError(
+                f"{name} and {other}, which differ: either may be the {what}",
+                where=where,
+                hint="leave the one out that is not meant",
+            )
     if matrix.shape == (1, 1) and size > 1 and matrix[0, 0] == 0.0:
         return None
     if np.iscomplexobj(matrix):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 
@@ -231,6 +232,10 @@ class EngineSettings:
         """The ports that it drives."""
         return tuple(drive.port for drive in self.drives)
 
+    @functools.cached_property
+    def _words(self) -> np.ndarray:
+        return _encoded(self)  # every start of an engine asks for them
+
     @property
     def all_monitors(self) -> tuple[Monitor, ...]:
         """``monitors``, then that of the adaptive gain."""
@@ -278,6 +283,10 @@ def time_to_rest(settings: EngineSettings) -> float:
 
 def encode_settings(settings: EngineSettings) -> np.ndarray:
     """The shared record of ``settings``; clock, rig and port of the rig are left to who starts it."""
+    return settings._words.copy()
+
+
+def _encoded(settings: EngineSettings) -> np.ndarray:
     words = np.zeros((), layout("settings"))
     words["inputs"], words["outputs"] = len(settings.sensors), len(settings.drives)
     words["period_s"] = settings.period_s

@@ -27,7 +27,8 @@ from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 
-POLL_S = 5e-5
+POLL_S, LATER, MOST_POLL_S = 5e-5, 0.1, 2e-3
+"""Between two looks: an answer is seen later by no more than a share of the time that it took."""
 PATIENCE_S = 60.0
 KEPT, KEPT_FREE = 16, {"disengage": 1, "silence": 1, "end": 0}
 """Places of the queue that a command leaves free: those that make safe find one where the rest wait."""
@@ -153,20 +154,22 @@ class CommandedEngine:
 
     def _wait(self, reached: Callable[[], object]) -> None:
         """Patience begins anew with each sample in lockstep, which may take as long as a rig's answer."""
-        began, last = time.monotonic(), self.sample
+        first, last = time.monotonic(), self.sample
+        began = now = first
         while not reached():
             self._require_alive()
             self._beat_by_the_clock()
             if not self.real_time and self.sample != last:
-                began, last = time.monotonic(), self.sample
+                began, last = now, self.sample
             patience = PATIENCE_S + (0.0 if self.real_time else self.settings.answer_s)
-            if time.monotonic() - began > patience:
+            if now - began > patience:
                 raise DataError(
                     f"does not answer for {patience:g} s at sample {self.sample}",
                     where="engine, or its rig",
                     hint="a rig whose read hangs stops the engine: end both and start the rig first",
                 )
-            time.sleep(POLL_S)
+            time.sleep(min(max(POLL_S, LATER * (now - first)), MOST_POLL_S))
+            now = time.monotonic()
 
     def _beat_by_the_clock(self) -> None:
         """Who commands or waits for an answer lives; time goes on meanwhile."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from importlib import resources
 from pathlib import Path
 
@@ -28,10 +29,7 @@ def build_engine(
 
 def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
     """Name and text of every source, the arithmetic that it shares with the generated C included."""
-    room = resources.files("middeck.realtime")
-    files = [f for f in room.joinpath("engine", "source").iterdir() if f.name.endswith((".c", ".h"))]
-    files.append(room.joinpath("generate", "kernel.h"))
-    sources = {file.name: file.read_text(encoding="utf-8") for file in sorted(files, key=lambda f: f.name)}
+    sources = dict(_own_sources())
     if driver is not None:
         try:
             sources["rig_driver.c"] = Path(driver).read_text(encoding="utf-8")
@@ -39,3 +37,11 @@ def engine_sources(driver: str | Path | None = None) -> dict[str, str]:
             why = getattr(error, "strerror", "not UTF-8 text")
             raise ConfigError(f"cannot be read: {why}", where=str(driver), hint="a C source") from None
     return sources
+
+
+@functools.cache  # every start of an engine asks for them, to find its program
+def _own_sources() -> dict[str, str]:
+    room = resources.files("middeck.realtime")
+    files = [f for f in room.joinpath("engine", "source").iterdir() if f.name.endswith((".c", ".h"))]
+    files.append(room.joinpath("generate", "kernel.h"))
+    return {file.name: file.read_text(encoding="utf-8") for file in sorted(files, key=lambda f: f.name)}

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from middeck.realtime.engine.interface.checksum import checksum
+from middeck.realtime.engine.interface.checksum import checksum, start_of
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
@@ -19,6 +19,10 @@ HOLD = 2
 LONGEST = 1 << 16
 """Most samples that one request may move on; what asks for more is no request of an engine."""
 
+EARLY, SMALL, FORMATS = 1 << 40, 1e-200, 1 << 8
+"""Requests from before there were checks begin with two counts below the first, and outputs between the
+second and its inverse follow. There will be fewer formats than the third: a flipped bit is none of them, nor
+a sample beyond 2^32, whose upper half stands where the number does."""
 SILENT = 20
 """Samples that another engine asks for before a followed one, silent meanwhile, is taken for gone."""
 
@@ -45,7 +49,9 @@ class RigSession:
         self.reply = b""
 
     def answer(self, data: bytes, sender: object = None) -> bytes | None:
-        """The reply; None for an end, and for what is old, changed on the way or of no engine."""
+        """The reply; a refusal to an engine of another format; None for an end, what is old or changed."""
+        if speaks_other(data):
+            return refusal()
         body = unseal(data, "ASKED")
         outputs = (len(body) - REQUEST.size) // 8
         if outputs < 1:
@@ -111,6 +117,25 @@ class RigSession:
 def seal(body: bytes, start: str) -> bytes:
     """The datagram: a check, begun with FORMAT and ``start`` ("ASKED" or "ANSWERED"), and ``body``."""
     return struct.pack("<Q", checksum(body, constants()["FORMAT"] << 32 | constants()[start])) + body
+
+
+def refusal() -> bytes:
+    """What a rig answers to an engine of another format, in every format: its own number."""
+    body = struct.pack("<q", constants()["FORMAT"])
+    return struct.pack("<Q", checksum(body, constants()["REFUSED_FORMAT"])) + body
+
+
+def speaks_other(data: bytes) -> bool:
+    """Whether ``data`` is the request of an engine of another format: by its check, or from before checks."""
+    if len(data) % 8 or len(data) < REQUEST.size + 8:
+        return False
+    first, second = REQUEST.unpack_from(data)
+    size = np.abs(np.frombuffer(data, "<f8", offset=REQUEST.size))
+    if END <= first < EARLY and 0 <= second < EARLY:
+        return bool(np.all((size == 0.0) | ((size > SMALL) & (size < 1.0 / SMALL))))
+    number, kind = divmod(start_of(data), 1 << 32)
+    own = constants()
+    return kind == own["ASKED"] and number != own["FORMAT"] and number < FORMATS and second < 1 << 32
 
 
 def unseal(data: bytes, start: str) -> bytes:

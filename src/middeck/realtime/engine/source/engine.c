@@ -90,7 +90,7 @@ static void go_safe(engine *e, const trip_cause *cause)
             put_on_blacklist(e, e->slots[k].p.law_hash);
         stop_slot(&e->slots[k]);
     }
-    if (alone && e->hold_verified && is_of_the_hold(cause)) {
+    if (alone && e->hold_verified && (is_of_the_hold(cause) || e->doubted)) {
         e->hold_verified = 0;
         lose_hold(e, cause);
     }
@@ -266,7 +266,7 @@ static void look_around(engine *e, const circumstances *c, trip_cause *cause)
     if (c->stop)
         blame(cause, STOP, -1, 0, 0);
     if (c->rig_dead)
-        blame(cause, RIG_DEAD, -1, 0, 0);
+        blame(cause, c->foreign ? OTHER_FORMAT : RIG_DEAD, -1, 0, 0);
     if (c->no_answer)
         blame(cause, NO_ANSWER, -1, 0, 0);
     if (c->silent)

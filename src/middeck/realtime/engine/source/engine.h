@@ -44,7 +44,7 @@ typedef struct {
 
 /* What the world tells the engine with a sample. */
 typedef struct {
-    int stop, silent, late, no_answer, rig_dead; /* each: 1 where it is so */
+    int stop, silent, late, no_answer, rig_dead, foreign; /* each: 1 where it is so; foreign: dead for its format */
     whole late_ns;
 } circumstances;
 
@@ -66,6 +66,9 @@ typedef struct {
     whole blind;                 /* successive samples in which the hold lacked a sensor */
     whole quiet;                 /* samples of holding so far */
     drift_states drift;
+    enum outwards outwards;      /* whether what the hold holds moves out, and which sensor says so */
+    int outwards_at;
+    int doubted;                 /* it may have moved out, and has not been quiet again for as long as a verification takes */
     whole since_trip;            /* or since the hold was lost */
     whole take_over;             /* samples until the safe state has taken over */
     real taken_over;             /* largest amplitude over its reach, squared, when the safe state took over */

@@ -132,32 +132,44 @@ void compute_hold(engine *e)
         e->hold_level += e->hold_level < e->set.ramp;
 }
 
-/* The first sensor of the hold whose motion grows; -1 for none. The shortest window lets four of them fit into the verification. */
-static int moves_out(engine *e)
+/* Whether a sensor of the hold moves out, and which. The shortest window lets four of them fit into the verification. */
+static void look_outwards(engine *e)
 {
     const whole shortest = (e->set.verify + 3) / 4;
-    int i, found = -1;
+    int i;
 
-    for (i = 0; i < e->set.inputs; ++i)
-        if (e->hold_needs >> i & 1 && look_for_drift(&e->drift, i, shortest, e->sensors.value[i]) && found < 0)
-            found = i;
-    return found;
+    e->outwards = NOT_OUTWARDS;
+    for (i = 0; i < e->set.inputs; ++i) {
+        const int needed = e->hold_needs >> i & 1;
+        const enum outwards one = needed ? look_for_drift(&e->drift, i, shortest, e->sensors.value[i]) : NOT_OUTWARDS;
+
+        if (one > e->outwards) {
+            e->outwards = one;
+            e->outwards_at = i;
+        }
+    }
+}
+
+static void lose_verification(engine *e)
+{
+    e->hold_verified = 0;
+    engine_tell(e, HOLD_LOST, e->outwards_at, e->sensors.value[e->outwards_at], 0, NULL);
 }
 
 void verify_hold(engine *e, int alone)
 {
-    int out;
-
     if (!alone) {
         forget_drift(&e->drift);
-        e->quiet = 0;
+        e->quiet = e->doubted = 0;
         return;
     }
-    out = moves_out(e);
-    e->quiet = out < 0 ? e->quiet + 1 : 0;
-    if (out >= 0 && e->hold_verified)
-        engine_tell(e, HOLD_LOST, out, e->sensors.value[out], 0, NULL);
-    else if (!e->hold_verified && e->quiet >= e->set.verify)
+    look_outwards(e);
+    e->quiet = e->outwards ? 0 : e->quiet + 1;
+    e->doubted = e->outwards || (e->doubted && e->quiet < e->set.verify);
+    if (e->hold_verified && e->outwards == OUTWARDS)
+        lose_verification(e);
+    else if (!e->hold_verified && e->quiet >= e->set.verify) {
+        e->hold_verified = 1;
         engine_tell(e, HOLD_VERIFIED, -1, 0, 0, NULL);
-    e->hold_verified = out < 0 && (e->hold_verified || e->quiet >= e->set.verify);
+    }
 }

@@ -23,8 +23,8 @@ real hold_share(const engine *e);
 void compute_hold(engine *e);
 void fade_hold(engine *e);
 
-/* The hold is verified by holding, ``alone`` and without a trip, and no longer where what it holds moves out from window to
-   window. */
+/* The hold is verified by holding, ``alone`` and without a trip, and no longer where what it holds is proved to move out from
+   window to window. Where it may only do so by chance it stays verified, but SAFE does not begin with it. */
 void verify_hold(engine *e, int alone);
 
 #endif

@@ -4,7 +4,8 @@
 
 #include "shared.h"
 
-enum rig_answer { RIG_READ, RIG_MISSED, RIG_LOST }; /* missed: no sample this time; lost: there will be none */
+/* Missed: no sample this time; lost: there will be none; foreign: none, as it speaks another format. */
+enum rig_answer { RIG_READ, RIG_MISSED, RIG_LOST, RIG_FOREIGN };
 
 typedef struct rig {
     /* Sensors now, in the settings' order and units. In real time it must not wait. */

@@ -2,7 +2,8 @@
 
    Sample k asks with (check, k, alive, outputs since sample k - 1) and is answered by (check, k, sensors). The check is that of
    the words behind it, begun with FORMAT 2^32 + ASKED or ANSWERED: what was changed on the way is as good as lost. A request that was lost is sent again;
-   the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. */
+   the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. A rig of another
+   FORMAT answers with (check, its FORMAT), of which the check begins with REFUSED_FORMAT whatever that is. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
@@ -72,6 +73,16 @@ static int is_answer(const udp_rig *r, const reply *in, ssize_t got)
     return got == (ssize_t)r->in_size && in->sample == r->out.sample && in->check == check_of(ANSWERED, in, r->in_size);
 }
 
+/* A refusal; or what a rig from before there were checks answers: the request's first word, taken for a sample, and sensors. */
+static int is_foreign(const udp_rig *r, const reply *in, ssize_t got)
+{
+    const ssize_t word = sizeof in->check;
+
+    if (got == 2 * word && in->check == checksum(REFUSED_FORMAT, &in->sample, 1))
+        return in->sample != FORMAT;
+    return got == (ssize_t)r->in_size - word && in->check == r->out.check;
+}
+
 static enum rig_answer read_udp(rig *face, real *y)
 {
     udp_rig *r = (udp_rig *)face;
@@ -86,6 +97,10 @@ static enum rig_answer read_udp(rig *face, real *y)
             if (is_answer(r, &in, got)) {
                 memcpy(y, in.numbers, (size_t)face->set->inputs * sizeof *y);
                 return found(r, 0);
+            }
+            if (is_foreign(r, &in, got)) {
+                found(r, 1);
+                return RIG_FOREIGN;
             }
             if (got < 0)
                 break;

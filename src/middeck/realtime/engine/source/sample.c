@@ -40,7 +40,7 @@ static enum rig_answer read_rig(const shared *f, rig *r, watch *w, real *y)
         memcpy(y, fresh, (size_t)f->set.inputs * sizeof *y);
         w->has_read = 1;
     }
-    if (answer == RIG_LOST || (answer != RIG_MISSED && w->written != RIG_MISSED)) {
+    if (answer >= RIG_LOST || (answer != RIG_MISSED && w->written != RIG_MISSED)) {
         w->missed = 0;
         return answer;
     }
@@ -61,7 +61,8 @@ void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
     begun = timed ? now_ns() : 0;
     answer = read_rig(f, r, w, y);
     c->no_answer = answer == RIG_MISSED;
-    c->rig_dead = answer == RIG_LOST || w->written == RIG_LOST;
+    c->rig_dead = answer >= RIG_LOST || w->written == RIG_LOST;
+    c->foreign = answer == RIG_FOREIGN;
     engine_sample(e, y, c, u);
     w->written = r->write(r, u, f->alive); /* outputs that did not arrive trip in the next sample */
     c->rig_dead |= w->written == RIG_LOST;

@@ -14,6 +14,7 @@ typedef int64_t whole;
 
 enum { MAGIC = 0x4b44524d, FORMAT = 3 }; /* FORMAT: of this file and of a rig's datagrams */
 enum { ASKED = 0x4b44524e, ANSWERED = 0x4b44524f }; /* what the checks of a rig's datagrams begin with: no echo is an answer */
+enum { REFUSED_FORMAT = 0x4b445250 }; /* what the check of a refusal begins with, in every format */
 enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 1024, NAME = 64, FAULTS = 16 };
 
 enum clock_kind { LOCKSTEP, REAL_TIME };
@@ -23,7 +24,7 @@ enum state { SAFE, READY, IDENTIFY, ENGAGING, CONTROL, DISENGAGING };
 /* Why the loop went to SAFE. */
 enum trip {
     NO_TRIP, POWER_UP, STOP, NOT_FINITE, RANGE, STUCK, SPREAD, ENVELOPE, GROWTH, BAND_POWER, EFFORT, MOMENTUM, HEARTBEAT,
-    LATENESS, NO_ANSWER, COMMAND_NOT_FINITE, RIG_DEAD
+    LATENESS, NO_ANSWER, COMMAND_NOT_FINITE, RIG_DEAD, OTHER_FORMAT
 };
 
 /* What happened that is no trip: kinds of events from here on. */

@@ -21,18 +21,21 @@ class ReferenceLoop:
     """Sensors' ranges and envelopes, hold, law with its fade, limits, effort: one sample a call.
 
     It begins where the engine is after a reset, and holds outputs at zero from the sample of a trip on. Tests
-    of stuck sensors and of spread, monitors, momentum and everything with a clock are the engine's alone.
+    of stuck sensors and of spread, monitors, momentum, the adaptive gain and everything with a clock are the
+    engine's alone: settings that ask for one of the former are refused.
 
     Attributes:
         wanted: What the law would add at full authority.
         trip, blamed: What tripped, empty for none; whether the package is to blame.
 
-    Raises `ConfigError` for a package of another rate, or with a port that the settings lack.
+    Raises `ConfigError` for a package of another rate, or with a port that the settings lack, and for
+    settings with tests that it does not run.
     """
 
     def __init__(self, package: ControllerPackage, settings: EngineSettings) -> None:
         if abs(package.period_s - settings.period_s) > 1e-9 * settings.period_s:
             raise ConfigError("a package of another sampling rate", hint=f"{1.0 / settings.period_s:g} Hz")
+        _require_known_tests(settings)
         self.settings, self.ramp = settings, settings.fade_samples[0]
         ramp = max(package.ramp, self.ramp)
         self.law = ReferenceLaw(
@@ -173,3 +176,21 @@ def _places(ports: tuple[Port, ...], there: tuple[Port, ...]) -> list[int]:
             hint=", ".join(f"{port.name} [{port.unit}]" for port in there),
         )
     return [known[port.name, port.unit] for port in ports]
+
+
+def _require_known_tests(settings: EngineSettings) -> None:
+    """Nothing that the settings guard may go unguarded."""
+    asked = {
+        "monitors": settings.monitors,
+        "test of stuck sensors": any(sensor.stuck_s for sensor in settings.sensors),
+        "test of spread": settings.spreads,
+        "limit of momentum": any(math.isfinite(drive.momentum) for drive in settings.drives),
+        "adaptive gain": settings.adaptive is not None,
+    }
+    lacking = [what for what, there in asked.items() if there]
+    if lacking:
+        raise ConfigError(
+            f"the reference law in Python has no {', '.join(lacking)}, which the settings ask for",
+            where="trial",
+            hint="the engine: a C compiler (cc), and a package that it takes; or settings without them",
+        )

@@ -19,7 +19,7 @@ from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.reference_loop import ReferenceLoop
 from middeck.realtime.engine.trials.served_rig import ServedRig
-from middeck.realtime.engine.trials.udp_client import SILENT, START_IT, RigClient
+from middeck.realtime.engine.trials.udp_client import FOREIGN, SILENT, START_IT, UPDATE_IT, RigClient
 from middeck.realtime.generate.compiler import find_compiler
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import hash_law
@@ -159,6 +159,8 @@ def _in_words(event: Event, period_s: float) -> str:
     where = f"{event.kind} {event.channel}".strip() + f" at {event.sample * period_s:.4g} s"
     if event.kind in ("rig dead", "no answer"):
         return f"{where}: {SILENT}; {START_IT}"
+    if event.kind == "other format":
+        return f"{where}: {FOREIGN}; {UPDATE_IT}"
     return f"{where}: {event.value:.4g}, limit {event.limit:.4g}"
 
 

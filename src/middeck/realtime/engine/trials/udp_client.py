@@ -8,14 +8,18 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
+from middeck.realtime.engine.interface.checksum import start_of
+from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LARGEST, LOOPBACK
-from middeck.realtime.engine.rigs.udp_replies import END, REPLY, REQUEST, seal, unseal
+from middeck.realtime.engine.rigs.udp_replies import END, REPLY, REQUEST, refusal, seal, unseal
 
 TRIES, OTHERS = 20, 64
 """How often it asks, and datagrams that are no answer after which a try is over."""
 SILENT = "the rig does not answer"
+FOREIGN = "the rig speaks another format of datagrams"
+UPDATE_IT = "the same release of middeck, or its rig_udp.c, on both sides"
 START_IT = "start it first; its port, and how many sensors and outputs it has, must be the engine's"
 
 
@@ -61,5 +65,13 @@ class RigClient(EngineRig):
         return seal(head + np.ascontiguousarray(u, "<f8").tobytes(), "ASKED")
 
     def _answers(self, data: bytes) -> bool:
+        if self._is_foreign(data):
+            raise DataError(FOREIGN, where="UDP", hint=UPDATE_IT)
         body = unseal(data, "ANSWERED")
         return len(body) > REPLY.size and REPLY.unpack_from(body) == (self.sample,)
+
+    def _is_foreign(self, data: bytes) -> bool:
+        """A refusal of another format; or the first word of the request, from before there were checks."""
+        if len(data) == len(refusal()) and start_of(data) == constants()["REFUSED_FORMAT"]:
+            return data != refusal()
+        return len(data) > 8 and data[:8] == self.request[:8]

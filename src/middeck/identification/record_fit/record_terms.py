@@ -1,0 +1,37 @@
+"""Terms that the model of a record lacks (`uncertainty.lacking_terms`), by what its fit leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from middeck.identification.model.measurement_model import model_response
+from middeck.identification.problem.data import Data
+from middeck.identification.record_fit.record_covariance import Rows
+from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.lacking_terms import TermRows, doubts_of_terms, term_scores, terms_of
+
+
+def record_doubts(run: RecordRun, data: Data, covariance: ModelCovariance) -> list[str]:
+    """Warnings for the kind of term that is most clearly lacking."""
+    model, structure = covariance.model, covariance.structure
+    terms = terms_of(*model.direct.shape, structure)
+    if not terms:
+        return []
+    each, residual = Rows(run, data, model, structure), run.residual(data)
+    H = model_response(model, data.omega / (2.0 * np.pi))
+    _, lines, columns = residual.shape
+    line = np.tile(np.repeat(np.arange(lines), 2), columns)
+
+    def rows() -> Iterator[TermRows]:
+        for o, left in enumerate(residual):
+            J, own = each.of(o)
+            place = np.flatnonzero(J.any(axis=(1, 2)))
+            lacking = np.stack([term.of(o, H[:, o, :, None] * data.U, data.s) for term in terms])
+            parts = (J[place], lacking, left[None])
+            slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
+            yield TermRows(place, slopes, by_terms, rest, line)
+
+    return doubts_of_terms(terms, term_scores(rows, covariance), model)
