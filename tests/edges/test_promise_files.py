@@ -132,6 +132,7 @@ def test_friction_stands_beside_what_would_be_without_and_all_is_the_same_again(
     assert orbit["friction"]["joints"][0]["slip_torque_nm"] == 0.002
     assert not any("every plant is linear" in limit for limit in document["not_valid_for"])
     assert sum("drag of pri_rel_z other than" in limit for limit in document["not_valid_for"]) == 1
+    assert sum("a weak cable to the article" in limit for limit in document["not_valid_for"]) == 1
     first = (tmp_path / "promise.json").read_bytes()
     promise(tmp_path, "again.json", "--ledger", str(tmp_path / "draws.ledger"), fresh=True)
     assert (tmp_path / "again.json").read_bytes() == first

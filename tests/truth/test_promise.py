@@ -44,6 +44,7 @@ from middeck.updating.promise.stability_probability import (
     look_ahead,
     risk_of,
 )
+from middeck.updating.promise.weak_cable import lost_to_cable
 from middeck.updating.refinement.refine import Refined
 from repeats import LONG
 
@@ -386,7 +387,8 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
 
     So it is on the truth, which has one of 0.02 Hz.
     """
-    asked = case.with_all_motors(case.plan([1e4], 1))
+    asked = case.with_all_motors(case.plan([1.0, 1e4], 1))
+    asked = dataclasses.replace(asked, loop=dataclasses.replace(asked.loop, umbilical_hz=0.0))
     law = design_ladder(case.modes_in_orbit(refined), asked)["LQG 4"]
     weights = weights_of(asked, law.outputs, law.inputs)
     held, draws = [], 6 if LONG else 3
@@ -402,6 +404,7 @@ def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined
         held.append(int(np.count_nonzero(stable)))
     assert held[0] == draws
     assert held[1] < draws
+    assert lost_to_cable(set_sites(refined, asked)["orbit"]) == ("LQG 4",)
 
 
 @pytest.mark.parametrize(

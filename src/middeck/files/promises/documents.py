@@ -29,6 +29,7 @@ from middeck.updating.promise.refined_slips import with_refined
 from middeck.updating.promise.robustness_sweep import Swept
 from middeck.updating.promise.slip_time import SlipTime
 from middeck.updating.promise.stability_probability import LEVELS, FrictionOutlook, Outlook
+from middeck.updating.promise.weak_cable import TRIED_HZ
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, RefinedFriction
 
@@ -210,6 +211,10 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
         for name, p in promises.items()
     ]
     for name, p in promises.items():
+        if p.lost_to_cable is not None:
+            tried = " or ".join(f"{hz:g} Hz" for hz in TRIED_HZ)
+            falls = f"; one of {tried} makes {', '.join(p.lost_to_cable)} unstable" if p.lost_to_cable else ""
+            said.append(f"{name}: a weak cable to the article, since umbilical_hz states none{falls}")
         names = [p.modes.modes.name[i] for i in p.modes.index]
         unseen = [mode for mode, seen in zip(names, p.modes.seen, strict=True) if seen < SEEN]
         if unseen:

@@ -40,6 +40,7 @@ from middeck.updating.promise.stability_probability import (
     look_ahead,
     with_friction,
 )
+from middeck.updating.promise.weak_cable import lost_to_cable, may_have_cable
 from middeck.updating.refinement.refine import Refined
 from middeck.values import record
 
@@ -58,6 +59,8 @@ class Promise:
         swept: Plants of the sweep of the plan, around the most probable one.
         sweeps: By name, what each compensator makes of them.
         slip_time: How the friction of joints was simulated; None where the plan states none.
+        lost_to_cable: Compensators that a weak cable would make unstable; None where the article does not
+            float, or the plan states a cable.
     """
 
     modes: Prediction
@@ -69,6 +72,7 @@ class Promise:
     swept: SweptPlants
     sweeps: Mapping[str, Swept]
     slip_time: SlipTime | None = None
+    lost_to_cable: tuple[str, ...] | None = None
 
 
 def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
@@ -182,6 +186,7 @@ def _there(site: Site, parts: Sequence[Measured]) -> Promise:
         swept=swept,
         sweeps={name: try_sweep(swept, law, plan) for name, law in laws.items()},
         slip_time=slip_time,
+        lost_to_cable=lost_to_cable(site) if may_have_cable(site) else None,
     )
 
 
