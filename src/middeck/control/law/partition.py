@@ -56,22 +56,20 @@ def partition_modes(plant: Plant) -> ModePartition:
     return ModePartition(active, names)
 
 
-def pose_modes(plant: Plant, *, driven: bool = True) -> ModePartition:
-    """As `partition_modes`, in states that are not mixed (`unmix_states`): a design squares them.
+def pose_states(plant: Plant, *, driven: bool = True) -> Plant:
+    """The plant in states that are not mixed (`unmix_states`), for a design, which squares them.
 
     Raises `NotStabilisableError` where a mode of mixed states does not decay and no measurement sees it (no
     input reaches it, where the plant is to be ``driven``).
     """
-    part = partition_modes(plant)
-    active, condition = unmix_states(part.active)
-    if condition > 1.0 and _keeps_moving(active):
+    unmixed, condition = unmix_states(plant)
+    if condition > 1.0 and _keeps_moving(unmixed):
         # In the states given: in others rounding of what is zero has the size of weak modes.
-        given, names = part.active, name_states(part.active)
-        loop = subsystem(given, given.u, given.y)
+        names, loop = name_states(plant), subsystem(plant, plant.u, plant.y)
         require_reachable(loop.A.T, loop.C.T, names, complaint="no measurement in y sees it")
         if driven:
             require_reachable(loop.A, loop.B, names, complaint="no control input in u reaches it")
-    return ModePartition(active, part.inert)
+    return unmixed
 
 
 def _keeps_moving(plant: Plant) -> bool:
