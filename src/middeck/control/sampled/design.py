@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.known_design import DesignView, design_known
+from middeck.control.law.partition import pose_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
@@ -21,7 +22,7 @@ from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.quadratic_integrals import integrate_along
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
@@ -116,6 +117,7 @@ def design_sampled_lqg(
 
 def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form) -> SampledLQG:
     """As `design_sampled_lqg`, rounding apart."""
+    pose_modes(remove_delays(plant))  # refuses what no law can hold; a loop with it may be measured
     held = hold_plant(plant, weights, period_s)
     system = held.system
     _require_no_loop(system, form)

@@ -10,13 +10,14 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import driven_ports, measured_ports
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.law.partition import pose_modes
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights, require_sizes
 from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import SAME_DELAY_S, approximate_delays
+from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem
 from middeck.systems.sampling.delayed_sampling import split_delays, tidy_samples
 from middeck.systems.state_space.statespace import SampledStateSpace
@@ -70,8 +71,8 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
         raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
     _check_delays(plant, period_s)
     timed = place_delays(plant, weights.disturbed, weights.process)
-    part = pose_modes(timed.plant)
-    active = part.active
+    part = partition_modes(timed.plant)
+    active, _ = unmix_states(part.active)
     _check(active, weights)
     control = subsystem(active, active.u, (*active.z, *active.y))
     noise = subsystem(active, weights.disturbed, active.y)
