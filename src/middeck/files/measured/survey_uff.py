@@ -125,7 +125,7 @@ def _lacking(shape: Shape, nodes: int) -> tuple[str, ...]:
 
 
 def _traced(found: TextSet, path: Path) -> set[int]:
-    """The nodes that a trace line joins; `DataError` for fewer than it states (some fill lines with zeros)."""
+    """The nodes that a trace line joins; `DataError` for fewer than it states; some fill up with zeros."""
     lines = _Lines(found, path)
     stated = lines.whole(2)[1]
     lines.line()  # its name
