@@ -30,10 +30,12 @@ class ModePartition:
     Attributes:
         active: The plant of the other modes: the same transfer functions.
         inert: Names of the modes left out, in the order of the plant.
+        mixed: Whether the plant's own states were mixed, so that those of ``active`` are others.
     """
 
     active: Plant
     inert: tuple[str, ...]
+    mixed: bool = False
 
 
 def partition_modes(plant: Plant) -> ModePartition:
@@ -70,7 +72,7 @@ def pose_modes(plant: Plant, *, driven: bool = True) -> ModePartition:
         require_reachable(loop.A.T, loop.C.T, names, mixed=True, complaint="no measurement in y sees it")
         if driven:
             require_reachable(loop.A, loop.B, names, mixed=True, complaint="no control input in u reaches it")
-    return ModePartition(active, part.inert)
+    return ModePartition(active, part.inert, condition > 1.0)
 
 
 def _partition_states(plant: Plant, system: StateSpace) -> ModePartition:
