@@ -14,6 +14,7 @@ from test_verdicts_in_mixed_states import _mixed
 from middeck.control.law.rounding_of_results import moved_entries
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
+from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.errors import NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -140,6 +141,16 @@ def test_a_filter_first_fits_a_plant_that_differs_in_last_digits(seed: int) -> N
         found = design_lqg(plant, weights, 1e2, kalman=design_filter(other, weights))
         one, same = (statespace_response(each.system, OMEGA) for each in (law, found))
         assert same == pytest.approx(one, rel=1e-9)
+
+
+def test_a_law_for_several_plants_takes_the_most_mixed_states() -> None:
+    """All of them were refused at 1e5: of stable modes, too, no input reached what did not decay."""
+    rng, own = np.random.default_rng(101), _system(np.random.default_rng(0))
+    plants = (grouped_plant(one, (FORCE,), (WAY,)) for one in (own, _mixed(own, 1e5, rng)))
+    costs = [
+        design_multimodel(plant, unit_weights(("force",), 1e-4), 1e2, uncertainty=()).cost for plant in plants
+    ]
+    assert costs[1] == pytest.approx(costs[0], rel=1e-4)
 
 
 @pytest.mark.parametrize("kind", DESIGNS)

@@ -13,7 +13,7 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.partition import partition_modes, pose_modes
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
 from middeck.control.lqg.design_model import append_integrals
@@ -184,7 +184,7 @@ def _require_a_cost(weights: LQGWeights, shaping: Shaping) -> None:
 
 
 def _require_stabilisable(plant: Plant, shaping: Shaping) -> None:
-    active = partition_modes(plant).active
+    active = pose_modes(plant).active
     s, names = active.system, name_states(active)
     u, y = active.input_indices(active.u), active.output_indices(active.y)
     asked = [name for name, _ in shaping.integral if name in active.y]
