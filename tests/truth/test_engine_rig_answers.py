@@ -208,6 +208,20 @@ def test_a_rig_of_another_format_is_told_as_such(rig, computer):
     assert not trial.blamed
 
 
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+def test_an_echo_before_the_answer_is_no_other_format(computer):
+    """It begins with the word of the request, as what a rig from before there were checks answers does."""
+
+    def echoed(data):
+        sample, _ = REQUEST.unpack_from(unseal(data, "ASKED"))
+        return [data, seal(REPLY.pack(sample) + np.full(SENSORS, 0.01).tobytes(), "ANSWERED")]
+
+    package, stages = random_package(input_range=10.0), (Stage("standby", 0.1),)
+    with answering(None, echoed) as there:
+        trial = run_trial(package, plain_settings(answer_s=0.5), there, stages, computer=computer)
+    assert trial.trip == ""
+
+
 class ComplexSensors(TwoSensors):
     def read(self):
         return np.full(SENSORS, 0.01 + 0.3j)

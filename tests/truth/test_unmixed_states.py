@@ -11,7 +11,10 @@ import scipy.linalg as sla
 from test_numbers_in_mixed_states import DESIGNS
 from test_verdicts_in_mixed_states import _mixed
 
+from middeck.control.law.rounding_of_results import moved_entries
 from middeck.control.lqg.design import design_lqg
+from middeck.control.lqg.estimator import design_filter
+from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.errors import NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -125,6 +128,29 @@ def test_a_slow_state_that_no_input_reaches_decays_beside_fast_modes() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert design_lqg(mixed, weights, 10.0).cost == pytest.approx(law.cost, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", repeats(range(20), 2))
+def test_a_filter_first_fits_a_plant_that_differs_in_last_digits(seed: int) -> None:
+    """Its gain was of other states of equal frequencies than the design's, which warned at 1e3."""
+    rng = np.random.default_rng([100, seed])
+    mixed, weights = _mixed(_system(rng), 1e3, rng), unit_weights(("force",), 1e-4)
+    plant, twin = (grouped_plant(one, (FORCE,), (WAY,)) for one in (mixed, moved_entries(mixed, rng)))
+    law = design_lqg(plant, weights, 1e2)
+    for other in (plant, twin):
+        found = design_lqg(plant, weights, 1e2, kalman=design_filter(other, weights))
+        one, same = (statespace_response(each.system, OMEGA) for each in (law, found))
+        assert same == pytest.approx(one, rel=1e-9)
+
+
+def test_a_law_for_several_plants_takes_the_most_mixed_states() -> None:
+    """All of them were refused at 1e5: of stable modes, too, no input reached what did not decay."""
+    rng, own = np.random.default_rng(101), _system(np.random.default_rng(0))
+    plants = (grouped_plant(one, (FORCE,), (WAY,)) for one in (own, _mixed(own, 1e5, rng)))
+    costs = [
+        design_multimodel(plant, unit_weights(("force",), 1e-4), 1e2, uncertainty=()).cost for plant in plants
+    ]
+    assert costs[1] == pytest.approx(costs[0], rel=1e-4)
 
 
 @pytest.mark.parametrize("kind", DESIGNS)

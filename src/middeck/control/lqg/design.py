@@ -83,7 +83,8 @@ def design_lqg(
 
     Uncontrollable and unobservable modes are set aside and listed in ``inert``. Direct terms from u to z, and
     from any input to y, are part of the design; one from process noise to z is refused (infinite cost).
-    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Raises
+    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Of
+    mixed states ``kalman`` is found anew: which states it estimates hangs on last digits. Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
     the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
     (`design_known`).
@@ -109,11 +110,14 @@ def _design(
     active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)
     try:
-        kalman = find_filter(plant, weights, shaping)[0] if kalman is None else kalman
+        # Of mixed states the last digits decide which ones a filter's gain is of.
+        anew = kalman is None or active is not part.active
+        estimator = find_filter(plant, weights, shaping)[0] if anew else kalman
         regulator, R = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)
         raise
+    kalman = estimator if kalman is None else kalman
     if len(kalman.gain) != len(model.A):
         raise ConfigError(
             f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
@@ -124,9 +128,9 @@ def _design(
             "the filter was designed for other noise intensities", hint="design it with the same weights"
         )
     inside = StateSpace(model.A, model.control, model.C2, model.D22)
-    moved = moves_estimate(inside, kalman.gain)
-    law = join_estimator(inside, regulator.gain, kalman.gain, model.integral)
-    cost = _cost(model, regulator, R, kalman.solution.X)
+    moved = moves_estimate(inside, estimator.gain)
+    law = join_estimator(inside, regulator.gain, estimator.gain, model.integral)
+    cost = _cost(model, regulator, R, estimator.solution.X)
     ports = measured_ports(active), driven_ports(active)
     names = (*model.names, *model.integral_names)
     return LQGCompensator(
@@ -135,7 +139,7 @@ def _design(
         outputs=ports[1],
         authority=authority,
         regulator=regulator,
-        estimator=kalman.solution,
+        estimator=estimator.solution,
         cost=cost,
         inert=part.inert,
         state_names=names,

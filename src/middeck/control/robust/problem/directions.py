@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from middeck.control.law.partition import partition_modes
 from middeck.control.law.uncertainty import Uncertainty, finished_plants, without_delays
 from middeck.errors import ConfigError
+from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.mode_shift import mode_coordinates, mode_states
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.plants.response import evaluate_plant
@@ -72,6 +73,11 @@ def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damp
         raise ConfigError("no mode is uncertain: this method needs shifts", hint="Uncertainty(shifts=...)")
     bare = remove_delays(partition_modes(plant).active)
     active = partition_modes(finished).active
+    if unmix_states(active)[1] > 1.0:
+        raise ConfigError(
+            "the plant's states are mixed: designs are posed in others than the names of its modes tell",
+            hint="part_modes(plant) gives each mode states of its own",
+        )
     before, after = name_states(bare), name_states(active)
     rows: list[tuple[np.ndarray, np.ndarray, float, float, int]] = []
     dampings: list[tuple[np.ndarray, np.ndarray, float, float, int]] = []

@@ -13,12 +13,13 @@ from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.law.uncertainty import Uncertainty, end_positions, finished_plants, without_delays
 from middeck.control.lqg.design_model import append_integrals
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
+from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
@@ -102,7 +103,7 @@ def models_of(problem: Problem, ratio: float, size: float) -> tuple[GeneralizedP
     s = problem.form
     return tuple(
         generalize(
-            p,
+            _unmixed(p),
             problem.weights,
             problem.authority * ratio,
             shaping=problem.shaping,
@@ -111,6 +112,11 @@ def models_of(problem: Problem, ratio: float, size: float) -> tuple[GeneralizedP
         )
         for p in problem.plants_at(size)
     )
+
+
+def _unmixed(plant: Plant) -> Plant:
+    posed, condition = unmix_states(partition_modes(plant).active)
+    return posed if condition > 1.0 else plant
 
 
 def true_costs(problem: Problem, law: Law) -> Float[np.ndarray, " model"]:
@@ -184,7 +190,7 @@ def _require_a_cost(weights: LQGWeights, shaping: Shaping) -> None:
 
 
 def _require_stabilisable(plant: Plant, shaping: Shaping) -> None:
-    active = partition_modes(plant).active
+    active = pose_states(partition_modes(plant).active)
     s, names = active.system, name_states(active)
     u, y = active.input_indices(active.u), active.output_indices(active.y)
     asked = [name for name, _ in shaping.integral if name in active.y]

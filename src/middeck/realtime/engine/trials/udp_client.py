@@ -74,4 +74,4 @@ class RigClient(EngineRig):
         """A refusal of another format; or the first word of the request, from before there were checks."""
         if len(data) == len(refusal()) and start_of(data) == constants()["REFUSED_FORMAT"]:
             return data != refusal()
-        return len(data) > 8 and data[:8] == self.request[:8]
+        return len(data) > 8 and data[:8] == self.request[:8] and data != self.request  # an echo is lost
