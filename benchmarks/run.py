@@ -17,8 +17,8 @@ DOCS = HERE.parent / "docs"
 BENCHMARKS = ("structure", "identification", "control", "hardware", "prediction", "realtime")
 OPENING = """# Benchmarks
 
-Twelve comparisons with other programs (peers). Each row has the best peer of its benchmark, run on the same machine.
-Smaller is better for every quantity: middeck is better if the ratio is below one, the peer if it is **above one**.
+Twelve comparisons with other programs (peers). Each row has the best peer of the same run. Smaller is better
+for every quantity: middeck is better if the ratio is below one, the peer if it is **above one**.
 
 | what | middeck | best peer | ratio |
 | --- | --- | --- | --- |
@@ -28,9 +28,10 @@ Smaller is better for every quantity: middeck is better if the ratio is below on
 
 *The ratios of the table. Left of one, middeck is faster or has the smaller error.*
 
-Times are CPU seconds on one thread. Errors are relative to held-out data, to the simulated system or, for the bus, to
-the limit of a fine mesh that two peers give by extrapolation. [Benchmarks in full](benchmarks-in-full.md) has all cases,
-required levels and versions; another page compares models [with measured hardware](explanation/measured-hardware.md).
+Times are CPU seconds on one thread. Errors are relative to held-out data, to the simulated system or, for the
+bus, to the limit of a fine mesh, to which two peers extrapolate. [Benchmarks in full](benchmarks-in-full.md)
+has all cases, required levels and versions; another page compares
+[models with measured hardware](explanation/measured-hardware.md).
 `make bench` writes this page and the full one from `benchmarks/results/*.json`; do not edit them.
 """
 HEAD = """# Benchmarks in full
