@@ -15,7 +15,7 @@ CHOSEN = {
     ("structure", "suspended bus, 102 degrees of freedom", "rest state and 40 modes"):
         "the same bus: rest state and 40 modes, time",
     ("structure", "suspended boom, 104886 degrees of freedom", "rest state and 40 modes"):
-        "hung lattice boom, 104,886 degrees of freedom: the same, time",
+        "hung lattice boom, 104,886 degrees of freedom: rest state and 40 modes, time",
     ("identification", "gimbal multisine", "relative complex error, median of 50"):
         "response fitted to noisy data of a simulated gimbal: relative error",
     ("identification", "mirror 300 mV beside nfoursid", "NRMSE of output 1"):

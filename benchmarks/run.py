@@ -17,8 +17,8 @@ DOCS = HERE.parent / "docs"
 BENCHMARKS = ("structure", "identification", "control", "hardware", "prediction", "realtime")
 OPENING = """# Benchmarks
 
-Twelve comparisons with other programs, each with the best peer of the same run. Every quantity is better
-where it is smaller: a ratio below one says that middeck is better, **above one** that the peer is.
+Twelve comparisons with other programs (peers). Each row has the best peer of the same run. Smaller is better
+for every quantity: middeck is better if the ratio is below one, the peer if it is **above one**.
 
 | what | middeck | best peer | ratio |
 | --- | --- | --- | --- |
@@ -26,13 +26,13 @@ where it is smaller: a ratio below one says that middeck is better, **above one*
 
 ![Ratio of each comparison, middeck over the best peer](images/benchmarks.svg)
 
-*The ratios of the table. Left of one middeck is smaller: faster, or with less error.*
+*The ratios of the table. Left of one, middeck is faster or has the smaller error.*
 
-Times are CPU seconds on one thread. Errors are those against held-out data, the simulated system or, for the
-bus, the mesh limit to which two peers extrapolate. All cases, levels and versions:
-[benchmarks in full](benchmarks-in-full.md). Measured hardware has a page of its own:
-[beside measured hardware](explanation/measured-hardware.md).
-Both pages are made by `make bench` from `benchmarks/results/*.json`; do not edit them.
+Times are CPU seconds on one thread. Errors are relative to held-out data, to the simulated system or, for the
+bus, to the limit of a fine mesh, to which two peers extrapolate. [Benchmarks in full](benchmarks-in-full.md)
+has all cases, required levels and versions; another page compares
+[models with measured hardware](explanation/measured-hardware.md).
+`make bench` writes this page and the full one from `benchmarks/results/*.json`; do not edit them.
 """
 HEAD = """# Benchmarks in full
 

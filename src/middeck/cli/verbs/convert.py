@@ -39,8 +39,8 @@ EXAMPLES = """\
 @click.option(
     "--mass-formulation",
     type=click.Choice(("consistent", "coupled", "lumped")),
-    help="Mass of the members: consistent with rotary inertia, as NX Nastran 9 with COUPMASS, or half at "
-    "each end.  [default: consistent]",
+    help="Mass of the members: consistent, with rotary inertia; coupled, as NX Nastran 9 with COUPMASS; "
+    "lumped, half at each end.  [default: consistent]",
 )
 @click.option(
     "--subcase",

@@ -78,14 +78,14 @@ EXAMPLES = """\
     cls=options.Updated,
     endings=(".json",),
     metavar="BLACKLIST.json",
-    help="Laws that caused a trip: they are refused, and one that trips when engaged is added.",
+    help="Laws that caused a trip: they are refused. A law that trips when engaged is added.",
 )
 @click.option(
     "--adaptive",
     type=(str, options.POSITIVE, options.POSITIVE),
     metavar="SENSOR MAXIMUM RATE",
-    help="Prove stability for a gain up to MAXIMUM that changes by at most RATE [1/s], as the rms of SENSOR "
-    "in a band demands.",
+    help="Prove stability for a gain up to MAXIMUM that changes by at most RATE [1/s], controlled by the rms "
+    "of SENSOR in a band.",
 )
 @click.option(
     "--adaptive-band",
@@ -124,7 +124,7 @@ def verb(
     Steps on paper: blacklist, interface, poles, test vectors, error bound, and the loop with each PLANT. The
     loop must be stable with margins at eleven shares of full authority, and must not grow while motors are
     limited. A PLANT is an article in each environment, a fitted model.json, or a promise.json with its drawn
-    plants, with and without shifted modes. --engaged adds the cross-fade from the package that runs so far,
+    plants, with and without shifted modes. --engaged adds the cross-fade from the package that runs now,
     --adaptive a proof of stability with an adaptive gain.
 
     Runs: a dry run with noise on each PLANT and, on a rig, a shadow run (outputs discarded) and engagement at

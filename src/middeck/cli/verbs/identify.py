@@ -65,7 +65,8 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
 @click.option(
     "--constants",
     type=click.Choice(["real", "complex"]),
-    help="Modal constants.  [default: real; complex if sampled]",
+    help="Modal constants.  [default: real; complex if sampled or if an output is a velocity or "
+    "acceleration]",
 )
 @click.option(
     "--delay",
@@ -85,7 +86,7 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     callback=options.listed,
     help="Joints whose friction is estimated and removed: MOTOR=ANGLE, or one name that both have.",
 )
-@options.several("--validate", metavar="RECORD", help="Held-out record; may be repeated.")
+@options.several("--validate", metavar="RECORD", help="Record to test the fit on; may be repeated.")
 @options.model_file
 @figures.figure
 @options.written(

@@ -46,7 +46,7 @@ EXAMPLES = """\
     "--ledger",
     endings=(".ledger",),
     cls=options.Updated,
-    help="Store draws here: after a kill the same call continues.",
+    help="Store draws here: after an interruption the same command continues.",
 )
 @click.option(
     "--workers", type=click.IntRange(min=1), help="Processes that draw, with --ledger.  [default: 1]"
@@ -68,10 +68,11 @@ def verb(
     """Predict, with probabilities, what compensators do in orbit.
 
     ARTICLE is refined on the surveys that PLAN names (docs/reference/files.md). Plants are drawn within the
-    remaining uncertainty, and every compensator is tried on all of them. The document gives the probability
-    of stability, the decibels to expect, the parameter on which the risk depends most, and the distance to
-    an ideal compensator. It holds the hashes of its content and of all input files; --ledger and --workers
-    do not change a byte of it. With --load-cases it promises gauge readings of the refined article at rest.
+    remaining uncertainty, and every compensator is tested on all of them. The document gives the probability
+    of stability, quantiles of the performance in decibels, the parameter on which the result depends most,
+    and the distance to the best possible compensator. It holds the hashes of its content and of all input
+    files, and is the same with and without --ledger and --workers. With --load-cases it promises gauge
+    readings of the refined article at rest.
     """
     from middeck.files.json.output import write_json
     from middeck.files.setups import find_document
