@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from middeck.errors import DataError
 from middeck.identification.spectra.estimate import estimate_response, response_scatter
-from middeck.identification.spectra.local_fit import LocalModel, fit_windows, freedom
+from middeck.identification.spectra.local_fit import LocalModel, both_kinds, fit_windows, freedom
 from middeck.identification.spectra.variance_of_lines import trusted
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, RecordStream, stream_record
@@ -56,7 +56,8 @@ def test_is_exact_where_response_and_transient_are_what_it_assumes(rational, exp
     G = quadratic(outputs, inputs) / D
     U = normal(rng, 80, experiments, inputs)
     Y = np.einsum("koi,kei->keo", G, U) + quadratic(experiments, outputs) / D
-    found = fit_windows(U, Y, np.arange(80), LocalModel(12, rational), reweigh=True)
+    windows = U, Y, np.arange(80), LocalModel(12, rational)
+    found = both_kinds(*windows).sensors if rational else fit_windows(*windows)
     # Normal equations square the condition of a window, some 1e3 with a denominator: 1e6 times rounding, and
     # the ridge of 1e-13 times the same.
     assert np.abs(found.H - G).max() < (1e-6 if rational else 1e-10)
@@ -396,3 +397,28 @@ def test_a_record_longer_than_memory_takes_that_of_its_band():
         estimate_response(drawn_as_read(1 << 22, 10_000))
     assert "band_hz of at most" in caught.value.hint
     assert "h1" in caught.value.hint
+
+
+@pytest.mark.parametrize(("forces", "sensors"), [(0.02, 0.0), (0.0, 0.5)])
+def test_states_the_noise_of_a_peak_of_few_lines(forces, sensors):
+    """Noise of forces peaks with a mode, that of sensors does not; input and forces are white, at one place.
+
+    A line's variance over that of a white input is then forces^2 |H|^2 + sensors^2, by the closed form of H.
+    """
+    denominator = [1.0, -2.0 * 0.997 * np.cos(0.7), 0.997**2]  # a mode 2.9 lines wide at half power
+    ratio, error = [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        u, w, e = rng.standard_normal((3, 6000)) * np.array([[1.0], [forces], [sensors]])
+        y = lfilter([1.0], denominator, u + w) + e
+        ports = {"inputs": (Port("u", ""),), "outputs": (Port("y", ""),)}
+        cut = {"u": u[None, None, 3000:, None], "y": y[None, None, 3000:, None]}
+        found = estimate_response(Record(sample_hz=1.0, periodic=False, **cut, **ports), band_hz=(0.09, 0.13))
+        H = 1.0 / np.polyval(denominator[::-1], np.exp(-2j * np.pi * found.frequency_hz))
+        peak = np.abs(H) > np.abs(H).max() / np.sqrt(2.0)
+        variance = found.variance[peak, 0, 0]
+        ratio.append(variance / (forces**2 * np.abs(H[peak]) ** 2 + sensors**2))
+        error.append(np.abs(found.H[peak, 0, 0] - H[peak]) ** 2 / variance)
+    # Above one, as what the denominator's own error adds is counted; noise of the other kind is tenfold off.
+    assert 0.5 < np.exp(np.mean(np.log(ratio))) < 4.0
+    assert np.mean(error) < 1.0

@@ -12,16 +12,21 @@ and Guerin 2012): D is common to all outputs, as poles are, and is found from
 
     min over d of sum_o d^H S_o d / sigma_o^2,    d = (1, d1, d2),
 
-where S_o is what U and the transient leave of (Y_o, r Y_o, r^2 Y_o). Rows are then divided by D and the
-window solved again (Sanathanan and Koerner 1963), so that what is left is the noise itself.
+where S_o is what U and the transient leave of (Y_o, r Y_o, r^2 Y_o). That leaves D V, which is as strong on
+all lines of a window if V comes from forces on the article: such noise peaks with its modes. For noise of
+sensors rows are divided by D and the window is solved again (Sanathanan and Koerner 1963), so that V itself
+is left. Of the two the one is taken that is likelier, by the window and by the others of the record.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Inexact, Int
+from scipy.special import expit
 
 from middeck.identification.spectra.variance_of_lines import variance_of
 from middeck.values import record as frozen
@@ -33,6 +38,8 @@ TERMS = ORDER + 1
 AT_ONCE = 1 << 17
 # Added to unit diagonals: rounding of double precision, where a denominator is not determined by its window.
 RIDGE = 1e-13
+# Turns of the search for how many windows have noise of forces: they halve what is left, or more.
+TURNS = 30
 
 
 @frozen
@@ -52,6 +59,7 @@ class LocalFit:
         line_inverse_power: Inverse of the inputs' power on one line, averaged over the window.
         prediction: Mean square error of each line's outputs predicted without it (Allen 1974).
         denominator: d1 and d2 of each window, zero for polynomials.
+        volume: Logarithm of the determinant of the Gram matrix of an output's regressors.
     """
 
     H: Complex[np.ndarray, "line output input"]
@@ -61,6 +69,7 @@ class LocalFit:
     line_inverse_power: Complex[np.ndarray, "line input input"]
     prediction: Float[np.ndarray, "line output"]
     denominator: Complex[np.ndarray, "line term"]
+    volume: Float[np.ndarray, " line"]
 
 
 def freedom(model: LocalModel, experiments: int, inputs: int, outputs: int) -> float:
@@ -79,26 +88,113 @@ def fit_windows(
     Y: Complex[np.ndarray, "line experiment output"],
     lines: Int[np.ndarray, " estimate"],
     model: LocalModel,
-    *,
-    reweigh: bool = False,
 ) -> LocalFit:
-    """The response at ``lines``, each from the window around it (beside it, at the ends of the spectrum)."""
-    columns = TERMS * (U.shape[2] + (Y.shape[2] if model.rational else 1))
-    some = max(16, AT_ONCE // ((2 * model.half + 1) * U.shape[1] * columns))
-    parts = [_fit_some(U, Y, lines[k : k + some], model, reweigh) for k in range(0, len(lines), some)]
+    """The response at ``lines``, each from the window around it (beside it, at the ends of the spectrum).
+
+    Rows are as they are: noise of forces, where there is a denominator.
+    """
+    return _joined([_solve(*windows, model, None) for windows in _windows(U, Y, lines, model)])
+
+
+class BothKinds(NamedTuple):
+    """Windows with a denominator for noise of forces and of sensors, and the ``gain`` of the former.
+
+    That is the logarithm of its likelihood over the other's; ``worth`` are the windows that share no line.
+    """
+
+    forces: LocalFit
+    sensors: LocalFit
+    gain: Float[np.ndarray, " line"]
+    worth: float
+
+    def likelier(self, odds: float) -> LocalFit:
+        """Of each window the likelier, if all windows together give forces the logarithm ``odds``."""
+        peaks = self.gain + odds > 0.0
+        pairs = {
+            f.name: (getattr(self.forces, f.name), getattr(self.sensors, f.name))
+            for f in dataclasses.fields(LocalFit)
+        }
+        return LocalFit(**{name: np.where(peaks, a.T, b.T).T for name, (a, b) in pairs.items()})
+
+
+def both_kinds(
+    U: Complex[np.ndarray, "line experiment input"],
+    Y: Complex[np.ndarray, "line experiment output"],
+    lines: Int[np.ndarray, " estimate"],
+    model: LocalModel,
+) -> BothKinds:
+    """The same with a denominator, for both kinds of noise."""
+    parts = [_both_kinds(windows, model) for windows in _windows(U, Y, lines, model)]
+    forces, sensors, gain = zip(*parts, strict=True)
+    return BothKinds(
+        _joined(forces), _joined(sensors), np.concatenate(gain), len(lines) / (2 * model.half + 1)
+    )
+
+
+def _both_kinds(windows: Windows, model: LocalModel) -> tuple[LocalFit, LocalFit, np.ndarray]:
+    forces = _solve(*windows, model, None)
+    x, d = windows.x, forces.denominator
+    weight = 1.0 / (1.0 + d[:, :1] * x + d[:, 1:] * x**2)
+    sensors = _solve(*windows, model, weight)
+    return forces, sensors, _gain(forces, sensors, weight, windows, model)
+
+
+def odds_of_forces(kinds: Collection[BothKinds]) -> float:
+    """Logarithm of the odds for noise of forces in a window of which nothing is known but the others.
+
+    The likeliest mixture of the two kinds (Dempster, Laird and Rubin 1977), with one window of each before
+    any is seen: narrow windows say little, and the others of a record tell what disturbs it.
+    """
+    worth = sum(both.worth for both in kinds)
+    odds = 0.0
+    for _ in range(TURNS):
+        forces = sum(both.worth * float(np.mean(expit(both.gain + odds))) for both in kinds)
+        odds = float(np.log((1.0 + forces) / (1.0 + worth - forces)))
+    return odds
+
+
+def _gain(
+    forces: LocalFit,
+    sensors: LocalFit,
+    weight: Complex[np.ndarray, "line row"],
+    windows: Windows,
+    model: LocalModel,
+) -> Float[np.ndarray, " line"]:
+    """Logarithm of the likelihood of forces over that of sensors, the mean of the outputs.
+
+    The restricted one (Patterson and Thompson 1971): regressors divided by D follow most of the noise at a
+    peak of few lines, and what they leave there says little.
+    """
+    experiments, inputs, outputs = *windows.U.shape[1:3], windows.Y.shape[2]
+    least = np.finfo(float).tiny
+    powers = (np.maximum(np.real(np.linalg.diagonal(f.covariance)), least) for f in (sensors, forces))
+    quieter = np.mean(np.subtract(*(np.log(p) for p in powers)), axis=1)
+    peak = experiments * np.sum(np.log(np.abs(weight) ** 2), axis=1)
+    return freedom(model, experiments, inputs, outputs) * quieter + sensors.volume - forces.volume - peak
+
+
+def _joined(parts: Sequence[LocalFit]) -> LocalFit:
     names = [f.name for f in dataclasses.fields(LocalFit)]
     return LocalFit(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
-def _fit_some(U: np.ndarray, Y: np.ndarray, lines: np.ndarray, model: LocalModel, reweigh: bool) -> LocalFit:
-    rows, own, x = window_rows(len(U), lines, model.half)
-    # Rows last: all products run along them.
-    windows = np.moveaxis(U[rows], 1, 3), np.moveaxis(Y[rows], 1, 3)
-    first = _solve(*windows, x, own, model, None)
-    if not (model.rational and reweigh):
-        return first
-    d = first.denominator
-    return _solve(*windows, x, own, model, 1.0 / (1.0 + d[:, :1] * x + d[:, 1:] * x**2))
+class Windows(NamedTuple):
+    """Inputs and outputs of some windows, offsets from the own line in halves, and its place."""
+
+    U: Complex[np.ndarray, "line experiment input row"]
+    Y: Complex[np.ndarray, "line experiment output row"]
+    x: Float[np.ndarray, "line row"]
+    own: Int[np.ndarray, " line"]
+
+
+def _windows(U: np.ndarray, Y: np.ndarray, lines: np.ndarray, model: LocalModel) -> Iterator[Windows]:
+    """Some windows at a time."""
+    columns = TERMS * (U.shape[2] + (Y.shape[2] if model.rational else 1))
+    some = max(16, AT_ONCE // ((2 * model.half + 1) * U.shape[1] * columns))
+    for k in range(0, len(lines), some):
+        rows, own, x = window_rows(len(U), lines[k : k + some], model.half)
+        # Rows last: all products run along them.
+        yield Windows(np.moveaxis(U[rows], 1, 3), np.moveaxis(Y[rows], 1, 3), x, own)
 
 
 def window_rows(count: int, lines: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,6 +214,15 @@ def transient_basis(
     # Unweighted, all windows with their line in the same place share one basis.
     _, first, back = np.unique(own, return_index=True, return_inverse=True)
     return np.ascontiguousarray(np.linalg.qr(x[first][:, :, None] ** np.arange(TERMS))[0].mT)[back]
+
+
+def _volume_of_transient(
+    x: Float[np.ndarray, "estimate row"], weight: np.ndarray | None
+) -> Float[np.ndarray, " estimate"]:
+    """Logarithm of the determinant of the Gram matrix of a window's transient."""
+    span = np.stack([np.ones_like(x), x, x * x], axis=1)
+    size = np.ones(x.shape) if weight is None else np.abs(weight)
+    return np.linalg.slogdet((span * size[:, None, :] ** 2) @ span.mT)[1]
 
 
 def beside(
@@ -162,6 +267,7 @@ def _solve(
         line_inverse_power=scaled_inverse(power).conj(),
         prediction=_prediction(Q, X, A, left, own),
         denominator=d if model.rational else np.zeros((count, ORDER)),
+        volume=experiments * _volume_of_transient(x, weight) - np.linalg.slogdet(A)[1],
     )
 
 

@@ -200,9 +200,14 @@ def _by_choice(
     dof = np.empty(len(lines))
     covariance = np.empty((len(lines), outputs, outputs), dtype=complex)
     inverse_power, of_line = np.empty((2, len(lines), inputs, inputs), dtype=complex)
-    for k in np.unique(choice):
+    taken = [int(k) for k in np.unique(choice)]
+    kinds = {
+        k: local_fit.both_kinds(U, Y, lines[choice == k], models[k]) for k in taken if models[k].rational
+    }
+    odds = local_fit.odds_of_forces(kinds.values())
+    for k in taken:
         here = choice == k
-        found = local_fit.fit_windows(U, Y, lines[here], models[k], reweigh=True)
+        found = kinds[k].likelier(odds) if k in kinds else local_fit.fit_windows(U, Y, lines[here], models[k])
         H[here], total[here] = found.H, found.variance
         covariance[here], inverse_power[here] = found.covariance, found.inverse_power
         of_line[here] = found.line_inverse_power
