@@ -80,6 +80,8 @@ static int is_foreign(const udp_rig *r, const reply *in, ssize_t got)
 
     if (got == 2 * word && in->check == checksum(REFUSED_FORMAT, &in->sample, 1))
         return in->sample != FORMAT;
+    if (got == (ssize_t)r->out_size && in->sample == r->out.sample)
+        return 0; /* an echo of the request */
     return got == (ssize_t)r->in_size - word && in->check == r->out.check;
 }
 
