@@ -233,6 +233,8 @@ def test_a_mode_without_a_node_that_others_have_is_told(tmp_path: Path) -> None:
 def test_trace_lines_tell_of_lost_nodes(tmp_path: Path) -> None:
     found = survey(tmp_path, units(), places(), trace(1, 2, 3, 4), normal(10.0, 0.01))
     assert found.warnings == ("trace lines join nodes without coordinates (4): is the file whole?",)
+    filled = survey(tmp_path, units(), places(), trace(1, 2, 3, 0, 0, stated=3), normal(10.0, 0.01))
+    assert filled.warnings == ()
     with pytest.raises(DataError, match="3 of the 9 nodes of a trace line"):
         survey(tmp_path, units(), places(), trace(1, 2, 3, stated=9), normal(10.0, 0.01))
 

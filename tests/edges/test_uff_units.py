@@ -100,6 +100,7 @@ def against(text: str, node: int, unit: str = "N") -> str:
         (response_58(axis="rad/sec"), "'rad/sec'"),
         (response_58(axis="Orders"), "'Orders'"),
         (of_types(response_58(axis="NONE"), 19), "type 19, not 18"),
+        (of_types(response_58(), 17), "type 17, not 18"),
         (response_58() + response_58(quantity=8, unit="m"), r"second response of 2\+z to 1\+z.*line 2"),
         (
             response_58() + against(response_58(unit="mm/s^2"), 3),

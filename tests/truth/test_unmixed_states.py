@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from test_verdicts_in_mixed_states import _mixed
 
 from middeck.control.lqg.design import design_lqg
 from middeck.errors import NotStabilisableError
+from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import delay_plant, remove_delays
@@ -94,6 +96,35 @@ def test_a_law_of_strongly_mixed_states_is_that_of_the_own_ones() -> None:
         assert other == pytest.approx(one, rel=1e-4)
         assert mixed.cost == pytest.approx(law.cost, rel=1e-4)
         assert len(mixed.state_names) == len(own.A)
+
+
+@pytest.mark.parametrize("seed", repeats(range(20), 3))
+def test_a_free_body_in_the_most_mixed_states_is_not_taken_for_unreached(seed: int) -> None:
+    """At 1e5 all such plants were refused: no measurement saw it."""
+    rng = np.random.default_rng([99, seed])
+    own, weights = _system(rng), unit_weights(("force",), 1e-4)
+    plant = grouped_plant(own, (FORCE,), (WAY,))
+    law = design_lqg(plant, weights, 1e2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what the stored entries have lost is told
+        mixed = design_lqg(dataclasses.replace(plant, dynamics=_mixed(own, 1e5, rng)), weights, 1e2)
+    assert mixed.cost == pytest.approx(law.cost, rel=1e-3)
+
+
+def test_a_slow_state_that_no_input_reaches_decays_beside_fast_modes() -> None:
+    """Wind through a filter of 100 s, which no torque moves: it was refused as what does not decay."""
+    blocks = [np.array([[0.0, 1.0], [-w * w, -0.02 * w]]) for w in (3.0, 1e4)]
+    A = sla.block_diag(*blocks, [[-0.01]])
+    A[[1, 3], 4] = 1.0
+    drive = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    own = StateSpace(A, drive, [[1.0, 0.0, 1e4, 0.0, 0.0]], [[0.0, 0.0]])
+    groups = {"w": ("wind",), "u": (FORCE.name,)}
+    plant = grouped_plant(own, (FORCE, Port("wind", "N")), (WAY,), **groups)
+    law = design_lqg(plant, weights := unit_weights(("wind",), 1e-6), 10.0)
+    mixed = dataclasses.replace(plant, dynamics=_mixed(own, 1e2, np.random.default_rng(1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert design_lqg(mixed, weights, 10.0).cost == pytest.approx(law.cost, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", DESIGNS)

@@ -86,7 +86,7 @@ def _scores(document: dict[str, Any]) -> list[str | Table]:
         ]
         for kind, s in scored.items()
     ]
-    headers = ["quantity", "count", "inside [%]", "95 %", "Brier score", "pessimism [dB]", "lost"]
+    headers = ["quantity", "count", "inside [%]", "95 % interval", "Brier score", "pessimism [dB]", "lost"]
     return [Table(f"score of {len(document['comparisons'])} comparisons", headers, rows)]
 
 
@@ -110,7 +110,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
         *([] if s["pessimism"] is None else [f"pessimism     {s['pessimism']:.2f} dB in the median"]),
         *([f"lost          {s['lost']}: came unstable, or no decibels promised"] if s["lost"] else []),
     ]
-    headers = ["quantity", "paired by", "promised, 95 %", "came", "inside", "pessimism [dB]"]
+    headers = ["quantity", "paired by", "promised, 95 % interval", "came", "inside", "pessimism [dB]"]
     remarks = (
         ["", "remarks", *(f"  {remark}" for remark in document["remarks"])] if document["remarks"] else []
     )

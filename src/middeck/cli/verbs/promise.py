@@ -192,8 +192,8 @@ def _modes(place: dict[str, Any]) -> Table:
         ]
         for k, m in enumerate(place["modes"], start=1)
     ]
-    headers = ["", "mode", "frequency [Hz]", "95 % [Hz]", "damping [%]", "measured [%]", "on the ground [Hz]",
-               "change from the ground [%]"]  # fmt: skip
+    headers = ["", "mode", "frequency [Hz]", "95 % interval [Hz]", "damping [%]", "measured [%]",
+               "on the ground [Hz]", "change from the ground [%]"]  # fmt: skip
     return Table(f"promised in {place['name']}: modes", headers, rows)
 
 
@@ -224,7 +224,7 @@ def _readings(place: dict[str, Any]) -> Table:
         for case in place["load_cases"]
         for r in case["readings"]
     ]
-    headers = ["load case", "gauge", "reading", "95 %", "unit", "strained as in the tests [%]"]
+    headers = ["load case", "gauge", "reading", "95 % interval", "unit", "strained as in the tests [%]"]
     return Table(f"promised in {place['name']}: readings", headers, rows)
 
 

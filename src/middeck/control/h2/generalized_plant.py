@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.law.partition import pose_modes
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.design_model import LQGProblem, pose_problem, require_finite_cost, weigh_effort
 from middeck.control.lqg.weights import LQGWeights, Shaping
@@ -60,7 +60,7 @@ def generalize(
     Raises `ConfigError` for weights and filters that do not fit, and for process noise that reaches z
     directly (the cost would be infinite).
     """
-    active = pose_modes(plant).active
+    active = partition_modes(plant).active
     _require_loop(active, authority)
     shaping = shaping or Shaping()
     m = pose_problem(active, weights, shaping)

@@ -12,13 +12,12 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool
 
-from middeck.control.law.stabilisability import CANDIDATE, require_reachable
+from middeck.control.law.stabilisability import require_reachable
 from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
-from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -56,28 +55,20 @@ def partition_modes(plant: Plant) -> ModePartition:
     return ModePartition(active, names)
 
 
-def pose_modes(plant: Plant, *, driven: bool = True) -> ModePartition:
-    """As `partition_modes`, in states that are not mixed (`unmix_states`): a design squares them.
+def pose_states(plant: Plant, *, driven: bool = True) -> Plant:
+    """The plant in states that are not mixed (`unmix_states`), for a design, which squares them.
 
     Raises `NotStabilisableError` where a mode of mixed states does not decay and no measurement sees it (no
     input reaches it, where the plant is to be ``driven``).
     """
-    part = partition_modes(plant)
-    active, condition = unmix_states(part.active)
-    if condition > 1.0 and _keeps_moving(active):
+    unmixed, condition = unmix_states(plant)
+    if condition > 1.0:
         # In the states given: in others rounding of what is zero has the size of weak modes.
-        given, names = part.active, name_states(part.active)
-        loop = subsystem(given, given.u, given.y)
-        require_reachable(loop.A.T, loop.C.T, names, complaint="no measurement in y sees it")
+        names, loop = name_states(plant), subsystem(plant, plant.u, plant.y)
+        require_reachable(loop.A.T, loop.C.T, names, mixed=True, complaint="no measurement in y sees it")
         if driven:
-            require_reachable(loop.A, loop.B, names, complaint="no control input in u reaches it")
-    return ModePartition(active, part.inert)
-
-
-def _keeps_moving(plant: Plant) -> bool:
-    """Whether a pole is not clearly left of the axis."""
-    A = balance(remove_delays(plant).system.A)[0]
-    return bool(np.linalg.eigvals(A).real.max(initial=-np.inf) >= -CANDIDATE * np.linalg.norm(A, 2))
+            require_reachable(loop.A, loop.B, names, mixed=True, complaint="no control input in u reaches it")
+    return unmixed
 
 
 def _partition_states(plant: Plant, system: StateSpace) -> ModePartition:

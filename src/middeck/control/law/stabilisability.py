@@ -8,11 +8,15 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import NotStabilisableError
+from middeck.systems.poles.rounding import ROUNDINGS, poles_with_rounding
 from middeck.systems.state_space.balancing import balance
 
 RANK_FLOOR = 1e-10
 """Singular values of [A - lambda I, B] below this, relative to A, count as zero: a million times rounding,
 ten million times below the weakest rigid mode of a structure (1e-3)."""
+MIXED_FLOOR = 1e-13
+"""The same of mixed states, at the poles as they are computed: up to a condition of 1e5 values of what is
+reached were above 1e-12, of what is not below 3e-14."""
 CANDIDATE = 1e-6
 """How far left of the axis (relative to A) an eigenvalue may be computed and still be examined, on the axis:
 double poles at the origin are known to the square root of rounding only."""
@@ -26,12 +30,14 @@ def unreachable_states(
     *,
     only_axis: bool = False,
     sampled: bool = False,
+    mixed: bool = False,
 ) -> Float[np.ndarray, " state"]:
     """Participation of each state in uncontrollable modes that do not decay (0: none).
 
     The squared row norms of an orthonormal basis of the left null spaces of [A - lambda I, B], one
     lambda per group of equal eigenvalues with real part >= 0 (``only_axis``: = 0). Of a ``sampled`` system
-    those with modulus >= 1 (= 1).
+    those with modulus >= 1 (= 1). Of ``mixed`` states each lambda counts that rounding may have moved from
+    there: neighbours within `CANDIDATE` are other modes.
 
     >>> unreachable_states(np.diag([0.0, -1.0]), np.array([[0.0], [1.0]]))
     array([1., 0.])
@@ -48,11 +54,21 @@ def unreachable_states(
     drive = size * drive[:, length > 0.0] / length[length > 0.0]
     close = CIRCLE if sampled else CANDIDATE * size
     marginal = _outside_circle if sampled else _right_of_axis
-    values = np.linalg.eigvals(balanced).astype(complex)
-    for pole in _one_of_each(marginal(values, close, only_axis), close):
+    if mixed:
+        poles, floor = _may_move_on(balanced), MIXED_FLOOR
+    else:
+        values = np.linalg.eigvals(balanced).astype(complex)
+        poles, floor = _one_of_each(marginal(values, close, only_axis), close), RANK_FLOOR
+    for pole in poles:
         U, s, _ = np.linalg.svd(np.hstack([balanced - pole * np.eye(n), drive]))
-        share += np.sum(np.abs(U[:, s <= RANK_FLOOR * size]) ** 2, axis=1)
+        share += np.sum(np.abs(U[:, s <= floor * size]) ** 2, axis=1)
     return share
+
+
+def _may_move_on(A: np.ndarray) -> list[complex]:
+    """Poles, as computed, that are not left of the axis by more than rounding; upper half plane."""
+    values, rounding = poles_with_rounding(A)
+    return list(values[(np.imag(values) >= 0.0) & (np.real(values) >= -ROUNDINGS * rounding)])
 
 
 def _right_of_axis(values: np.ndarray, close: float, only_axis: bool) -> np.ndarray:
@@ -85,11 +101,12 @@ def require_reachable(
     *,
     only_axis: bool = False,
     sampled: bool = False,
+    mixed: bool = False,
     complaint: str = "no input reaches it",
     hint: str = "give it an actuator (of a filter, a sensor), or leave it out if no port reaches or sees it",
 ) -> None:
     """Raise `NotStabilisableError` naming the unstabilisable modes (``names``: one per state)."""
-    share = unreachable_states(A, B, only_axis=only_axis, sampled=sampled)
+    share = unreachable_states(A, B, only_axis=only_axis, sampled=sampled, mixed=mixed)
     if not share.any():
         return
     labels = list(names) or [f"state {i}" for i in range(len(A))]

@@ -6,7 +6,7 @@ import numpy as np
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.law.known_design import DesignView, design_known
-from middeck.control.law.partition import pose_modes
+from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
     LQGProblem,
@@ -105,8 +105,8 @@ def _design(
     plant: Plant, weights: LQGWeights, authority: float, kalman: KalmanFilter | None, shaping: Shaping
 ) -> LQGCompensator:
     """As `design_lqg`, rounding apart."""
-    part = pose_modes(plant)
-    active = part.active
+    part = partition_modes(plant)
+    active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)
     try:
         kalman = find_filter(plant, weights, shaping)[0] if kalman is None else kalman

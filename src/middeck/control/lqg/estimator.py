@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.known_design import is_mixed
-from middeck.control.law.partition import pose_modes
+from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.design_model import LQGProblem, pose_problem
 from middeck.control.lqg.weights import LQGWeights, Shaping
@@ -55,8 +55,8 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
 
 def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
     """The filter and what it was posed as; as `design_filter`, rounding apart."""
-    part = pose_modes(plant, driven=False)
-    model = pose_problem(part.active, weights, shaping)
+    part = partition_modes(plant)
+    model = pose_problem(pose_states(part.active, driven=False), weights, shaping)
     solution = estimate_states(model)
     kalman = KalmanFilter(
         gain=solution.gain.T,

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.known_design import DesignView, design_known
+from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import AUTHORITY
 from middeck.control.lqg.weights import LQGWeights
@@ -116,7 +117,9 @@ def design_sampled_lqg(
 
 def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form) -> SampledLQG:
     """As `design_sampled_lqg`, rounding apart."""
-    held = hold_plant(plant, weights, period_s)
+    part = partition_modes(plant)
+    posed = pose_states(part.active)
+    held = hold_plant(plant if posed is part.active else posed, weights, period_s)
     system = held.system
     _require_no_loop(system, form)
     price = sample_cost(held, weights, authority)
@@ -146,7 +149,7 @@ def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float
         estimator=estimator,
         cost=float(cost) + price.noise,
         noise_cost=price.noise,
-        inert=held.inert,
+        inert=held.inert or part.inert,
         method=f"direct, {form}",
         applied=system.B - estimator.gain.T @ system.D if form == "predictor" else system.B,
     )

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import driven_ports, measured_ports
 from middeck.control.law.delay_order import approximation_order
-from middeck.control.law.partition import pose_modes
+from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.weights import LQGWeights, require_sizes
 from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.control.sampled.quadratic_integrals import spread_noise
@@ -70,7 +70,7 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
         raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
     _check_delays(plant, period_s)
     timed = place_delays(plant, weights.disturbed, weights.process)
-    part = pose_modes(timed.plant)
+    part = partition_modes(timed.plant)
     active = part.active
     _check(active, weights)
     control = subsystem(active, active.u, (*active.z, *active.y))

@@ -267,8 +267,9 @@ def _check_abscissa(kind: int, line: str, where: str) -> None:
     due, unit, labels = ABSCISSAS[kind]
     quantity, label = _whole(line, 0, 10, where, "the abscissa's quantity"), _label(line)
     # "MHZ" is no known label, but "HZ" and "[Hz]" are.
-    if label.strip("[]() ").lower() not in labels or quantity not in (0, 1, due):
-        what = f"the abscissa is in {label!r}" if label else f"the abscissa is of type {quantity}, not {due}"
+    known = label.strip("[]() ").lower() in labels
+    if not known or quantity not in (0, 1, due):
+        what = f"the abscissa is of type {quantity}, not {due}" if known else f"the abscissa is in {label!r}"
         raise DataError(what, where=where, hint=f"export it in {unit}")
 
 

@@ -223,12 +223,12 @@ def _static_db(open_loop: FrequencyResponse, closed: FrequencyResponse) -> float
 
 
 def _mode_reductions(case: DesignCase, closed: FrequencyResponse) -> tuple[ModeReduction, ...]:
-    """The highest line near each fitted mode; a mode without a line of its own is left out."""
+    """The highest line near each fitted mode that has a peak (damping below 0.71) and lines of its own."""
     f = closed.frequency_hz
     found: list[ModeReduction] = []
     for mode, zeta in sorted(zip(natural_hz(case.model), damping_ratio(case.model), strict=True)):
         near = np.abs(f / mode - 1.0) <= HALF_WIDTHS * abs(zeta)
-        if near.any() and f[0] <= mode <= f[-1]:
+        if near.any() and f[0] <= mode <= f[-1] and zeta < np.sqrt(0.5):
             peaks = [float(np.max(np.abs(r.H[near, 0, 0]))) for r in (closed, case.measured)]
             found.append(ModeReduction(float(mode), float(20.0 * np.log10(peaks[0] / peaks[1]))))
     return tuple(found)
