@@ -25,6 +25,7 @@ from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction.find import find_friction
 from middeck.identification.friction.remove import without_friction
 from middeck.identification.spectra.estimate import estimate_response
+from middeck.joints.friction import Friction
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.modal_test import take_modal_test
@@ -40,9 +41,12 @@ from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up
 
 STUDY = Path(__file__).resolve().parents[2] / "studies" / "mace-1993.toml"
-SEEDS = (1993, 0, 1)
+SEEDS = (1993, *range(4))
 LOG10_AUTHORITY = np.array([0.0, 2.0, 4.0])
-DRAWS = 20
+# The least and the most of 39 draws hold 95 % of others.
+DRAWS = 39
+# Of a joint without dry friction: nothing beside what moves it.
+NO_SLIP_NM = 1e-12
 LEAST_DB, ASKED_DB = -20.0, 3.0
 # The record in orbit: from below the PD loops' corners at 0.03 Hz.
 BAND_HZ, PERIOD_S, PERIODS = (0.03, 60.0), 32.0, 2
@@ -107,8 +111,7 @@ def _flown(seed: int) -> list[Came]:
         **refined,
         **measured_ladder(_identified(study, truth, settings, asked, rng), asked),
     }
-    above = launch(truth, study.promise, settings, asked, rng)
-    came = {f.name: np.inf if f.rig_db is None else f.rig_db for f in fly(above, laws, rng)}
+    came = _came(truth, study, settings, asked, laws)
     levels = {o.name: [o.level_db(s) for s in (0.025, 0.5, 0.975)] for o in promised.outlooks}
     seconds = time.process_time() - start
     for name, db in came.items():
@@ -117,6 +120,32 @@ def _flown(seed: int) -> list[Came]:
         Came(came[SHEET.format(name)], came[name], came[MEASURED.format(name)], *levels[name], seconds)
         for name in refined
     ]
+
+
+def _came(
+    truth: RigArticle, study: Study, settings: RigSettings, asked: Plan, laws: Mapping[str, Compensator]
+) -> dict[str, float]:
+    """Decibels in orbit: exact ones with linear joints, and what friction adds on the rig under one noise.
+
+    A flight alone errs by as much as its promise does: its record is short.
+    """
+    slippery = dataclasses.replace(
+        settings,
+        gimbal_elements=tuple(
+            dataclasses.replace(e, slip_torque=NO_SLIP_NM) if isinstance(e, Friction) else e
+            for e in settings.gimbal_elements
+        ),
+    )
+    rigs = [
+        launch(truth, study, each, asked, np.random.default_rng([asked.seed, 515]))
+        for each in (settings, slippery)
+    ]
+    came: dict[str, float] = {}
+    for name, law in laws.items():
+        rubs, slips = (fly(rig, {name: law}, np.random.default_rng([asked.seed, 516]))[0] for rig in rigs)
+        all_stable = rubs.db is not None and rubs.rig_db is not None and slips.rig_db is not None
+        came[name] = rubs.db + rubs.rig_db - slips.rig_db if all_stable else np.inf
+    return came
 
 
 def _plan(study: Study, one_axis: Plan) -> Plan:
