@@ -116,7 +116,7 @@ def test_responses_that_would_be_confused_are_refused(tmp_path: Path, text: str,
         load_response(path)
 
 
-@pytest.mark.parametrize("axis", ["NONE", "HZ", "[Hz]", "Hertz"])
+@pytest.mark.parametrize("axis", ["NONE", "HZ", "[Hz]", "Hertz", "Hz.", "cycles/sec"])
 def test_other_words_for_hertz_are_read_and_the_mark_of_an_end(tmp_path: Path, axis: str):
     path = tmp_path / "a.uff"
     path.write_text(response_58(axis=axis) + against(response_58(axis=axis), 3) + "\x1a")

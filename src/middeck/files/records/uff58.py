@@ -42,7 +42,7 @@ class Place:
 # programs label that. All other labels (mHz, RPM, rad/sec, orders, mm) are refused: none is guessed.
 ABSCISSAS = {
     TIME: (17, "s", ("", "s", "sec", "secs", "second", "seconds", "time")),
-    RESPONSE: (18, "Hz", ("", "hz", "hertz", "cps", "c/s", "cycles/s", "1/s", "frequency")),
+    RESPONSE: (18, "Hz", ("", "hz", "hertz", "cps", "frequency", "cycles/s", "cycles/sec", "c/s", "1/s")),
 }
 # Units (data set 164) stand near the beginning of a file.
 SEARCHED = 1_000_000
@@ -267,7 +267,7 @@ def _check_abscissa(kind: int, line: str, where: str) -> None:
     due, unit, labels = ABSCISSAS[kind]
     quantity, label = _whole(line, 0, 10, where, "the abscissa's quantity"), _label(line)
     # "MHZ" is no known label, but "HZ" and "[Hz]" are.
-    known = label.strip("[]() ").lower() in labels
+    known = label.strip("[](). ").lower() in labels
     if not known or quantity not in (0, 1, due):
         what = f"the abscissa is of type {quantity}, not {due}" if known else f"the abscissa is in {label!r}"
         raise DataError(what, where=where, hint=f"export it in {unit}")
