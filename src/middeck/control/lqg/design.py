@@ -17,7 +17,7 @@ from middeck.control.lqg.design_model import (
     require_finite_cost,
     weigh_effort,
 )
-from middeck.control.lqg.estimator import KalmanFilter, find_filter
+from middeck.control.lqg.estimator import KalmanFilter, filter_of
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
@@ -112,21 +112,13 @@ def _design(
     try:
         # Of mixed states the last digits decide which ones a filter's gain is of.
         anew = kalman is None or active is not part.active
-        estimator = find_filter(plant, weights, shaping)[0] if anew else kalman
+        estimator = filter_of(model, part.inert) if anew else kalman
         regulator, R = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)
         raise
-    kalman = estimator if kalman is None else kalman
-    if len(kalman.gain) != len(model.A):
-        raise ConfigError(
-            f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
-            hint="design the filter for the same plant and with the same shaping",
-        )
-    if not all(np.array_equal(getattr(kalman, k), getattr(model, k)) for k in ("process", "sensor", "cross")):
-        raise ConfigError(
-            "the filter was designed for other noise intensities", hint="design it with the same weights"
-        )
+    if kalman is not None:
+        _require_fit(kalman, model)
     inside = StateSpace(model.A, model.control, model.C2, model.D22)
     moved = moves_estimate(inside, estimator.gain)
     law = join_estimator(inside, regulator.gain, estimator.gain, model.integral)
@@ -145,6 +137,19 @@ def _design(
         state_names=names,
         applied=np.vstack([moved, np.zeros((len(model.integral), moved.shape[1]))]),
     )
+
+
+def _require_fit(kalman: KalmanFilter, model: LQGProblem) -> None:
+    """Refuse a filter that was designed for another problem."""
+    if len(kalman.gain) != len(model.A):
+        raise ConfigError(
+            f"the filter has {len(kalman.gain)} states, the design {len(model.A)}",
+            hint="design the filter for the same plant and with the same shaping",
+        )
+    if not all(np.array_equal(getattr(kalman, k), getattr(model, k)) for k in ("process", "sensor", "cross")):
+        raise ConfigError(
+            "the filter was designed for other noise intensities", hint="design it with the same weights"
+        )
 
 
 def _require_ports(model: LQGProblem) -> None:

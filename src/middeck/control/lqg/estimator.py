@@ -57,16 +57,20 @@ def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[Ka
     """The filter and what it was posed as; as `design_filter`, rounding apart."""
     part = partition_modes(plant)
     model = pose_problem(pose_states(part.active, driven=False), weights, shaping)
+    return filter_of(model, part.inert), model
+
+
+def filter_of(model: LQGProblem, inert: tuple[str, ...]) -> KalmanFilter:
+    """The filter of a problem as posed."""
     solution = estimate_states(model)
-    kalman = KalmanFilter(
+    return KalmanFilter(
         gain=solution.gain.T,
         solution=solution,
-        inert=part.inert,
+        inert=inert,
         process=model.process,
         sensor=model.sensor,
         cross=model.cross,
     )
-    return kalman, model
 
 
 def estimate_states(model: LQGProblem) -> RiccatiSolution:

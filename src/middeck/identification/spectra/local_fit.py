@@ -123,7 +123,7 @@ def both_kinds(
     lines: Int[np.ndarray, " estimate"],
     model: LocalModel,
 ) -> BothKinds:
-    """The same with a denominator, for both kinds of noise."""
+    """The windows of `fit_windows` with a denominator, once for each kind of noise."""
     parts = [_both_kinds(windows, model) for windows in _windows(U, Y, lines, model)]
     forces, sensors, gain = zip(*parts, strict=True)
     return BothKinds(

@@ -21,7 +21,8 @@ from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 
 Kind = Literal["input", "path", "output", "filter"]
-# Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4.
+# Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4, if the
+# variance of the noise is known; more often if it is estimated with the response.
 TOLD = 5.0
 # Powers of s of a filter's terms: its delay is the output's, of the first.
 FILTER = (2, 3)

@@ -9,11 +9,9 @@ import numpy as np
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.integrators import part_integrators, realise_residues
-from middeck.systems.poles.modal_states import modal_states
+from middeck.systems.poles.modal_states import INSEPARABLE, modal_states
 from middeck.systems.state_space.statespace import StateSpace, add
 
-DEPENDENT = 1e8
-"""Condition number of unit eigenvectors beyond which modes count as inseparable: half the digits are lost."""
 OWNED = 0.9
 """Share of a state from which on it has the name of those that it is made of."""
 
@@ -40,7 +38,7 @@ def part_modes(plant: Plant) -> Plant:
     real = np.flatnonzero(np.imag(values) == 0.0)
     pairs = [part(vectors[:, [k]]) for k in upper for part in (np.real, np.imag)]
     V = np.hstack([np.zeros((len(values), 0)), *pairs, *(np.real(vectors[:, [k]]) for k in real)])
-    if len(V) and not np.linalg.cond(V) < DEPENDENT:
+    if len(V) and not np.linalg.cond(V) < INSEPARABLE:
         raise NumericalError(
             "the modes of the plant nearly coincide: none of them can be told from the others",
             hint="a plant in modal form, or with state_names",

@@ -75,7 +75,7 @@ def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damp
     active = partition_modes(finished).active
     if unmix_states(active)[1] > 1.0:
         raise ConfigError(
-            "the plant's states are mixed: designs are posed in others than the names of its modes tell",
+            "the plant's states are mixed: those that bear a mode's name are not its coordinates",
             hint="part_modes(plant) gives each mode states of its own",
         )
     before, after = name_states(bare), name_states(active)
