@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
+from middeck.identification.faults.detect import biasing_faults
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
@@ -68,6 +69,9 @@ def estimate_response(
     together, it is that of a line's own data, larger than the error of the response drawn: that, and its
     degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it (``hold_s``).
 
+    Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay) and noise of the
+    inputs are warned of.
+
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
     cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
     reference or controller that does not fit the record.
@@ -90,7 +94,8 @@ def estimate_response(
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
     inputs, outputs = response_under_feedback.plant_ports(record, reference)
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
-        for what in _noise_of_inputs(record, found, variance):
+        faults = [fault.in_a_line for fault in biasing_faults(record)]
+        for what in faults + _noise_of_inputs(record, found, variance):
             warnings.warn(what, UserWarning, stacklevel=2)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
