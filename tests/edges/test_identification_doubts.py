@@ -77,8 +77,7 @@ def test_a_spike_is_doubted(shaken):
 def test_an_unsteady_period_is_doubted(shaken):
     u, y = shaken
     growing = y * np.array([2.0, 1.0, 1.0, 1.0])[:, None, None]
-    with pytest.warns(UserWarning, match="does not go on at sample 4096"):
-        assert any("scatters" in w for w in fit(u, growing).warnings)
+    assert any("scatters" in w for w in fit(u, growing).warnings)
 
 
 def test_the_logarithmic_cost_wants_a_variance(shaken):
