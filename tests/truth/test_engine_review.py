@@ -181,7 +181,7 @@ rig *open_driver(const settings *set)
     ],
 )
 def test_outputs_that_do_not_arrive_trip(tmp_path, monkeypatch, reads, writes, trip):
-    """Whatever a driver answers. And the event stands in the file before the record of its sample: otherwise this engine aborts."""
+    """Whatever a driver answers; the event stands in the file before its record, else this engine aborts."""
     driver = tmp_path / "losing.c"
     driver.write_text(LOSING)
     program = build_engine(driver=driver, flags=("-O0", "-Wl,--wrap=publish_record"))
