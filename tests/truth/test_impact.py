@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.signal as ss
 from struck_plant import FORCE, TIP, response, struck
 
 from middeck.errors import ConfigError, DataError
@@ -16,6 +17,7 @@ from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.folded_blows import doubts_of_folding
 from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
+from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 
 HZ, ZETA, DELAY = np.array([6.0, 17.0]), np.array([0.02, 0.01]), 0.011
@@ -39,6 +41,19 @@ def test_a_hit_again_within_the_ringing_of_filters_is_found_and_the_ringing_is_n
     # Five samples later, a fifth as large.
     found = locate_blows(struck(PLANT, [*SINGLE, (15.15, 0.02, 8.0)], 3000, RATE, noise=0.0))
     assert [bool(b.rejected) for b in found] == [False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    "steep", [ss.ellip(8, 0.1, 100, 95, fs=4000, output="sos"), ss.cheby1(8, 0.1, 60, fs=4000, output="sos")]
+)
+def test_ringing_of_a_steep_filter_is_no_second_hit(steep):
+    """Filters of eighth order ring by a tenth for 60 ms behind blows of 6 ms, sampled at 250 Hz."""
+    time = np.arange(20 * 4000) / 4000
+    hits = [(1.0, 1.0), (6.0, 0.8), (11.0, 1.2), (16.0, 1.0), (16.1, 0.12)]
+    shape = sum(a * np.cos(np.pi * np.clip((time - t) / 0.006, -0.5, 0.5)) ** 2 for t, a in hits)
+    force = ss.sosfilt(steep, shape)[None, None, ::16, None]
+    record = Record(sample_hz=250.0, u=force, y=force, inputs=(FORCE,), outputs=(TIP,), periodic=False)
+    assert [b.rejected[:10] for b in locate_blows(record)] == ["", "", "", "double hit"]
 
 
 def test_an_overload_and_a_blow_while_it_rings_are_rejected():
