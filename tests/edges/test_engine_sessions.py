@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 from engine_cases import kinds, plain_settings, random_article, random_package
+from engine_faults import ARTICLE, HOLDING, engine_in, fault_settings
+from engine_rigs import nominal_article
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface import header
+from middeck.realtime.engine.interface.commands import COMMANDS, check_of
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.supervisor import Supervisor
+from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -31,8 +35,9 @@ def into_control(engine):
 def replayed(engine, rows, written):
     """Put the rows of another session where this engine looks for its next commands; its answers."""
     engine.file.commands[:] = rows
+    first = int(engine.file.status["acknowledged"]) + 1
     engine.file.asks["written"] = written
-    return [engine.answer(number).word for number in range(1, written + 1)]
+    return [engine.answer(number).word for number in range(first, written + 1)]
 
 
 WAVE = np.full((500, 2), 0.1)
@@ -48,6 +53,30 @@ def test_commands_that_an_earlier_session_gave_are_refused():
         assert engine.state == "safe"
         assert engine.reset().done  # its own are still heard
         assert [kind for kind in kinds(engine) if kind != "power up"] == ["reset done"]
+
+
+@pytest.mark.parametrize("state", repeats(["control", "identify", "engaging", "ready", "disengaging"], 2))
+def test_in_no_state_does_an_earlier_session_move_anything(state):
+    """Each row whose number comes next: the loop gives the bits that it gives without them."""
+    rig, settings, start = nominal_article(*ARTICLE), fault_settings(), HOLDING + 200
+    wave = 0.02 * np.random.default_rng(3).standard_normal((200, len(settings.drives)))
+    seen = []
+    for foreign in (False, True):
+        with engine_in(state, start, rig, settings, waveform=wave) as engine:
+            assert engine.state == state
+            taken = int(engine.file.asks["written"])
+            if foreign:
+                rows = engine.file.commands.copy()
+                for number in range(taken + 1, taken + 41):
+                    row = rows[number % len(rows)]
+                    kind = ("disengage", "engage", "silence", "excite", "strip", "end")[number % 6]
+                    row["number"], row["session"], row["kind"], row["at"] = number, 7, COMMANDS[kind], 0
+                    row["slot"], row["value"] = 0, [1.0, 0.3, 0.0, 0.0]
+                    row["check"] = check_of(row)
+                found = replayed(engine, rows, taken + 40)
+                assert set(found) == {"other session"}
+            seen.append(engine.run(100)[["y", "u", "state"]].tobytes())
+    assert seen[0] == seen[1]
 
 
 @pytest.mark.parametrize("real_time", [False, True])
