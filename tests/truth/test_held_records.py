@@ -313,7 +313,7 @@ def test_the_file_of_a_model_keeps_its_hold(tmp_path: Path) -> None:
 
 
 def test_poles_that_stand_for_what_is_folded_back_are_not_folded_themselves():
-    """A band to 0.44 of the rate and weak force noise: a first fit takes what is folded back for poles beyond.
+    """A band to 0.44 of the rate, weak force noise: a first fit takes what is folded back for poles beyond.
 
     Simulated mode by mode at eight times the rate, exact for held inputs.
     """
