@@ -208,5 +208,5 @@ def test_a_grid_of_a_component_at_an_attach_point_is_told_to_have_a_node(tmp_pat
     article.write_text(BOOM + '[[component]]\nname = "c"\nfile = "c.npz"\nnodes = {1 = "end"}\n')
     with pytest.raises(ConfigError, match="no frame of this name") as caught:
         load_structure(article)
-    expected = 'it is an attach point on "tip": define a [[node]] there, and a [[link]] between the two'
+    expected = 'it is an attach point on "tip": define a [[node]] there, and a [[link]] between them'
     assert caught.value.hint == expected

@@ -133,5 +133,7 @@ def unknown_name(
             frame = show(carriers[name])
             hint = f"it is an attach point on {frame}: name that, and its offset_m as the place there"
             if path[0] == "component":  # its grids have no offset
-                hint = f"it is an attach point on {frame}: define a [[node]] there, and a [[link]] between the two"
+                hint = (
+                    f"it is an attach point on {frame}: define a [[node]] there, and a [[link]] between them"
+                )
         yield finding(path, f"no {kind} of this name", name, hint=hint)
