@@ -13,6 +13,7 @@ from middeck.identification.impact.averaged_blows import average_blows, exponent
 from middeck.identification.impact.blows import locate_blows
 from middeck.identification.impact.fit_of_blows import fit_impact, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit import continuous_fit
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.folded_blows import doubts_of_folding
 from middeck.identification.record_fit.record_spectra import without_trend
@@ -100,6 +101,18 @@ def test_a_force_without_blows_is_refused_in_words(noisy):
     record = dataclasses.replace(two, u=noisy(3000)[None, None, :, None])
     with pytest.raises(DataError, match="no blow was found"):
         average_blows(record)
+
+
+def test_a_poor_local_fit_of_blows_tells_no_order(monkeypatch):
+    """Noise of half the rms: local models show two of three modes; the samples, judged themselves, all."""
+    monkeypatch.setattr(continuous_fit, "SHORT", 256)  # as if it were a long record
+    plant = np.array([7.2, 10.4, 32.7]), np.array([0.0126, 0.0157, 0.0103]), [300.0, -500.0, 900.0], 0.0127
+    blows = [(1.0, 0.012, 50.0), (5.2, 0.012, 70.0), (9.1, 0.012, 40.0), (13.1, 0.012, 60.0)]
+    fit = fit_impact(average_blows(struck(plant, blows, 1700, RATE, noise=0.5), band_hz=(2.0, 39.0)))
+    assert fit.standing == ("sound",) * 3
+    f, order = natural_hz(fit.model), np.argsort(natural_hz(fit.model))
+    assert np.all(np.abs(f - plant[0][np.argsort(order)]) < 4.0 * fit.uncertainty.natural_hz)
+    assert abs(fit.model.delay_s[0] - plant[3]) < 4.0 * fit.uncertainty.delay_s[0]
 
 
 @pytest.mark.parametrize("ratio", ["h1", "h2"])
