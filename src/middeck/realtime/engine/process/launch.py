@@ -21,7 +21,10 @@ from middeck.values import record
 
 @record
 class UdpRig:
-    """A rig that answers on this port of the loopback interface; raises `ConfigError` for what is none."""
+    """A rig that answers on this port of the loopback interface.
+
+    Raises `ConfigError` for what is no port.
+    """
 
     port: int
 
