@@ -25,7 +25,13 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
-AUTHORITY = "1/rho > 0, as 10"
+
+def require_authority(authority: float) -> None:
+    """Raise `ConfigError` for an authority that is not positive and finite."""
+    if not 0.0 < authority < np.inf:
+        raise ConfigError(
+            f"authority is {authority}; it must be positive and finite", hint="1/rho > 0, as 10"
+        )
 
 
 def design_regulator(model: LQGProblem, authority: float) -> tuple[RiccatiSolution, np.ndarray]:
@@ -89,8 +95,7 @@ def design_lqg(
     the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
     (`design_known`).
     """
-    if not 0.0 < authority < np.inf:
-        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
+    require_authority(authority)
 
     def design(plant: Plant) -> LQGCompensator:
         return _design(plant, weights, authority, kalman, shaping or Shaping())
