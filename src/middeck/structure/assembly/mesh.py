@@ -253,7 +253,7 @@ def _check_placed(model: Model) -> None:
                 f"that it is fixed to, seen from grid {part.grids[0]}",
                 where=f"component {part.name!r}",
                 hint="check the nodes' places, the component's axes, and which grid is fixed to which frame; "
-                "for a grid off its frame define a [[node]] there, and a rigid [[link]] between the two",
+                "a grid off its frame has its place there in offsets_m",
             )
 
 
