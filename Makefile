@@ -25,8 +25,8 @@ test: $(VENV)/dev.stamp  ## lint, types, import contract beside tests and docs e
 test-all: export MIDDECK_LONG = 1  ## the same with every long campaign whole; each file has its row in tests/results.json
 test-all: test
 
-suite: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -rs -n 2 --dist loadfile --no-loadscope-reorder
+suite: $(VENV)/dev.stamp  ## three workers for two cores: one of them often waits for an engine
+	$(BIN)/python -m pytest -rs -n 3 --dist loadfile --no-loadscope-reorder
 
 kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs
 	$(BIN)/python .ci/kernels.py -o out/kernels

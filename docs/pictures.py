@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 
 import middeck as md
 from middeck.files.disk.atomic import write_text
+from middeck.files.promises.form import read_promise
+from middeck.files.promises.outcomes import comparison_document, load_outcomes
 from middeck.plot.amplitude import draw_amplitude
 from middeck.plot.budget import budget_figure
 from middeck.plot.curves import draw_magnitude
@@ -25,6 +27,7 @@ from middeck.plot.fit import fit_figure
 from middeck.plot.gimbal_family import draw_gimbal_family
 from middeck.plot.gravity_path import gravity_path_figure
 from middeck.plot.nyquist import draw_nyquist
+from middeck.plot.promises import promise_figure
 from middeck.plot.shapes import Shown, shapes_figure
 from middeck.plot.stabilisation import stabilisation
 from middeck.plot.style import COLOUR, DASHES, LABEL, frequency_axis, new_figure, styled
@@ -192,6 +195,15 @@ def friction() -> Figure:
     ))  # fmt: skip
 
 
+def promise() -> Figure:
+    """Promised 95 % intervals of frequencies and decibels in orbit, and the simulated outcome."""
+    folder = ROOT / "data" / "virtual-survey"
+    promised = read_promise(folder / "promise.json")
+    compared = comparison_document(promised, load_outcomes(folder / "outcome.toml"), date=promised["date"])
+    came = {(v["kind"], v["name"]): v for v in compared["verdicts"]}
+    return promise_figure(promised["environments"][0], promised["shares"], came, "Promise and outcome")
+
+
 @styled
 def benchmarks() -> Figure:
     """Ratio of middeck to the best peer in twelve comparisons of error and time; below one is better."""
@@ -291,6 +303,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "gravity-path": path,
     "gimbals": gimbals,
     "friction": friction,
+    "promise": promise,
     "authority": authority,
     "margins": margins,
     "fit": fit,

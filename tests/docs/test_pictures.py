@@ -44,7 +44,7 @@ def test_every_picture_is_small_and_has_its_function(pictures):
     assert all(draw.__doc__ for draw in pictures.PICTURES.values())
 
 
-@pytest.mark.parametrize("name", ["chain", "modes"])
+@pytest.mark.parametrize("name", ["chain", "modes", "promise"])
 def test_a_picture_drawn_anew_is_the_one_in_the_folder(pictures, name: str):
     """Letters exactly; coordinates, rounded to hundredths of a point, within the next one."""
     anew, kept = pictures.text_of(name), (IMAGES / f"{name}.svg").read_text(encoding="utf-8")

@@ -200,3 +200,13 @@ def test_an_attach_point_in_place_of_a_frame_is_answered_with_its_frame(tmp_path
     assert (
         caught.value.hint == 'it is an attach point on "tip": name that, and its offset_m as the place there'
     )
+
+
+def test_a_grid_of_a_component_at_an_attach_point_is_told_to_have_a_node(tmp_path: Path) -> None:
+    """A grid has no offset."""
+    article = tmp_path / "boom.toml"
+    article.write_text(BOOM + '[[component]]\nname = "c"\nfile = "c.npz"\nnodes = {1 = "end"}\n')
+    with pytest.raises(ConfigError, match="no frame of this name") as caught:
+        load_structure(article)
+    expected = 'it is an attach point on "tip": define a [[node]] there, and a [[link]] between them'
+    assert caught.value.hint == expected

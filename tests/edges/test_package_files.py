@@ -245,6 +245,7 @@ def test_single_precision_of_several_outputs_is_shown(tmp_path, capfd):
         if line.startswith(package.outputs[0].name[:1])
     ]
     assert [float(f"{bound:g}") for bound in package.error_bound] == shown[-2:]
+    assert "overflow     in no operation, and no NaN: inputs are cut to their ranges\n" in done.out
 
 
 @pytest.mark.parametrize(

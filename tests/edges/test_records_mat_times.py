@@ -71,6 +71,11 @@ def test_a_period_told_as_a_rate_is_doubted(told: dict[str, object], said: str, 
     assert all(re.search(said, f.what) for f in faults)
 
 
+@pytest.mark.parametrize("told", [{"fs": 0.1}, {"Ts": 10.0}])
+def test_a_slow_rate_that_the_times_confirm_is_not_doubted(told: dict[str, object], tmp_path: Path) -> None:
+    assert read_record(written(tmp_path, t=10.0 * K, **told)).faults == ()
+
+
 @pytest.mark.parametrize(
     ("arrays", "said"),
     [

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from middeck.errors import DataError
-from middeck.files.records import load_record, load_response
+from middeck.files.records import load_record, load_response, read_record
 
 FORCE, ACCELERATION = 13, 12
 
@@ -114,6 +115,50 @@ def test_responses_that_would_be_confused_are_refused(tmp_path: Path, text: str,
     path.write_text(text)
     with pytest.raises(DataError, match=says):
         load_response(path)
+
+
+def test_a_response_that_is_exported_twice_counts_once(tmp_path: Path):
+    path = tmp_path / "a.uff"
+    path.write_text(response_58() + response_58(3) + response_58())
+    with pytest.warns(UserWarning, match="0 Hz"):
+        assert load_response(path).H.shape == (7, 2, 1)
+    path.write_text(response_58() + response_58().replace("5.000000000000E-01", "6.000000000000E-01", 1))
+    with pytest.raises(DataError, match="second response"):
+        load_response(path)
+
+
+def along(text: str, direction: int) -> str:
+    """With another direction of its response end."""
+    return text.replace(f"{3:4d} {'NONE':>10s}{1:10d}", f"{direction:4d} {'NONE':>10s}{1:10d}")
+
+
+@pytest.mark.parametrize("kind", [1, 4])
+def test_a_file_that_is_cut_between_data_sets_is_told_by_its_nodes(tmp_path: Path, kind: int):
+    """Four nodes in x, y, z and a place for a fifth: whole, nothing is said."""
+    x = np.random.default_rng(0).standard_normal(40) * (1.0 + 0.0j if kind == 4 else 1.0)
+    sets = [
+        along(function_58(x, kind=kind, node=n, quantity=12, step=0.1, axis="", unit="m/s^2"), d)
+        for n in (2, 3, 4, 5)
+        for d in (1, 2, 3)
+    ]
+    force = function_58(x, kind=1, node=1, quantity=FORCE, step=0.1, axis="", unit="N") if kind == 1 else ""
+    places = "".join(f"{n:10d}{0:10d}{0:10d}{8:10d}\n   0.0   0.0   0.0\n" for n in range(1, 6))
+    path, places = tmp_path / "a.uff", f"    -1\n  2411\n{places}    -1\n"
+
+    def said(text: str) -> list[str]:
+        path.write_text(text)
+        if kind == 1:
+            return [f.what for f in read_record(path).faults]
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            load_response(path)
+        return [w for f in found if "0 Hz" not in (w := str(f.message))]
+
+    assert said(places + force + "".join(sets)) == []
+    (lacks,) = said(places + force + "".join(sets[:-2]))
+    assert "node, 5, has no y, z" in lacks
+    (silent,) = said(places + force + "".join(sets[:-3]))
+    assert "1 of the 5 nodes with places have no function (5)" in silent
 
 
 @pytest.mark.parametrize("axis", ["NONE", "HZ", "[Hz]", "Hertz", "Hz.", "cycles/sec"])

@@ -118,6 +118,7 @@ def test_who_stands_by_adds_nothing_whatever_limits_did():
     assert seen["u"][-1].tolist() == [0.0, 0.0]
 
 
+READ, MISSED, LOST, FOREIGN = range(4)  # of rig.h
 LOSING = """#include "rig.h"
 
 #include <stdlib.h>
@@ -142,7 +143,7 @@ static enum rig_answer read_sensors(rig *r, real *y)
 
     for (i = 0; i < r->set->inputs; ++i)
         y[i] = 0.001 * (real)i;
-    return RIG_READ;
+    return written == 20 ? (enum rig_answer)atoi(getenv("READS")) : RIG_READ;
 }
 
 static enum rig_answer write_outputs(rig *r, const real *u, whole alive)
@@ -150,7 +151,7 @@ static enum rig_answer write_outputs(rig *r, const real *u, whole alive)
     (void)r;
     (void)u;
     (void)alive;
-    return ++written == 20 ? ANSWER : RIG_READ;
+    return ++written == 20 ? (enum rig_answer)atoi(getenv("WRITES")) : RIG_READ;
 }
 
 static void close_driver(rig *r)
@@ -168,12 +169,24 @@ rig *open_driver(const settings *set)
 """
 
 
-@pytest.mark.parametrize(("answer", "trip"), [("RIG_LOST", "rig dead"), ("RIG_MISSED", "no answer")])
-def test_outputs_that_do_not_arrive_trip(tmp_path, answer, trip):
-    """And the event stands in the file before the record of its sample: otherwise this engine aborts."""
+@pytest.mark.parametrize(
+    ("reads", "writes", "trip"),
+    [
+        (READ, LOST, "rig dead"),
+        (READ, MISSED, "no answer"),
+        (READ, FOREIGN, "other format"),
+        (READ, 7, "rig dead"),
+        (LOST, READ, "rig dead"),
+        (-1, READ, "rig dead"),
+    ],
+)
+def test_outputs_that_do_not_arrive_trip(tmp_path, monkeypatch, reads, writes, trip):
+    """Whatever a driver answers; the event stands in the file before its record, else this engine aborts."""
     driver = tmp_path / "losing.c"
-    driver.write_text(LOSING.replace("ANSWER", answer))
+    driver.write_text(LOSING)
     program = build_engine(driver=driver, flags=("-O0", "-Wl,--wrap=publish_record"))
+    for name, answer in (("READS", reads), ("WRITES", writes)):
+        monkeypatch.setenv(name, str(answer))
     with Supervisor(plain_settings(), DriverRig(), program=program) as engine:
         engine.reset()
         engine.run(20, keep=False)

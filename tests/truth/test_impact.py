@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.signal as ss
 from struck_plant import FORCE, TIP, response, struck
 
 from middeck.errors import ConfigError, DataError
@@ -12,10 +13,12 @@ from middeck.identification.impact.averaged_blows import average_blows, exponent
 from middeck.identification.impact.blows import locate_blows
 from middeck.identification.impact.fit_of_blows import fit_impact, without_window
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.identification.record_fit import continuous_fit
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.record_fit.folded_blows import doubts_of_folding
 from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
+from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 
 HZ, ZETA, DELAY = np.array([6.0, 17.0]), np.array([0.02, 0.01]), 0.011
@@ -39,6 +42,19 @@ def test_a_hit_again_within_the_ringing_of_filters_is_found_and_the_ringing_is_n
     # Five samples later, a fifth as large.
     found = locate_blows(struck(PLANT, [*SINGLE, (15.15, 0.02, 8.0)], 3000, RATE, noise=0.0))
     assert [bool(b.rejected) for b in found] == [False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    "steep", [ss.ellip(8, 0.1, 100, 95, fs=4000, output="sos"), ss.cheby1(8, 0.1, 60, fs=4000, output="sos")]
+)
+def test_ringing_of_a_steep_filter_is_no_second_hit(steep):
+    """Filters of eighth order ring by a tenth for 60 ms behind blows of 6 ms, sampled at 250 Hz."""
+    time = np.arange(20 * 4000) / 4000
+    hits = [(1.0, 1.0), (6.0, 0.8), (11.0, 1.2), (16.0, 1.0), (16.1, 0.12)]
+    shape = sum(a * np.cos(np.pi * np.clip((time - t) / 0.006, -0.5, 0.5)) ** 2 for t, a in hits)
+    force = ss.sosfilt(steep, shape)[None, None, ::16, None]
+    record = Record(sample_hz=250.0, u=force, y=force, inputs=(FORCE,), outputs=(TIP,), periodic=False)
+    assert [b.rejected[:10] for b in locate_blows(record)] == ["", "", "", "double hit"]
 
 
 def test_an_overload_and_a_blow_while_it_rings_are_rejected():
@@ -85,6 +101,18 @@ def test_a_force_without_blows_is_refused_in_words(noisy):
     record = dataclasses.replace(two, u=noisy(3000)[None, None, :, None])
     with pytest.raises(DataError, match="no blow was found"):
         average_blows(record)
+
+
+def test_a_poor_local_fit_of_blows_tells_no_order(monkeypatch):
+    """Noise of half the rms: local models show two of three modes; the samples, judged themselves, all."""
+    monkeypatch.setattr(continuous_fit, "SHORT", 256)  # as if it were a long record
+    plant = np.array([7.2, 10.4, 32.7]), np.array([0.0126, 0.0157, 0.0103]), [300.0, -500.0, 900.0], 0.0127
+    blows = [(1.0, 0.012, 50.0), (5.2, 0.012, 70.0), (9.1, 0.012, 40.0), (13.1, 0.012, 60.0)]
+    fit = fit_impact(average_blows(struck(plant, blows, 1700, RATE, noise=0.5), band_hz=(2.0, 39.0)))
+    assert fit.standing == ("sound",) * 3
+    f, order = natural_hz(fit.model), np.argsort(natural_hz(fit.model))
+    assert np.all(np.abs(f - plant[0][np.argsort(order)]) < 4.0 * fit.uncertainty.natural_hz)
+    assert abs(fit.model.delay_s[0] - plant[3]) < 4.0 * fit.uncertainty.delay_s[0]
 
 
 @pytest.mark.parametrize("ratio", ["h1", "h2"])

@@ -190,6 +190,12 @@ def test_unknown_ports_are_named():
     with pytest.raises(ConfigError, match="no sensor 'gyro'") as sensor:
         build_plant(modes, inputs=["wheel"], outputs=["gyro_rate"])
     assert "payload_rate" in sensor.value.hint
+    parts = dataclasses.replace(modes.equilibrium.model.structure, actuators=(), sensors=())
+    bare = solve_modes(solve_equilibrium(parts, modes.equilibrium.environment))
+    for inputs, outputs, table in ((["wheel"], [], "actuator"), ([], ["wheel"], "sensor")):
+        with pytest.raises(ConfigError) as none:
+            build_plant(bare, inputs=inputs, outputs=outputs)
+        assert none.value.hint == f"add [[{table}]] to the article, which has none"
 
 
 def test_a_plant_without_inputs_or_outputs_is_an_empty_one():

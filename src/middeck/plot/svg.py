@@ -37,11 +37,12 @@ def svg_text(figure: Figure, *, key: str, title: str, description: str) -> str:
 
 
 def _lean(body: str) -> str:
-    """``body`` with short ids, the fonts named once, and no ids of groups or indentation."""
+    """``body`` with short ids, the fonts named once, and no ids of groups, indentation or turns by zero."""
     names = {name: f"{name[0]}{n}" for n, name in enumerate(dict.fromkeys(HASHED.findall(body)))}
     body = HASHED.sub(lambda match: names[match.group()], body)
     body = re.sub(r'<g id="[^"]*">', "<g>", re.sub(r"\n +", "\n", body))
     body = re.sub(r" \n(?=[LCQMz])", " ", body)
+    body = re.sub(r' transform="rotate\(-0 [^"]*"', "", body)
     fonts = re.search(r'font-family: ([^;"]*)', body)
     body = re.sub(r'(?:; )?font-family: [^;"]*', "", body)
     return body.replace("<svg", f'<svg font-family="{fonts[1]}"', 1) if fonts else body

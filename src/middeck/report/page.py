@@ -97,7 +97,8 @@ def _warnings(numbers: object) -> Iterator[str]:
             yield from value if key == "warnings" else _warnings(value)
     elif isinstance(numbers, list):
         for value in numbers:
-            yield from _warnings(value)
+            if isinstance(value, dict | list):  # most are numbers, hundreds of thousands
+                yield from _warnings(value)
 
 
 def came_out(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:

@@ -41,3 +41,8 @@ class Fault:
         if self.experiment is not None:
             place += f", experiment {self.experiment}"
         return f"{place}: {self.what}\n  try: {self.hint}"
+
+    @property
+    def in_a_line(self) -> str:
+        """What it is and what to try, for a list of warnings."""
+        return str(self).replace("\n  try:", ";")

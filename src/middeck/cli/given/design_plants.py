@@ -134,4 +134,5 @@ def chosen(names: tuple[str, ...], known: Sequence[str], option: str) -> tuple[s
         return names
     if len(known) == 1:
         return (known[0],)
-    raise ConfigError(f"{option} is missing", hint=f"one or more of {', '.join(known)}")
+    hint = f"one or more of {', '.join(known)}" if known else "there is none: define one in the article"
+    raise ConfigError(f"{option} is missing", hint=hint)

@@ -19,6 +19,7 @@ EXAMPLES = """\
   middeck generate law.mdk --without-applied --single -o small.mdk
 """
 LIMITS = ("input_range", "limit", "slew_rate")
+NONE = "in no operation, and no NaN: inputs are cut to their ranges"
 OWN = "for the law's own commands, applied in full; none is known where others limit or add to them"
 PACKAGES = (".mdk", ".json", ".c", ".h")
 
@@ -193,6 +194,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"rate         {1.0 / document['period_s']:g} Hz, ramp of {document['ramp_samples']} samples",
         f"estimates    from {sees}",
         f"tested by    {document['samples']} samples, to the last bit",
+        *(["overflow     " + NONE] if document["error_bound"] is not None else []),
         *(["error bound  " + OWN] if document["error_bound_own"] else []),
         Table("inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r, "g")] for p, r in ranges]),
         Table(

@@ -26,7 +26,6 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.identification.uncertainty.parameter_deviations import distinct_poles
 from middeck.signals.excitation.recognition import cut_periods, recognise_excitation
-from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
@@ -107,7 +106,7 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
         measured = estimate_response(
             taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
         )
-    seen = (*seen, *(str(one.message) for one in said))
+    seen = tuple(dict.fromkeys((*seen, *(str(one.message) for one in said))))
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = _is_sampled(settings, reaches=bool(reaches))
     fit = fit_asked(measured, _asked(settings, taken.sample_hz if sampled else None), settings.cost)
@@ -132,11 +131,7 @@ def _friction(taken: Record, settings: FitSettings) -> JointFriction:
 def _faults(taken: Record) -> list[str]:
     """Faults by `detect_faults` that harm a fit."""
     faults = (f for f in detect_faults(taken) if f.severity != "note")
-    return [_in_a_line(f) for f in faults]
-
-
-def _in_a_line(fault: Fault) -> str:
-    return str(fault).replace("\n  try:", ";")
+    return [f.in_a_line for f in faults]
 
 
 def _fit_record(
@@ -235,7 +230,7 @@ def load_periods(
     whole = [check_finite(one.record, str(path)) for one, path in zip(readings, files, strict=True)]
     taken = join_records(whole, list(files))
     with reading(*files):
-        mended = tuple(_in_a_line(f) for one in readings for f in one.faults if f.severity != "note")
+        mended = tuple(f.in_a_line for one in readings for f in one.faults if f.severity != "note")
         if periods is not None:
             return split_periods(taken, periods), mended
         if taken.periodic:

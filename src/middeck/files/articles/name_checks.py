@@ -132,4 +132,8 @@ def unknown_name(
         if carriers and name in carriers and kind != "section":
             frame = show(carriers[name])
             hint = f"it is an attach point on {frame}: name that, and its offset_m as the place there"
+            if path[0] == "component":  # its grids have no offset
+                hint = (
+                    f"it is an attach point on {frame}: define a [[node]] there, and a [[link]] between them"
+                )
         yield finding(path, f"no {kind} of this name", name, hint=hint)

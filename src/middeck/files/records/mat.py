@@ -110,7 +110,8 @@ def _rate(
             hint = "state the rate (fs or Ts) if it is another one"
             faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)
     _refuse_rates(rates, told, share, file)
-    return next(iter(rates.values()), None), share, faults or _doubts_of_told(told, head)
+    doubts = () if times else _doubts_of_told(told, head)  # the times say the same rate
+    return next(iter(rates.values()), None), share, faults or doubts
 
 
 def _doubts_of_told(told: dict[str, float], head: Head) -> tuple[Fault, ...]:

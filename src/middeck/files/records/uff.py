@@ -16,7 +16,7 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
-from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
+from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan, scan_texts
 from middeck.files.records.uff58_write import Header, write_58
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
@@ -35,6 +35,9 @@ APART = 0.01
 WHOLE = 1 << 20
 # Share of the highest frequency by which lines may be off an even spacing: rounding.
 EVEN = 1e-12
+# Lines that a node takes in the data sets of places.
+LINES_OF_NODE = {15: 1, 2411: 2}
+ALIKE = 3  # nodes that must be measured alike before one that is not makes a file look cut
 
 
 @record(kw_only=True)
@@ -62,7 +65,14 @@ def read_uff(file: Path, variable: str) -> Raw:
         )  # fmt: skip
     raws = [raw_run(file, run) for run in runs]
     x = tuple(np.concatenate(channels) for channels in zip(*(r.x for r in raws), strict=True))
-    return dataclasses.replace(raws[0], x=x, faults=sum((r.faults for r in raws), ()))
+    faults = sum((r.faults for r in raws), ())
+    head, hint = raws[0].heads[-1], "count the channels of the test"
+    sets = [data for run in runs for data in run.sets]
+    faults += tuple(
+        channel_fault("truncated", "note", head, doubt, hint, experiment=None)
+        for doubt in _doubts_of_whole(sets, file)
+    )
+    return dataclasses.replace(raws[0], x=x, faults=faults)
 
 
 def raw_run(file: Path, run: Experiment) -> Raw:
@@ -125,6 +135,31 @@ def read_runs(file: Path) -> list[Experiment]:
             where = f"{file}:{other.line}, channel {head.name}"
             raise DataError(what, where=where, hint="export all experiments in one unit")
     return [_run(heads, together, file) for together in zip(*channels.values(), strict=True)]
+
+
+def _doubts_of_whole(sets: Sequence[Dataset], file: Path) -> Iterator[str]:
+    """Words where a file seems cut between two data sets, which leaves a file that looks whole."""
+    measured: dict[Place, set[int]] = {}
+    for at in (data.response for data in sets if data.kind == RESPONSE or _side(data) == "output"):
+        measured.setdefault(dataclasses.replace(at, direction=0), set()).add(abs(at.direction))
+    *others, (last, along) = measured.items() or [(Place("", 0, 0), set[int]())]
+    common = set.intersection(*(d for _, d in others)) if others else set()
+    if len(others) >= ALIKE and common - along and along <= common:
+        lacks = ", ".join(AXES[d] for d in sorted(common - along))
+        yield f"the last node, {_node(last)}, has no {lacks}, as all others have: is the file whole?"
+    places = {n for text in scan_texts(file, LINES_OF_NODE) for n in _numbers(text.number, text.lines)}
+    ends = {end.number for data in sets for end in (data.response, data.reference)}
+    if places & ends and (silent := sorted(places - ends)):
+        few = ", ".join(map(str, silent[:5])) + (", ..." if len(silent) > 5 else "")
+        what = f"{len(silent)} of the {len(places)} nodes with places have no function ({few})"
+        yield f"{what}: is the file whole?"
+
+
+def _numbers(kind: int, lines: Sequence[str]) -> Iterator[int]:
+    """The nodes of a data set of places."""
+    for line in lines[:: LINES_OF_NODE[kind]]:
+        if (text := line[:10].strip()).isdigit():
+            yield int(text)
 
 
 def _key(data: Dataset) -> tuple[object, ...]:
@@ -312,6 +347,8 @@ def read_response(file: Path) -> FrequencyResponse:
             what, where=str(file), hint="a file of frequency responses; load_record reads time functions"
         )
     found = _by_ends(sets, file)
+    for doubt in _doubts_of_whole(sets, file):
+        warnings.warn(f"{file}: {doubt}", UserWarning, stacklevel=3)
     outputs, inputs = (list(dict.fromkeys(ends[k] for ends in found)) for k in range(2))
     lines: np.ndarray | None = None
     H = np.empty((sets[0].count, len(outputs), len(inputs)), complex)
@@ -356,15 +393,27 @@ def _ends(data: Dataset) -> tuple[End, End]:
 
 
 def _by_ends(sets: list[Dataset], file: Path) -> dict[tuple[End, End], Dataset]:
-    """The responses by their ends. Raises `DataError` for two of one pair, as of runs or of quantities."""
+    """The responses by their ends. Raises `DataError` for unlike two of one pair, as of runs or quantities.
+
+    One that is exported twice, the same in every number, counts once.
+    """
     found: dict[tuple[End, End], Dataset] = {}
     for data in sets:
         first = found.setdefault(_ends(data), data)
-        if first is not data:
+        if first is not data and not _is_same(first, data, file):
             output, at = map(_end_name, _ends(data))
             what = f"a second response of {output} to {at}: the first is on line {first.line}"
             raise DataError(what, where=f"{file}:{data.line}", hint="export one run, of one quantity")
     return found
+
+
+def _is_same(one: Dataset, other: Dataset, file: Path) -> bool:
+    """Whether two data sets state the same function of the same quantity."""
+    placed = {"line": 0, "start": 0, "size": 0, "texts": (), "step_text": ""}
+    if dataclasses.replace(one, **placed) != dataclasses.replace(other, **placed):
+        return False
+    here, there = (np.concatenate(list(read_values(file, d, WHOLE))) for d in (one, other))
+    return np.array_equal(here, there)
 
 
 def _check_units(

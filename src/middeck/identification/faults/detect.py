@@ -37,6 +37,8 @@ from middeck.systems.plants.response import FrequencyResponse
 # With these a channel is compared with none; with LOCAL, what an output leaves of its inputs is no noise.
 MISSING = ("gap", "dead")
 LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift")
+# What biases an estimate as a whole.
+BIASING = ("shift", "joint", "feedback", "delay", "truncated")
 SEVERITIES = ("unusable", "serious", "note")
 
 
@@ -91,6 +93,11 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     if reference is not None and not any(f.kind in MISSING for f in found):
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+
+
+def biasing_faults(record: Record) -> list[Fault]:
+    """The faults that bias an estimate as a whole: no scatter shows them."""
+    return [f for f in detect_faults(record) if f.kind in BIASING]
 
 
 def _without(record: Record, found: Sequence[Fault], kinds: Sequence[str]) -> Record | None:

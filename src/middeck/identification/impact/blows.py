@@ -11,6 +11,7 @@ import itertools
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.faults.equal_runs import levels_of, runs_of
@@ -24,6 +25,9 @@ LEAST, CLEAR = 0.02, 10.0
 # What follows a pulse within so many samples may be the ringing of the filters. A second maximum of so much
 # of the pulse is a hit: beyond the ringing, and within it.
 RINGING, DOUBLE, DOUBLE_WITHIN = 8, 0.05, 0.1
+# The edge of the force's band is where its power falls to this share of the largest; what is smoothed keeps
+# frequencies up to this share of the edge, so that ringing there is weakened by e^-4.
+EDGE, SMOOTH = 1e-3, 0.35
 # A maximum is one if the force falls to this share of it on the way to the pulse.
 VALLEY = 0.7
 # Pulses closer than this share of the longest time between two are one blow.
@@ -127,11 +131,12 @@ def _blows(
         else:
             groups.append([pulse])
     begins = [max(own[0][0] - BEFORE, 0) for own in groups] + [len(force)]
+    smooth = _without_ringing(force)
     found: list[Blow] = []
     for k, own in enumerate(groups):
         a, b = max(own, key=lambda run: force[run[0] : run[1]].max())
         struck = a + int(np.argmax(force[a:b]))
-        hit = _second_hit(force, own, struck)
+        hit = _second_hit(force, smooth, own, struck)
         after_ms = 0.0 if hit is None else 1e3 * (hit - struck) / sample_hz
         place = f"{abs(after_ms):.3g} ms {'after' if after_ms > 0 else 'before'}"
         why = "" if hit is None else f"double hit: another of {force[hit] / force[struck]:.0%} {place}"
@@ -149,8 +154,18 @@ def _blows(
     return found
 
 
+def _without_ringing(force: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:
+    """The force below the edge of its band, where a steep filter rings: that has no momentum, a hit has."""
+    power = np.abs(np.fft.rfft(force)) ** 2
+    edge = np.flatnonzero(power > EDGE * power.max())[-1]
+    return gaussian_filter1d(force, len(force) / (2.0 * np.pi * SMOOTH * max(edge, 1)))
+
+
 def _second_hit(
-    force: Float[np.ndarray, " sample"], pulses: list[tuple[int, int]], struck: int
+    force: Float[np.ndarray, " sample"],
+    smooth: Float[np.ndarray, " sample"],
+    pulses: list[tuple[int, int]],
+    struck: int,
 ) -> int | None:
     """The largest other maximum that is no ringing; None for a single hit."""
     hits: list[int] = []
@@ -160,7 +175,8 @@ def _second_hit(
                 continue
             between = force[min(k, struck) : max(k, struck) + 1].min()
             least = DOUBLE if abs(k - struck) > RINGING else DOUBLE_WITHIN
-            if force[k] > least * force[struck] and between < VALLEY * force[k]:
+            momentum = smooth[k] > 0.5 * least * smooth[struck]
+            if momentum and force[k] > least * force[struck] and between < VALLEY * force[k]:
                 hits.append(k)
     return max(hits, key=lambda k: force[k], default=None)
 

@@ -41,6 +41,8 @@ from middeck.signals.record import Record
 
 # Up to so many samples a record is short: subspaces cost little, and local models may not resolve it.
 SHORT = 8192
+# Up to so many, the record itself is asked for the order where local models leave much of the response.
+MEDIUM = 4 * SHORT
 # Rounds of noise and search, and steps of each, of the last refinement.
 ROUNDS, STEPS = 4, 60
 # Samples left free at a record's beginning, at most: a search solves for them at each step, by dense algebra.
@@ -68,19 +70,22 @@ def fit_continuous(
 
     ``local`` fits an estimate of the response, for ``states`` or (None) for as many as that asks for.
     """
-    short = data.H.shape[2] * record.u.shape[1] * record.u.shape[2] <= SHORT
+    samples = data.H.shape[2] * record.u.shape[1] * record.u.shape[2]
+    short = samples <= SHORT
     if not short or states is not None:
         tell("a local estimate of the response, and its fit")
     first, failed = (None, None) if short and states is None else _attempt(local)
+    poor = first is None or float(np.max(first.error)) > POOR
+    chosen = states is None and (first is None or (poor and samples <= MEDIUM))
     starts, reason = [], ""
-    if first is not None:
+    if first is not None and not chosen:
         structure = first.covariance.structure
         options = dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
         reason = first.order_reason
         starts = _prompt(record, [_start_of(first, options)])
     found = _led(record, data, starts, weighting)
-    if short or found is None or first is None or float(np.max(first.error)) > POOR:
-        past, chosen = past_of(record, data), states is None and (short or first is None)
+    if short or found is None or poor:
+        past = past_of(record, data)
         if chosen:
             options, reason = _choose_order(record, data, options, past, tell)
         elif states is None and first is not None:

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
-from middeck.identification.faults.detect import detect_faults
+from middeck.identification.faults.detect import biasing_faults
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.model.fit_options import is_rate
 from middeck.identification.model.measurement_model import model_response
@@ -26,7 +26,6 @@ from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient_projection import TransientProjection
 from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.record_fit.sensor_or_force_noise import likelier_variance, noise_variance
-from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
 Heard = Complex[np.ndarray, "output line part"]
@@ -50,8 +49,6 @@ AT_ONCE = "a velocity or an acceleration that a held force moves within a sample
 SHIFT = 1e-6
 # Samples, and share of the record, at both ends in which no step of delay or gain is looked for.
 EDGE, EDGE_SHARE = 16, 0.01
-# Kinds of faults that bias a fit as a whole.
-BIASING = ("shift", "joint", "feedback", "delay", "truncated")
 
 
 # Messages for the first score of an output above its limit.
@@ -119,7 +116,7 @@ def causes_of(
     )
     leads = lead > LEADS
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
-    faults = _biasing_faults(record) if wrong else []
+    faults = biasing_faults(record) if wrong else []
     found = [
         f"{f.side} {f.channel}: {f.what}; the stated standard deviations are too small. "
         f"{f.hint[0].upper()}{f.hint[1:]}"
@@ -184,15 +181,11 @@ def named_cause(record: Record) -> Generator[None]:
     try:
         yield
     except FitError as error:
-        faults = _biasing_faults(record)
+        faults = biasing_faults(record)
         if not faults:
             raise
         why = "; ".join(f"{f.side} {f.channel} {f.what}" for f in faults)
         raise FitError(f"{error.what}: {why}", where=error.where, hint=faults[0].hint) from error
-
-
-def _biasing_faults(record: Record) -> list[Fault]:
-    return [f for f in detect_faults(record) if f.kind in BIASING]
 
 
 def heard_of(

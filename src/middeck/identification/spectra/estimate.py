@@ -9,6 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
+from middeck.identification.faults.detect import BIASING
+from middeck.identification.faults.lost_samples_and_feedback import find_relation_faults
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
@@ -68,6 +70,9 @@ def estimate_response(
     together, it is that of a line's own data, larger than the error of the response drawn: that, and its
     degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it (``hold_s``).
 
+    Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay) and noise of the
+    inputs are warned of.
+
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
     cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
     reference or controller that does not fit the record.
@@ -90,7 +95,7 @@ def estimate_response(
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
     inputs, outputs = response_under_feedback.plant_ports(record, reference)
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
-        for what in _noise_of_inputs(record, found, variance):
+        for what in _biasing_faults(record) + _noise_of_inputs(record, found, variance):
             warnings.warn(what, UserWarning, stacklevel=2)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
@@ -124,6 +129,12 @@ def response_scatter(
     _, outputs = response_under_feedback.plant_ports(record, reference)
     joint = _from_reference(record, reference, controller)
     return response_under_feedback.plant_scatter(_scatter(joint, band_hz, method, segment), len(outputs))
+
+
+def _biasing_faults(record: Record) -> list[str]:
+    """Faults of a record of one period that bias all lines alike; periods show theirs by their scatter."""
+    faults = [] if record.periodic else find_relation_faults(record)
+    return [fault.in_a_line for fault in faults if fault.kind in BIASING]
 
 
 def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarray) -> list[str]:

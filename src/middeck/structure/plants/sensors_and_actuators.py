@@ -13,7 +13,7 @@ Both are analytic: an equilibrium at complex positions gives complex rows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from jaxtyping import Inexact
@@ -54,7 +54,7 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
     known = {a.name: a for a in equilibrium.model.structure.actuators}
     for name in names:
         if name not in known:
-            raise ConfigError(f"no actuator {name!r}", hint=f"one of {', '.join(known)}")
+            raise ConfigError(f"no actuator {name!r}", hint=one_of(known, "[[actuator]]"))
     chosen = [known[name] for name in names]
     moves = _motions(equilibrium, chosen)
     rows = np.zeros((len(chosen), equilibrium.model.tree.size), moves.dtype)
@@ -111,6 +111,11 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
     )
 
 
+def one_of(known: Collection[str], table: str) -> str:
+    """What to try where a name is not ``known``: the others, or the ``table`` that defines one."""
+    return f"one of {', '.join(known)}" if known else f"add {table} to the article, which has none"
+
+
 def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
     """Sensor of an output and whether its rate is meant; a sensor may itself be called ``turn_rate``."""
     sensors = {s.name: s for s in equilibrium.model.structure.sensors}
@@ -118,8 +123,8 @@ def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
         return sensors[output], False
     sensor = sensors.get(output.removesuffix(RATE)) if output.endswith(RATE) else None
     if sensor is None:
-        known = (n if s.kind is SensorKind.ACCELEROMETER else f"{n}, {n}{RATE}" for n, s in sensors.items())
-        raise ConfigError(f"no sensor {output.removesuffix(RATE)!r}", hint=f"one of {', '.join(known)}")
+        known = [n if s.kind is SensorKind.ACCELEROMETER else f"{n}, {n}{RATE}" for n, s in sensors.items()]
+        raise ConfigError(f"no sensor {output.removesuffix(RATE)!r}", hint=one_of(known, "[[sensor]]"))
     if sensor.kind is SensorKind.ACCELEROMETER:
         raise ConfigError(f"accelerometer {sensor.name!r} has no rate", hint=f"take {sensor.name} itself")
     return sensor, True

@@ -226,7 +226,8 @@ def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
     """Whether weight and loads drive a motion of the whole that nothing can ever stop."""
     if environment.hung or environment.springs or environment.bushings:
         return
-    if not (model.structure.mass > 0.0 or np.any(loads.push)):  # what pulls then is rounding
+    weight = model.structure.mass > 0.0 and bool(np.any(loads.gravity))
+    if not (weight or np.any(loads.push)):  # what pulls then is rounding
         return
     T = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
     drawn = dataclasses.replace(model.rest, since_drawn=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -16,6 +17,9 @@ from middeck.systems.state_space.statespace import StateSpace, add
 
 OWNED = 0.9
 """Share of a state from which on it has the name of those that it is made of."""
+
+KEPT = 4
+"""Plants of which `unmix_states` keeps what it found: many authorities are designed on one plant."""
 
 
 def part_modes(plant: Plant) -> Plant:
@@ -57,6 +61,7 @@ def part_modes(plant: Plant) -> Plant:
     return dataclasses.replace(plant, dynamics=add(chain, blocks), state_names=names)
 
 
+@functools.lru_cache(maxsize=KEPT)
 def unmix_states(plant: Plant) -> tuple[Plant, float]:
     """The plant in states of which each group belongs to its own poles, and how strongly it was mixed.
 

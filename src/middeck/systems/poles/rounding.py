@@ -6,6 +6,7 @@ algorithm tells on which side of the axis they lie: what would tell was lost whe
 
 from __future__ import annotations
 
+import functools
 from typing import cast
 
 import numpy as np
@@ -24,6 +25,9 @@ by which rounding moves a pole that is known."""
 
 ROUNDINGS = 10.0
 """Uncertainties of a pole by rounding within which it may be on the other side of a limit."""
+
+KEPT = 64
+"""Systems whose answer of `is_vague` is kept: many results are asked of one loop."""
 
 Poles = tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]
 
@@ -44,6 +48,7 @@ def farthest_pole(A: np.ndarray) -> float:
     return max((float(each.max()) for each in reach), default=0.0)
 
 
+@functools.lru_cache(maxsize=KEPT)
 def is_vague(system: LinearSystem) -> bool:
     """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
     if not len(system.A):

@@ -9,7 +9,7 @@ from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given
 from middeck.files.nastran.deck.formats import DIVIDING
-from middeck.files.nastran.deck.numbers import integer
+from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import doubt_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES
 
@@ -60,6 +60,10 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     rows.append(("GRID", len(bare), "no element or mass is at them: points of orientation, for instance"))
     damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
     rows.append(("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]"))
+    bushings = [e for e in entries.of("PBUSH") if {"B", "GE"} & {*e["rest"]}]
+    rows.append(("PBUSH B, GE", len(bushings), "damping of bushings: give it in the article's [damping]"))
+    whole = [value for value, _ in given(deck, "G") if value and real(value)]
+    rows.append(("PARAM G", len(whole), "damping of the whole: give it in the article's [damping]"))
     return [row for row in rows if row[1] > 0]
 
 

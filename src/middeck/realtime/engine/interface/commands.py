@@ -29,6 +29,7 @@ REASONS = {
     "withdrawn": "a disengage, a silence or the end that came after it went first",
     "not proved": "no proof of this package, beside this hold, covers the adaptive gain of the settings, at "
     "this share and behind this strip; or another law still acts",
+    "other session": "a command of another supervisor, or from before the engine was taken over",
     "bad proof": "a proof that was changed, or is of another package or another hold",
     "bad hash": "the package was changed or cut short: its hash does not fit",
     "bad magic": "no controller package: it begins otherwise",

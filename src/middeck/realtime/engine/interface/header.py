@@ -8,6 +8,8 @@ from importlib import resources
 
 import numpy as np
 
+from middeck.realtime.engine.interface.checksum import checksum
+
 WORD = {"whole": "<i8", "real": "<f8", "unsigned char": "u1"}
 """Types of the header that are no records; a text of chars becomes bytes."""
 
@@ -73,6 +75,22 @@ def _fields(body: str, inner: dict[str, np.dtype] | None = None) -> np.dtype:
                 known = WORD.get(kind) or (inner or {}).get(kind)
                 fields.append((field, known or layout(kind), shape))
     return np.dtype(fields)
+
+
+@functools.cache
+def layout_check() -> int:
+    """Of all declarations: it stands in each shared file, so that no program misreads that of another build.
+
+    >>> 0 < layout_check() < 1 << 63
+    True
+    """
+    words = " ".join(_header().split()).encode()
+    return checksum(words + bytes(-len(words) % 8)) >> 1
+
+
+def layout_source() -> str:
+    """The header that tells the engine."""
+    return f"#define LAYOUT INT64_C({layout_check()})\n"
 
 
 @functools.cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import mmap
 import os
+import struct
 from pathlib import Path
 from typing import BinaryIO
 
@@ -12,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError
-from middeck.realtime.engine.interface.header import constants, layout
+from middeck.realtime.engine.interface.header import constants, layout, layout_check
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 
@@ -109,7 +110,7 @@ def make_shared_file(
     for region, size in sizes.items():
         places[region] = end
         end = _aligned(end + size)
-    places["magic"], places["format"], places["size"] = constants()["MAGIC"], constants()["FORMAT"], end
+    places["magic"], places["layout"], places["size"] = constants()["MAGIC"], layout_check(), end
     places["article_count"], places["stride"] = len(numbers), kind.itemsize
     places["ring_count"], places["pretrip_count"] = ring, pretrip
     places["blacklist_count"] = len(banned) // 32
@@ -131,7 +132,10 @@ def make_shared_file(
 
 
 def open_shared_file(path: Path) -> SharedFile:
-    """The shared file of an engine; raises `DataError` for what is none, or of another version."""
+    """The shared file of an engine; raises `DataError` for what is none, or of another build.
+
+    Another build may give other numbers to states and events: its words would be taken for others.
+    """
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
@@ -140,12 +144,29 @@ def open_shared_file(path: Path) -> SharedFile:
         raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="engine.shared") from None
     if len(start) == layout("places").itemsize:
         (at,) = np.frombuffer(start, layout("places"))
-        if (at["magic"], at["format"], at["size"]) == (constants()["MAGIC"], constants()["FORMAT"], size):
+        if (at["magic"], at["layout"], at["size"]) == (constants()["MAGIC"], layout_check(), size):
             with contextlib.suppress(ValueError, OverflowError):  # places that do not lie within it
                 return SharedFile(path)
-    raise DataError(
-        "no shared file of an engine, of another version, or changed", where=str(path), hint="engine.shared"
-    )
+        if at["magic"] == constants()["MAGIC"] and at["layout"] != layout_check():
+            raise DataError(
+                "the shared file of another build of the engine, or changed", where=str(path),
+                hint="the release of middeck that started it",
+            )  # fmt: skip
+    raise DataError("no shared file of an engine, or changed", where=str(path), hint="engine.shared")
+
+
+def process_of(path: Path) -> tuple[int, int]:
+    """Number and birth of the engine's process that a shared file of any build names; zeros where none is."""
+    try:
+        with path.open("rb") as file:
+            magic, _, size, status = struct.unpack("<4q", file.read(32))
+            if magic != constants()["MAGIC"] or not 0 < status < size:
+                return 0, 0
+            file.seek(status)
+            pid, born = struct.unpack("<2q", file.read(16))
+    except (OSError, struct.error):
+        return 0, 0
+    return pid, born
 
 
 def _take_room(file: BinaryIO, size: int) -> None:

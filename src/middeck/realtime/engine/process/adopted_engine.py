@@ -30,8 +30,7 @@ class AdoptedEngine:
             return
         with contextlib.suppress(OSError):
             self._handle = os.pidfd_open(self.pid)
-        same = when_born(self.pid) == int(file.status["born"]) > 0
-        if self._handle is not None and not (same and str(file.path.resolve()) in _words_of(self.pid)):
+        if self._handle is not None and not runs_engine(self.pid, int(file.status["born"]), file.path):
             os.close(self._handle)
             self._handle = None
 
@@ -64,6 +63,11 @@ class AdoptedEngine:
         poll = select.poll()
         poll.register(self._handle, select.POLLIN)
         return bool(poll.poll(None if timeout is None else 1e3 * timeout))
+
+
+def runs_engine(pid: int, born: int, path: Path) -> bool:
+    """Whether the process of this number, that began when it says, runs the engine of the shared file."""
+    return pid > 0 and when_born(pid) == born > 0 and str(path.resolve()) in _words_of(pid)
 
 
 def when_born(pid: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -42,6 +43,7 @@ class CommandedEngine:
     file: SharedFile
     process: subprocess.Popen[str] | AdoptedEngine
     _admitted: Mapping[str, str] | None
+    _session: int
 
     @property
     def state(self) -> str:
@@ -68,20 +70,22 @@ class CommandedEngine:
         "disengage", "silence" and "end": what makes safe waits for none, and an "engage" or "excite" before
         it that has not been carried out is withdrawn.
 
-        Raises `ConfigError` for a word that is no command, more than four values, and what is no number;
-        waits while the queue is full.
+        Raises `ConfigError` for a word that is no command, more than four values, and what is no number,
+        `DataError` once another supervisor has taken the engine over; waits while the queue is full.
         """
         if kind not in COMMANDS or len(values) > 4:
             raise ConfigError(
                 f"no command {kind!r} of {len(values)} values", hint=f"one of {', '.join(COMMANDS)}"
             )
+        self._require_own()
         self._beat_by_the_clock()
         number = int(self.file.asks["written"]) + 1
         room = QUEUE - KEPT_FREE.get(kind, KEPT)
         self._wait(lambda: number - int(self.file.status["acknowledged"]) < room)
         row = np.zeros((), layout("command"))
         try:
-            row["number"], row["at"], row["kind"], row["slot"] = number, at, COMMANDS[kind], slot
+            row["number"], row["session"], row["kind"] = number, self._session, COMMANDS[kind]
+            row["at"], row["slot"] = operator.index(at), operator.index(slot)
             row["value"][: len(values)] = values
         except (TypeError, ValueError, OverflowError) as error:
             raise ConfigError(f"{kind}: {error}", hint="a sample, a slot, numbers") from None
@@ -136,8 +140,9 @@ class CommandedEngine:
         self.file.asks["stop"] += 1
 
     def beat(self) -> None:
-        """Show the engine that its supervisor lives."""
-        self.file.asks["heartbeat"] += 1
+        """Show the engine that its supervisor lives; nothing of one that is none any more."""
+        if not self._is_relieved():
+            self.file.asks["heartbeat"] += 1
 
     def blacklist(self) -> tuple[str, ...]:
         """Laws that are refused, by their `hash_law`: those of the start, then those that tripped."""
@@ -175,6 +180,18 @@ class CommandedEngine:
         """Who commands or waits for an answer lives; time goes on meanwhile."""
         if self.real_time:
             self.beat()
+
+    def _is_relieved(self) -> bool:
+        """Whether another supervisor has taken the engine over."""
+        return int(self.file.asks["session"]) != self._session
+
+    def _require_own(self) -> None:
+        if self._is_relieved():
+            raise DataError(
+                "another supervisor has taken the engine over: commands of this one are refused",
+                where="engine",
+                hint="Supervisor.attach, once the other one is gone; stop() is left",
+            )
 
     def _require_alive(self) -> None:
         if self.process.poll() is not None:

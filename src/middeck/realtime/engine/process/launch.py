@@ -10,20 +10,27 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.errors import ConfigError, DataError
+from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.interface.settings import EngineSettings, encode_settings
-from middeck.realtime.engine.interface.shared_file import SharedFile, open_shared_file
-from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
+from middeck.realtime.engine.interface.shared_file import SharedFile, process_of
+from middeck.realtime.engine.process.adopted_engine import runs_engine
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.values import record
 
 
 @record
 class UdpRig:
-    """A rig that answers on this port of the loopback interface."""
+    """A rig that answers on this port of the loopback interface.
+
+    Raises `ConfigError` for what is no port.
+    """
 
     port: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.port, (int, np.integer)) or not 0 < self.port < 1 << 16:
+            raise ConfigError(f"port {self.port!r}", where="UdpRig", hint="a whole number from 1 to 65535")
 
 
 @record
@@ -94,13 +101,10 @@ def checked_waveform(waveform: np.ndarray, settings: EngineSettings) -> np.ndarr
 
 def require_no_engine(path: Path) -> None:
     """A new shared file takes the place of an old one, not of one that a loop has mapped."""
-    try:
-        found = AdoptedEngine(open_shared_file(path))
-    except DataError:
-        return
-    if found.poll() is None:
+    pid, born = process_of(path)
+    if runs_engine(pid, born, path):
         raise ConfigError(
-            f"an engine runs there, process {found.pid}",
+            f"an engine runs there, process {pid}",
             where=str(path),
             hint="another folder, or Supervisor.attach",
         )

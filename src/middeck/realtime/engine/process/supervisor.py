@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import signal
 import subprocess
 import tempfile
@@ -139,10 +140,12 @@ class Supervisor(CommandedEngine):
                 raise
 
     def _sign(self) -> None:
-        """Say who supervises: a process, and when it began; it keeps no records yet."""
+        """Say who supervises: a process, when it began, and its session; it keeps no records yet."""
         self.file.asks["keeps"] = 0
         self.file.asks["supervisor_born"] = when_born(os.getpid())
         self.file.asks["supervisor"] = os.getpid()
+        self._session = secrets.randbits(62) + 1
+        self.file.asks["session"] = self._session
 
     @classmethod
     def attach(
@@ -152,8 +155,9 @@ class Supervisor(CommandedEngine):
 
         Its heart beats again at once; records go on where they were last read. Of an engine that has ended as
         well, what the file holds can still be read. ``admitted`` is asked for what is loaded from now on, not
-        for what its slots hold. Raises `DataError` for what is no shared file,
-        `ConfigError` for one of other settings and while another supervisor lives.
+        for what its slots hold. Commands of the supervisor before it that still wait are refused ("other
+        session"), a "disengage" too: look at `state`. Raises `DataError` for what is no shared file of this
+        build of the engine, `ConfigError` for one of other settings and while another supervisor lives.
         """
         file = open_shared_file(path)
         if not is_run_by(settings, file.settings):
@@ -262,8 +266,12 @@ class Supervisor(CommandedEngine):
         """Let it run so many samples and return their records; none are kept where ``keep`` is false.
 
         In real time this takes that long. The supervisor's heart beats meanwhile, unless ``beats`` is false.
-        Raises `DataError` where records were overwritten before they were read.
+        Raises `ConfigError` for what is no count of samples, `DataError` where records were overwritten
+        before they were read, and once another supervisor has taken the engine over.
         """
+        if not isinstance(samples, (int, np.integer)) or samples < 0:
+            raise ConfigError(f"a run of {samples!r} samples", hint="a whole number from 0")
+        self._require_own()
         begin = self.sample
         if self.real_time:
             return self._follow(begin + samples, beats, keep)
@@ -342,8 +350,9 @@ class Supervisor(CommandedEngine):
         while self.sample < until:
             if beats:
                 self.beat()
-            time.sleep(min(BEAT_S, (until - self.sample) * self.settings.period_s))
+            time.sleep(min(BEAT_S, max(0, until - self.sample) * self.settings.period_s))
             self._require_alive()
+            self._require_own()
             taken.append(self.read() if keep else self._skip())
         return np.concatenate(taken) if taken else self.file.ring[:0].copy()
 

@@ -1,3 +1,4 @@
+#include "layout.h"
 #include "mapped.h"
 
 #include <math.h>
@@ -53,7 +54,7 @@ static int holds(whole place, whole count, whole size, whole next)
 
 const char *misfit_of_places(const places *at, whole size)
 {
-    if (at->magic != MAGIC || at->format != FORMAT || at->size != size)
+    if (at->magic != MAGIC || at->layout != LAYOUT || at->size != size)
         return other_layout;
     if (at->settings < (whole)sizeof *at || !between(0, at->staging, size) || !holds(at->staging, at->staging_size, 1, size)
         || !holds(at->settings, 1, sizeof(settings), at->article) || !holds(at->article, 1, sizeof(article), at->article_numbers)

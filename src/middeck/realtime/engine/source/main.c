@@ -65,8 +65,6 @@ static void run(shared *f, engine *e, rig *r)
 
     f->status->pid = getpid();
     f->status->born = when_born();
-    f->status->format = FORMAT;
-    f->status->size = sizeof(status);
     publish_status(f, e);
     word_set(&f->status->running, 1);
     if (f->set.clock == LOCKSTEP)

@@ -46,6 +46,12 @@ static int read_command(const shared *f, whole number, command *c)
     return c->number == number && (uint64_t)c->check == checksum(0xcbf29ce484222325u, c, sizeof *c / 8 - 1);
 }
 
+/* Not of one that commanded this engine before, or another one: what was recorded then moves nothing now. */
+static int is_of_this_session(const shared *f, const command *c)
+{
+    return c->session == word_get(&f->asks->session);
+}
+
 static int was_early(const queue *q, whole number)
 {
     return q->early[number % COMMANDS] == number;
@@ -59,7 +65,7 @@ static int head_is_due(const queue *q, const shared *f, const engine *e)
 
     if (next > word_get(&f->asks->written))
         return 0;
-    return was_early(q, next) || (read_command(f, next, &c) && c.at <= e->sample);
+    return was_early(q, next) || (read_command(f, next, &c) && (c.at <= e->sample || !is_of_this_session(f, &c)));
 }
 
 static int makes_safe(const command *c)
@@ -101,9 +107,22 @@ static int find_early(const queue *q, const shared *f, const engine *e, command 
     whole number;
 
     for (number = f->acknowledged + 1; number <= written && number <= most; ++number)
-        if (!was_early(q, number) && read_command(f, number, c) && c->at <= e->sample && makes_safe(c))
+        if (!was_early(q, number) && read_command(f, number, c) && c->at <= e->sample && makes_safe(c)
+            && is_of_this_session(f, c))
             return 1;
     return 0;
+}
+
+/* The answer to the next command in order; 0 while its package is checked. */
+static int answer_head(queue *q, shared *f, engine *e, const command *c, enum answer *answer)
+{
+    if (c->kind == LOAD && (q->under_way || is_of_this_session(f, c)))
+        return load(q, f, e, c, answer);
+    if (!is_of_this_session(f, c))
+        *answer = OTHER_SESSION;
+    else if (c->kind != END)
+        *answer = is_withdrawn(q, c) ? WITHDRAWN : engine_command(e, c);
+    return 1;
 }
 
 int take_commands(queue *q, shared *f, engine *e)
@@ -117,13 +136,11 @@ int take_commands(queue *q, shared *f, engine *e)
             acknowledge(f, f->acknowledged + 1);
             continue;
         }
-        if (!read_command(f, f->acknowledged + 1, &c) || (c.kind == LOAD && !load(q, f, e, &c, &answer)))
+        if (!read_command(f, f->acknowledged + 1, &c) || !answer_head(q, f, e, &c, &answer))
             break;
-        if (c.kind != END && c.kind != LOAD)
-            answer = is_withdrawn(q, &c) ? WITHDRAWN : engine_command(e, &c);
         answer_command(f, e, &c, answer);
         acknowledge(f, c.number);
-        if (c.kind == END)
+        if (c.kind == END && answer == DONE)
             return 1;
     }
     while (find_early(q, f, e, &c)) {

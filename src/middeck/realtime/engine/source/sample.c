@@ -29,6 +29,12 @@ static void look_at_asks(const shared *f, watch *w, circumstances *c)
     c->silent = f->set.heartbeat && w->silent > f->set.heartbeat;
 }
 
+/* Whatever a driver answers that is no word of `rig_answer` is no sample either. */
+static int is_dead(enum rig_answer answer)
+{
+    return answer != RIG_READ && answer != RIG_MISSED;
+}
+
 /* In real time a sample or two may fail to come, as one may be late, once there has been one: the last stands for them. */
 static enum rig_answer read_rig(const shared *f, rig *r, watch *w, real *y)
 {
@@ -40,7 +46,7 @@ static enum rig_answer read_rig(const shared *f, rig *r, watch *w, real *y)
         memcpy(y, fresh, (size_t)f->set.inputs * sizeof *y);
         w->has_read = 1;
     }
-    if (answer >= RIG_LOST || (answer != RIG_MISSED && w->written != RIG_MISSED)) {
+    if (is_dead(answer) || (answer != RIG_MISSED && w->written != RIG_MISSED)) {
         w->missed = 0;
         return answer;
     }
@@ -61,11 +67,11 @@ void one_sample(shared *f, engine *e, rig *r, watch *w, circumstances *c)
     begun = timed ? now_ns() : 0;
     answer = read_rig(f, r, w, y);
     c->no_answer = answer == RIG_MISSED;
-    c->rig_dead = answer >= RIG_LOST || w->written == RIG_LOST;
-    c->foreign = answer == RIG_FOREIGN;
+    c->rig_dead = is_dead(answer) || is_dead(w->written);
+    c->foreign = answer == RIG_FOREIGN || w->written == RIG_FOREIGN;
     engine_sample(e, y, c, u);
     w->written = r->write(r, u, f->alive); /* outputs that did not arrive trip in the next sample */
-    c->rig_dead |= w->written == RIG_LOST;
+    c->rig_dead |= is_dead(w->written);
     w->lost = c->rig_dead;
     took = timed ? now_ns() - begun : 0;
     if (took > f->status->worst_step_ns)

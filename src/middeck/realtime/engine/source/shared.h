@@ -1,7 +1,7 @@
 /* What engine and supervisor share: one file, mapped by both.
  *
  * Every field takes eight bytes (or a text of whole eights), so that there is no padding and the layout is the same in
- * C and in layout.py, which a test compares. Regions follow each other in the order of "places". A word is written by
+ * C and in header.py, which a test compares. Regions follow each other in the order of "places". A word is written by
  * one side only; the other reads it by the atomics of mapped.h.
  */
 #ifndef MIDDECK_SHARED_H
@@ -12,7 +12,7 @@
 typedef double real;
 typedef int64_t whole;
 
-enum { MAGIC = 0x4b44524d, FORMAT = 3 }; /* FORMAT: of this file and of a rig's datagrams */
+enum { MAGIC = 0x4b44524d, FORMAT = 3 }; /* FORMAT: of a rig's datagrams; of the shared file it is LAYOUT, a check of these declarations */
 enum { ASKED = 0x4b44524e, ANSWERED = 0x4b44524f }; /* what the checks of a rig's datagrams begin with: no echo is an answer */
 enum { REFUSED_FORMAT = 0x4b445250 }; /* what the check of a refusal begins with, in every format */
 enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 1024, NAME = 64, FAULTS = 16 };
@@ -36,7 +36,7 @@ enum strip_word { STRIP_GAIN, STRIP_OFFSET, STRIP_LIMIT, STRIP_HOLD };
 /* Why a command was not carried out; text in commands.py. */
 enum answer {
     DONE, UNKNOWN_COMMAND, WRONG_SLOT, NOT_LOADED, NOT_READY, WRONG_TRIP, STILL_UNHEALTHY, BUSY, OUT_OF_RANGE, ON_BLACKLIST,
-    NO_WAVEFORM, NOT_ADAPTIVE, WITHDRAWN, NOT_PROVED, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
+    NO_WAVEFORM, NOT_ADAPTIVE, WITHDRAWN, NOT_PROVED, OTHER_SESSION, BAD_HASH = 50, BAD_MAGIC, BAD_FORMAT, BAD_SIZE, BAD_LENGTH, BAD_NUMBER, BAD_LIMIT, BAD_PLACE,
     BAD_TEXT, BAD_PADDING, SINGLE_PRECISION, INNER_LOOP, OTHER_RATE, UNKNOWN_PORT, BAD_VECTORS, NO_BYTES, OTHER_BYTE_ORDER,
     NAME_TWICE, UNDECLARED_POLE, BAD_PROOF
 };
@@ -130,7 +130,7 @@ enum fault_kind {
 };
 
 typedef struct {
-    whole number, at, kind, slot;
+    whole number, session, at, kind, slot;
     real value[4];
     whole check; /* of the words before it: FNV-1a, a word at a time */
 } command;
@@ -164,11 +164,12 @@ typedef struct {
     whole keeps;     /* whether they are kept: on its way out a lockstep engine overwrites none of them unread */
     whole supervisor; /* its process: a lockstep engine ends with it */
     whole supervisor_born; /* when that began, in ticks of the system */
+    whole session; /* a number of chance, of whoever commands now: a command of another one is refused */
 } asks;
 
 /* Written by the engine. */
 typedef struct {
-    whole pid, born, format, size, running; /* born: when the process began, in ticks of the system */
+    whole pid, born, running; /* born: when the process began, in ticks of the system */
     whole sample, state, trip, trips;
     whole acknowledged, events;
     whole alive; /* changes with every sample */
@@ -184,9 +185,9 @@ typedef struct {
 
 /* Offsets of the regions from the start of the file, and their sizes. */
 typedef struct {
-    whole magic, format, size;
+    whole magic, layout, size, status; /* these keep their places in every build, and the first two words of status */
     whole settings, article, article_numbers, article_count;
-    whole asks, status;
+    whole asks;
     whole commands, acknowledgements, events;
     whole stride; /* bytes of a record */
     whole ring, ring_count;
