@@ -57,6 +57,30 @@ def test_ringing_of_a_steep_filter_is_no_second_hit(steep):
     assert [b.rejected[:10] for b in locate_blows(record)] == ["", "", "", "double hit"]
 
 
+@pytest.mark.parametrize(
+    ("spoilt", "of"),
+    [
+        (
+            0.002 * np.random.default_rng(0).standard_normal(200_000),
+            ss.ellip(8, 0.1, 100, 95, fs=4000, output="sos"),
+        ),
+        (-0.03 * np.linspace(0.0, 1.0, 200_000), ss.bessel(6, 300, fs=4000, output="sos")),
+    ],
+    ids=["noise", "drift"],
+)
+def test_the_edge_of_the_band_is_that_of_the_blows(spoilt, of):
+    """Noise of many samples is no band, and slow drift no edge: sampled at 1000 Hz for 200 s."""
+    hits = [(10.0, 1.0), (60.0, 0.9), (110.0, 1.0), (160.0, 1.0), (160.1, 0.3)]
+    force = np.zeros(200_000)
+    for at, size in hits:
+        time = np.arange(4000) / 4000 - 0.01
+        pulse = ss.sosfilt(of, size * np.cos(np.pi * np.clip(time / 0.006, -0.5, 0.5)) ** 2)[::4]
+        force[round(1000 * at) - 10 :][: len(pulse)] += pulse
+    force = (force + spoilt)[None, None, :, None]
+    record = Record(sample_hz=1000.0, u=force, y=force, inputs=(FORCE,), outputs=(TIP,), periodic=False)
+    assert [b.rejected[:10] for b in locate_blows(record)] == ["", "", "", "double hit"]
+
+
 def test_an_overload_and_a_blow_while_it_rings_are_rejected():
     record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
     y = np.minimum(record.y, 0.8 * record.y.max())

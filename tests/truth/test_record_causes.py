@@ -99,6 +99,21 @@ def test_a_response_estimated_across_lost_samples_says_so() -> None:
     estimate_response(whole)
 
 
+@pytest.mark.parametrize("seed", [9, 12, 15])
+def test_a_response_estimated_across_a_dropout_names_no_joint(seed: int) -> None:
+    """What is wrong in one output alone is no relation of two; any other warning fails as well."""
+    u, y, _, n = a_run(seed)
+    u, y = u[:n], y[:n].copy()
+    y[1000:1020, 0] = 0.0
+    ports = [
+        tuple(Port(f"{letter}{k}", "V") for k in range(x.shape[1])) for letter, x in (("u", u), ("y", y))
+    ]
+    record = Record(
+        sample_hz=100.0, u=u[None, None], y=y[None, None], inputs=ports[0], outputs=ports[1], periodic=False
+    )
+    estimate_response(record)
+
+
 @pytest.mark.parametrize(
     ("spoil", "sign", "channels"),
     [(one_output(without), -1, "one"), (one_output(twice), 1, "one"), (the_inputs, 1, "all")],

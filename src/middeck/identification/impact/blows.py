@@ -26,8 +26,8 @@ LEAST, CLEAR = 0.02, 10.0
 # of the pulse is a hit: beyond the ringing, and within it.
 RINGING, DOUBLE, DOUBLE_WITHIN = 8, 0.05, 0.1
 # The edge of the force's band is where its power falls to this share of the largest; what is smoothed keeps
-# frequencies up to this share of the edge, so that ringing there is weakened by e^-4.
-EDGE, SMOOTH = 1e-3, 0.35
+# frequencies up to this share of the edge, so that ringing there is weakened by e^-5.5.
+EDGE, SMOOTH = 1e-3, 0.3
 # A maximum is one if the force falls to this share of it on the way to the pulse.
 VALLEY = 0.7
 # Pulses closer than this share of the longest time between two are one blow.
@@ -131,7 +131,7 @@ def _blows(
         else:
             groups.append([pulse])
     begins = [max(own[0][0] - BEFORE, 0) for own in groups] + [len(force)]
-    smooth = _without_ringing(force)
+    smooth = _without_ringing(force, groups)
     found: list[Blow] = []
     for k, own in enumerate(groups):
         a, b = max(own, key=lambda run: force[run[0] : run[1]].max())
@@ -154,9 +154,17 @@ def _blows(
     return found
 
 
-def _without_ringing(force: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"]:
-    """The force below the edge of its band, where a steep filter rings: that has no momentum, a hit has."""
-    power = np.abs(np.fft.rfft(force)) ** 2
+def _without_ringing(
+    force: Float[np.ndarray, " sample"], groups: list[list[tuple[int, int]]]
+) -> Float[np.ndarray, " sample"]:
+    """The force below the edge of its band, where a steep filter rings: that has no momentum, a hit has.
+
+    The band is that of the blows: over a whole record drift and hum may have more power than they.
+    """
+    struck = np.zeros(len(force))
+    for own in groups:
+        struck[max(own[0][0] - RINGING, 0) : own[-1][1] + RINGING] = 1.0
+    power = np.abs(np.fft.rfft(struck * force)) ** 2
     edge = np.flatnonzero(power > EDGE * power.max())[-1]
     return gaussian_filter1d(force, len(force) / (2.0 * np.pi * SMOOTH * max(edge, 1)))
 

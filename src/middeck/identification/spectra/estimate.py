@@ -9,8 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.faults.detect import BIASING
-from middeck.identification.faults.lost_samples_and_feedback import find_relation_faults
+from middeck.identification.faults.detect import biasing_faults
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
@@ -133,8 +132,7 @@ def response_scatter(
 
 def _biasing_faults(record: Record) -> list[str]:
     """Faults of a record of one period that bias all lines alike; periods show theirs by their scatter."""
-    faults = [] if record.periodic else find_relation_faults(record)
-    return [fault.in_a_line for fault in faults if fault.kind in BIASING]
+    return [] if record.periodic else [fault.in_a_line for fault in biasing_faults(record)]
 
 
 def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarray) -> list[str]:
