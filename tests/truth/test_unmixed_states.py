@@ -207,3 +207,16 @@ def test_a_filter_of_another_plant_is_refused() -> None:
     with pytest.raises(ConfigError, match="another plant"):
         design_lqg(plant, weights, 1.0, kalman=kalman)
     assert design_lqg(plant, weights, 1.0, kalman=design_filter(plant, weights)).cost > 0.0
+
+
+def test_a_filter_of_the_same_plant_made_anew_is_taken() -> None:
+    """Entries that should be zero are rounding then, and differ from each other by their own size."""
+    rng = np.random.default_rng(104)
+    weights = unit_weights(("force",), 1e-4)
+    plant = grouped_plant(_system(rng), (FORCE,), (WAY,))
+    own = plant.system
+    anew = StateSpace(own.A + 1e-16 * np.abs(own.A).max() * (own.A == 0.0), own.B, own.C, own.D)
+    law = design_lqg(
+        grouped_plant(anew, (FORCE,), (WAY,)), weights, 1.0, kalman=design_filter(plant, weights)
+    )
+    assert law.cost == pytest.approx(design_lqg(plant, weights, 1.0).cost, rel=1e-9)

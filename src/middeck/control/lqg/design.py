@@ -27,6 +27,9 @@ from middeck.values import record
 
 SAME = 1e-6
 """Relative difference of an entry up to which it is the same: rounding moves it less, no one means more."""
+ROUNDING = 1e-12
+"""What an entry may differ by, relative to the largest of its matrix: of a plant that was made anew, entries
+that should be zero are rounding."""
 
 
 def require_authority(authority: float) -> None:
@@ -167,7 +170,8 @@ def _require_model(kalman: KalmanFilter, model: LQGProblem) -> None:
     here = observed_model(model)
     for name in "ABCD":
         one, other = getattr(kalman.model, name), getattr(here, name)
-        if one.shape != other.shape or np.any(np.abs(one - other) > SAME * (np.abs(other) + np.abs(one))):
+        rounding = ROUNDING * np.abs(other).max(initial=0.0)
+        if one.shape != other.shape or np.any(np.abs(one - other) > SAME * np.abs(other) + rounding):
             raise ConfigError(
                 "the filter was designed for another plant, or for disturbances at other inputs",
                 hint="design_filter with the same plant, weights and shaping",
