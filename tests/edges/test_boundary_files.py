@@ -200,3 +200,13 @@ def test_an_attach_point_in_place_of_a_frame_is_answered_with_its_frame(tmp_path
     assert (
         caught.value.hint == 'it is an attach point on "tip": name that, and its offset_m as the place there'
     )
+
+
+def test_a_grid_of_a_component_at_an_attach_point_is_told_of_its_offset(tmp_path: Path) -> None:
+    """The offset of a grid has its own key: `offset_m` misled."""
+    article = tmp_path / "boom.toml"
+    article.write_text(BOOM + '[[component]]\nname = "c"\nfile = "c.npz"\nnodes = {7 = "end"}\n')
+    with pytest.raises(ConfigError, match="no frame of this name") as caught:
+        load_structure(article)
+    expected = 'it is an attach point on "tip": name that, and its offset in offsets_m.7 as the place there'
+    assert caught.value.hint == expected

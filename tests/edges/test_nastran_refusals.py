@@ -348,6 +348,23 @@ def test_masses_of_sets_that_are_not_selected_are_left_out(tmp_path):
         convert(write(tmp_path, sets[2][1], case=["NSM = 9"]))
 
 
+@pytest.mark.parametrize(
+    "case", ["TEMPERATURE = 5", "temp(mate) 5", "TEMP ( BOTH ) = 5", "TEMPERATURE(INIT)=5"]
+)
+def test_moduli_by_temperature_are_refused_where_a_temperature_is_selected(tmp_path, case):
+    """Without one MATT1 has no effect (Quick Reference Guide, MATT1), and loads alone change no modulus."""
+    cards = ["MATT1,1,8", "TABLEM1,8\n,0.,7.+10,100.,5.+10,ENDT", "TEMPD,5,100."]
+    with pytest.raises(ConfigError, match=r"a.dat:4: TEMPERATURE: sets the moduli of materials by MATT1"):
+        convert(write(tmp_path, *cards, case=[case]))
+    for harmless in (
+        (),
+        ("TEMPERATURE(LOAD) = 5",),
+        ("SUBCASE 1", "TEMP(LOAD)=5", "SUBCASE 2", "TEMP(LOAD)=6"),
+    ):
+        convert(write(tmp_path, *cards, case=harmless))
+    convert(write(tmp_path, *cards[2:], case=[case]))
+
+
 def test_damping_that_is_left_out_is_counted(tmp_path):
     cards = [
         "PBUSH,40,K,1.,1.,1.,1.,1.,1.\n,,GE,.04",

@@ -108,6 +108,15 @@ def test_other_systems_are_refused(
         survey(tmp_path, units(), systems, places(defined, displaced), normal(10.0, 0.01))
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-15, -2e-7])
+def test_a_node_at_the_origin_of_round_axes_but_for_rounding_is_refused(tmp_path: Path, apart: float) -> None:
+    """What rounding leaves between two printed places has a direction, but it means nothing."""
+    at = np.array(NODES[2]) * (1.0 + apart)
+    systems = system(4, 1, np.vstack([EYE[:3], at]))
+    with pytest.raises(DataError, match=r"node 2 has displacement axes .* its axis runs through it"):
+        survey(tmp_path, units(), systems, places(1, 4), normal(10.0, 0.01))
+
+
 def test_motions_along_turned_axes_are_turned(tmp_path: Path) -> None:
     """By hand: the own x of system 4 is the global y, its own y the global -x."""
     found = survey(tmp_path, units(), system(4, 0, TURNED), places(1, 4), normal(10.0, 0.01))

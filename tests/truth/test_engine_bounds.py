@@ -232,7 +232,7 @@ def test_a_fault_has_a_time():
 
 def test_what_is_no_number_is_no_command():
     with Supervisor(plain_settings(), STILL) as engine:
-        for wrong in ({"slot": 2**70}, {"values": ["a"]}, {"at": 2**70}):
+        for wrong in ({"slot": 2**70}, {"slot": 0.5}, {"values": ["a"]}, {"at": 2**70}, {"at": 2.5}):
             with pytest.raises(ConfigError, match="engage: "):
                 engine.send("engage", **wrong)
         engine.reset()

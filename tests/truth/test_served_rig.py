@@ -403,3 +403,9 @@ def test_what_cannot_go_to_another_process_is_refused():
     rig.handle = lambda: None
     with pytest.raises(ConfigError, match="cannot go to another process"):
         ServedRig(rig)
+    for period_s in (-1.0, 0.0, np.nan, np.inf):  # its process ended on these, behind a port that was given
+        with pytest.raises(ConfigError, match="a period of"):
+            ServedRig(Counter(), period_s=period_s)
+    for port in (-1, 0, 1 << 16, 2.5, "a", None):
+        with pytest.raises(ConfigError, match="port"):
+            UdpRig(port)

@@ -13,9 +13,9 @@ from test_verdicts_in_mixed_states import _mixed
 
 from middeck.control.law.rounding_of_results import moved_entries
 from middeck.control.lqg.design import design_lqg
-from middeck.control.lqg.estimator import design_filter
+from middeck.control.lqg.estimator import KalmanFilter, design_filter
 from middeck.control.robust.designs.multimodel import design_multimodel
-from middeck.errors import NotStabilisableError
+from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.mode_blocks import unmix_states
@@ -164,3 +164,46 @@ def test_an_unstable_mode_that_no_input_reaches_is_refused(kind: str) -> None:
             plant = grouped_plant(mixed, (FORCE,), (WAY,))
             with pytest.raises(NotStabilisableError, match="no control input"):
                 DESIGNS[kind](plant, unit_weights(("force",), 1e-2), 10.0)
+
+
+@pytest.mark.parametrize("seed", repeats(range(8), 2))
+def test_a_state_that_a_user_calls_delay_is_unmixed_too(seed: int) -> None:
+    """By this name the states of approximated delays are told; one amid others is none of them."""
+    rng = np.random.default_rng([101, seed])
+    own, weights = _system(rng), unit_weights(("force",), 1e-4)
+    law = design_lqg(grouped_plant(own, (FORCE,), (WAY,)), weights, 1e3)
+    mixed = grouped_plant(_mixed(own, 1e4, rng), (FORCE,), (WAY,))
+    named = dataclasses.replace(mixed, state_names=("delay", *(f"part {k}" for k in range(8))))
+    found = design_lqg(named, weights, 1e3)
+    one, other = (statespace_response(each.system, OMEGA).ravel() for each in (law, found))
+    assert other == pytest.approx(one, rel=1e-4)
+    assert unmix_states(named)[1] == unmix_states(mixed)[1]
+
+
+def test_a_filter_says_which_states_it_estimates() -> None:
+    """Of strongly mixed states too: its innovations and an input make the estimate of the filter by hand."""
+    rng = np.random.default_rng(102)
+    own, weights = _system(rng), unit_weights(("force",), 1e-4)
+    plant = grouped_plant(_mixed(own, 1e4, rng), (FORCE,), (WAY,))
+    known, found = (design_filter(one, weights) for one in (grouped_plant(own, (FORCE,), (WAY,)), plant))
+    assert len(found.state_names) == len(found.gain) == 9
+
+    def estimated_way(kalman: KalmanFilter) -> np.ndarray:
+        """From (y, u) to the estimate of the way."""
+        A, B, C = kalman.model.A, kalman.model.B[:, 1:], kalman.model.C
+        observer = StateSpace(A - kalman.gain @ C, np.hstack([kalman.gain, B]), C, np.zeros((1, 2)))
+        return statespace_response(observer, OMEGA)
+
+    assert estimated_way(found) == pytest.approx(estimated_way(known), rel=1e-4)
+
+
+def test_a_filter_of_another_plant_is_refused() -> None:
+    """Of as many states and the same intensities: its law was that of neither plant, and stated a cost."""
+    rng = np.random.default_rng(103)
+    own, other = _system(rng), _system(rng)
+    weights = unit_weights(("force",), 1e-4)
+    kalman = design_filter(grouped_plant(other, (FORCE,), (WAY,)), weights)
+    plant = grouped_plant(own, (FORCE,), (WAY,))
+    with pytest.raises(ConfigError, match="another plant"):
+        design_lqg(plant, weights, 1.0, kalman=kalman)
+    assert design_lqg(plant, weights, 1.0, kalman=design_filter(plant, weights)).cost > 0.0

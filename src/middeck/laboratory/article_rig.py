@@ -18,6 +18,7 @@ from middeck.laboratory.rig.parts.sensors import Sensor
 from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig_settings import RigSettings
+from middeck.signals.ports import once
 from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.sensors_and_actuators import RATE
@@ -61,7 +62,7 @@ def build_article_rig(
     structure = equilibrium.model.structure
     elements = settings.gimbal_elements
     rubs = [a.name for a in _gimbal_motors(structure)] if elements else []
-    plant = held_plant(article, settings, _once(*inputs, *rubs), _once(*outputs, *rubs), inner)
+    plant = held_plant(article, settings, once(*inputs, *rubs), once(*outputs, *rubs), inner)
     gains = _gains(article)
     return build_rig(
         plant if drifting else age_plant(plant, drifts, age_s),
@@ -89,8 +90,8 @@ def held_plant(
     rates = [f"{name}{RATE}" for name in inner.names]
     plant = rig_article_plant(
         article,
-        inputs=_once(*inputs, *inner.names),
-        outputs=_once(*outputs, *inner.names, *rates),
+        inputs=once(*inputs, *inner.names),
+        outputs=once(*outputs, *inner.names, *rates),
         to_hz=settings.modes_hz,
     )
     gain = np.array([_gains(article).get(name, 1.0) for name in inner.names])
@@ -107,7 +108,7 @@ def linear_plant(
     """`held_plant` with the drag of its bearings and the rig's delay: all linear parts of the rig."""
     rubs = tuple(a.name for a in _gimbal_motors(article.equilibrium.model.structure))
     drag = sum(e.viscous for e in settings.gimbal_elements if isinstance(e, Friction))
-    ports = _once(*inputs, *rubs), _once(*outputs, *rubs, *(f"{name}{RATE}" for name in rubs))
+    ports = once(*inputs, *rubs), once(*outputs, *rubs, *(f"{name}{RATE}" for name in rubs))
     plant = held_plant(article, settings, *ports, inner)
     turning = close_inner_loop(plant, PDLoops(rubs, np.zeros(len(rubs)), np.full(len(rubs), drag)))
     return delay_plant(turning, rig_delay(article, settings))
@@ -121,10 +122,6 @@ def _gains(article: RigArticle) -> dict[str, float]:
 def rig_delay(article: RigArticle, settings: RigSettings) -> float:
     """Total delay of the rig [s]: that of the settings, and its hidden error."""
     return settings.delay_s + (0.0 if article.hidden is None else article.hidden.delay_s)
-
-
-def _once(*names: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(names))
 
 
 def _gimbal_motors(structure: Structure) -> list[Actuator]:

@@ -82,3 +82,8 @@ def port_indices(ports: Sequence[Port], names: Sequence[str], side: str) -> list
             f"no {side} named {', '.join(map(repr, unknown))}", hint=f"one of {', '.join(known)}"
         )
     return [known.index(n) for n in names]
+
+
+def once(*names: str) -> tuple[str, ...]:
+    """Each name at its first place."""
+    return tuple(dict.fromkeys(names))

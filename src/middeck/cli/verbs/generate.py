@@ -84,7 +84,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     """
     from middeck.files.laws.packages import write_package
 
-    _require_consistent(law_file, target, given)
+    _require_consistent(target, given)
     with reading(law_file):
         package = _package(law_file, given)
     files = [file for path in target for file in write_package(path, package)]
@@ -92,7 +92,7 @@ def verb(law_file: str, target: tuple[str, ...], as_json: bool, **given: Any) ->
     show(as_json, document, *_tables(document))
 
 
-def _require_consistent(law_file: str, target: tuple[str, ...], given: dict[str, Any]) -> None:
+def _require_consistent(target: tuple[str, ...], given: dict[str, Any]) -> None:
     from middeck.realtime.generate.c_source import c_name
 
     for path in map(Path, target):

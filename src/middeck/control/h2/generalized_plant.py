@@ -14,7 +14,7 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg.design import AUTHORITY
+from middeck.control.lqg.design import require_authority
 from middeck.control.lqg.design_model import LQGProblem, pose_problem, require_finite_cost, weigh_effort
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
@@ -102,8 +102,7 @@ def discounted(model: GeneralizedPlant, rate: float) -> GeneralizedPlant:
 
 
 def _require_loop(plant: Plant, authority: float) -> None:
-    if not (np.isfinite(authority) and authority > 0.0):
-        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
+    require_authority(authority)
     if not plant.u or not plant.y:
         raise ConfigError(
             "the plant has no port in its group u or y: there is no loop to design", hint="name them: u=, y="

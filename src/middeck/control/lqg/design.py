@@ -17,7 +17,7 @@ from middeck.control.lqg.design_model import (
     require_finite_cost,
     weigh_effort,
 )
-from middeck.control.lqg.estimator import KalmanFilter, filter_of
+from middeck.control.lqg.estimator import KalmanFilter, filter_of, observed_model
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
@@ -25,7 +25,16 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
-AUTHORITY = "1/rho > 0, as 10"
+SAME = 1e-6
+"""Relative difference of an entry up to which it is the same: rounding moves it less, no one means more."""
+
+
+def require_authority(authority: float) -> None:
+    """Raise `ConfigError` for an authority that is not positive and finite."""
+    if not 0.0 < authority < np.inf:
+        raise ConfigError(
+            f"authority is {authority}; it must be positive and finite", hint="1/rho > 0, as 10"
+        )
 
 
 def design_regulator(model: LQGProblem, authority: float) -> tuple[RiccatiSolution, np.ndarray]:
@@ -89,8 +98,7 @@ def design_lqg(
     the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
     (`design_known`).
     """
-    if not 0.0 < authority < np.inf:
-        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
+    require_authority(authority)
 
     def design(plant: Plant) -> LQGCompensator:
         return _design(plant, weights, authority, kalman, shaping or Shaping())
@@ -119,6 +127,8 @@ def _design(
         raise
     if kalman is not None:
         _require_fit(kalman, model)
+        if not anew:
+            _require_model(kalman, model)
     inside = StateSpace(model.A, model.control, model.C2, model.D22)
     moved = moves_estimate(inside, estimator.gain)
     law = join_estimator(inside, regulator.gain, estimator.gain, model.integral)
@@ -150,6 +160,18 @@ def _require_fit(kalman: KalmanFilter, model: LQGProblem) -> None:
         raise ConfigError(
             "the filter was designed for other noise intensities", hint="design it with the same weights"
         )
+
+
+def _require_model(kalman: KalmanFilter, model: LQGProblem) -> None:
+    """Refuse a filter of another plant; rounding of the entries, which `design_known` tries, is none."""
+    here = observed_model(model)
+    for name in "ABCD":
+        one, other = getattr(kalman.model, name), getattr(here, name)
+        if one.shape != other.shape or np.any(np.abs(one - other) > SAME * (np.abs(other) + np.abs(one))):
+            raise ConfigError(
+                "the filter was designed for another plant, or for disturbances at other inputs",
+                hint="design_filter with the same plant, weights and shaping",
+            )
 
 
 def _require_ports(model: LQGProblem) -> None:

@@ -12,6 +12,7 @@ from middeck.control.lqg.design_model import LQGProblem, pose_problem
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -19,13 +20,16 @@ from middeck.values import record
 class KalmanFilter:
     """The stationary filter of a plant; the same at every control authority.
 
-    ``gain`` is L in xhat' = A xhat + B u + L (y - yhat), ``solution`` that of the dual Riccati equation
-    (its X is the error covariance), ``inert`` names the modes left out of the design. States that are mixed
-    are estimated as those of `unmix_states`. ``process``, ``sensor``
-    and ``cross`` are the intensities that it expects.
+    ``gain`` is L in xhat' = A xhat + B u + L (y - C xhat - D u). ``model`` has these matrices, from the
+    disturbances and then u, to y: the plant without its inert modes, in states that are not mixed
+    (`unmix_states`), with those of colours and weights; ``state_names`` says which is which. ``solution`` is
+    that of the dual Riccati equation (its X is the error covariance), ``inert`` names the modes left out of
+    the design. ``process``, ``sensor`` and ``cross`` are the intensities that it expects.
     """
 
     gain: Float[np.ndarray, "state y"]
+    model: StateSpace
+    state_names: tuple[str, ...]
     solution: RiccatiSolution
     inert: tuple[str, ...]
     process: Float[np.ndarray, "w w"]
@@ -65,6 +69,8 @@ def filter_of(model: LQGProblem, inert: tuple[str, ...]) -> KalmanFilter:
     solution = estimate_states(model)
     return KalmanFilter(
         gain=solution.gain.T,
+        model=observed_model(model),
+        state_names=tuple(model.names),
         solution=solution,
         inert=inert,
         process=model.process,
@@ -85,3 +91,9 @@ def estimate_states(model: LQGProblem) -> RiccatiSolution:
         names=model.names,
         complaint="no measurement in y sees it",
     )
+
+
+def observed_model(model: LQGProblem) -> StateSpace:
+    """What a filter of the problem observes: from process noise and control to the measurements."""
+    drive, through = np.hstack([model.noise, model.control]), np.hstack([model.D21, model.D22])
+    return StateSpace(model.A, drive, model.C2, through)

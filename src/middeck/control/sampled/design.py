@@ -15,7 +15,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.known_design import DesignView, design_known
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
-from middeck.control.lqg.design import AUTHORITY
+from middeck.control.lqg.design import require_authority
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.riccati.discrete import solve_discrete_riccati
@@ -156,8 +156,7 @@ def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float
 
 
 def _require_known(authority: float, form: Form) -> None:
-    if not (np.isfinite(authority) and authority > 0.0):
-        raise ConfigError(f"authority is {authority}; it must be positive and finite", hint=AUTHORITY)
+    require_authority(authority)
     if form not in get_args(Form):
         raise ConfigError(f"no form {form!r} of an observer", hint=f"one of {', '.join(get_args(Form))}")
 

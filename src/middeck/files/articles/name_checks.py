@@ -131,5 +131,6 @@ def unknown_name(
         hint = nearest(name, known) or f"define a {kind} first"
         if carriers and name in carriers and kind != "section":
             frame = show(carriers[name])
-            hint = f"it is an attach point on {frame}: name that, and its offset_m as the place there"
+            place = f"its offset in offsets_m.{path[-1]}" if path[0] == "component" else "its offset_m"
+            hint = f"it is an attach point on {frame}: name that, and {place} as the place there"
         yield finding(path, f"no {kind} of this name", name, hint=hint)

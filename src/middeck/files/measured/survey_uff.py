@@ -260,7 +260,8 @@ class _Systems:
         """Unit vectors of displacement in rows, at a place; `DataError` where they have no direction."""
         system = self.own(node, "displacement", label, where)
         off = system.axes.T @ (at - system.origin)
-        if system.kind != "R" and not np.hypot(off[0], off[1]) > AXES_OFF * np.abs(off).max():
+        size = np.abs([off, at, system.origin]).max()  # what rounding leaves of them has no direction
+        if system.kind != "R" and not np.hypot(off[0], off[1]) > AXES_OFF * size:
             raise DataError(
                 f"node {node} has displacement axes of its own, system {label}: its axis runs through it",
                 where=where,

@@ -120,14 +120,16 @@ def _beside(x: Signal, largest: Callable[..., np.ndarray], near: int) -> Signal:
     shift = near + 1 + size // 2
     inner = largest(x, size)
     around = np.maximum(np.roll(inner, shift), np.roll(inner, -shift))
-    for k in range(BESIDE + 1):
-        around[k] = _most_beside(x[: 2 * BESIDE + 3], k)
-        around[-1 - k] = _most_beside(x[: -2 * BESIDE - 4 : -1], k)
+    around[: BESIDE + 1] = _most_beside(x[: 2 * BESIDE + 3])
+    around[: -BESIDE - 2 : -1] = _most_beside(x[: -2 * BESIDE - 4 : -1])
     return around
 
 
-def _most_beside(window: Signal, k: int) -> float:
-    return float(window[np.abs(np.arange(len(window)) - k) > 1].max())
+def _most_beside(window: Signal) -> Signal:
+    """Of each of the first BESIDE + 1 samples the largest that is neither it nor next to it."""
+    before = np.maximum.accumulate(np.concatenate([[-np.inf, -np.inf], window]))[: BESIDE + 1]
+    after = np.maximum.accumulate(window[::-1])[::-1][2 : BESIDE + 3]
+    return np.maximum(before, after)
 
 
 def _decays(x: Signal, run: tuple[int, int]) -> bool:

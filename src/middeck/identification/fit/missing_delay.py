@@ -65,7 +65,7 @@ def missing_delay(measured: FrequencyResponse, model: MeasurementModel) -> Float
 
 def _of_output(s: np.ndarray, moving: np.ndarray, with_direct: np.ndarray, H: np.ndarray) -> float:
     last_s = 2.0 * np.pi / float(np.imag(s[-1]))
-    q = np.linalg.qr(_apart(moving))[0]
+    q = np.linalg.qr(stack_parts(moving))[0]
 
     def left(tau: float) -> float:
         return _left(q, H * np.exp(s * tau)[:, None])
@@ -73,16 +73,16 @@ def _of_output(s: np.ndarray, moving: np.ndarray, with_direct: np.ndarray, H: np
     step, coarse = last_s / IN_PERIOD, np.arange(1, PERIODS * IN_PERIOD + 1)
     near = step * float(min(coarse, key=lambda k: left(step * k)))
     best = float(min(near + step * np.linspace(-1.0, 1.0, IN_PERIOD + 1), key=left))
-    return best if left(best) < MUCH**2 * _left(np.linalg.qr(_apart(with_direct))[0], H) else 0.0
+    return best if left(best) < MUCH**2 * _left(np.linalg.qr(stack_parts(with_direct))[0], H) else 0.0
 
 
 def _left(q: Float[np.ndarray, "row column"], H: Complex[np.ndarray, "line input"]) -> float:
     """Sum of squares that least squares leave."""
-    y = _apart(H)
+    y = stack_parts(H)
     return float(np.sum((y - q @ (q.T @ y)) ** 2))
 
 
-def _apart(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
+def stack_parts(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
     """Real parts above imaginary parts."""
     return np.concatenate([np.real(x), np.imag(x)])
 

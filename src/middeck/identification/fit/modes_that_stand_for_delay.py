@@ -13,6 +13,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from middeck.identification.fit.missing_delay import stack_parts
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -65,10 +66,10 @@ def _delay_instead(
 ) -> float:
     """The delay of one output with which it is followed up to ``allowed``; negative without one."""
     columns = np.einsum("kb,kic,kc->kcbi", basis, U, weight).reshape(data.size, -1)
-    q, seen = np.linalg.qr(_apart(columns))[0], data * weight
+    q, seen = np.linalg.qr(stack_parts(columns))[0], data * weight
 
     def left(tau: float) -> float:
-        y = _apart((seen * np.exp(s * tau)[:, None]).reshape(-1, 1))[:, 0]
+        y = stack_parts((seen * np.exp(s * tau)[:, None]).reshape(-1, 1))[:, 0]
         return float(np.sum((y - q @ (q.T @ y)) ** 2))
 
     step = 2.0 * np.pi / float(np.imag(s[-1])) / IN_PERIOD
@@ -90,7 +91,3 @@ def _basis(model: MeasurementModel, s: np.ndarray, kept: np.ndarray) -> Complex[
             )  # fmt: skip
             columns.append(model_response(alone, np.imag(s) / (2.0 * np.pi))[:, 0, 0])
     return np.column_stack(columns)
-
-
-def _apart(x: Complex[np.ndarray, "line column"]) -> Float[np.ndarray, "row column"]:
-    return np.concatenate([np.real(x), np.imag(x)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import DataError
 from middeck.identification.model.measurement_model import (
@@ -54,13 +54,20 @@ def held_response(
 
 
 def folded_response(
-    model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float
+    model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float, kept: Bool[np.ndarray, " mode"]
 ) -> Complex[np.ndarray, "line output input"]:
     """The part of `held_response` that sampling folds back from beyond half the rate.
 
-    The constant term is left out: it stands for what is above the band, where it is not constant.
+    The constant term is left out: it stands for what is above the band, where it is not constant. So are
+    modes that are not ``kept``.
     """
-    moving = dataclasses.replace(model, direct=np.zeros(model.direct.shape))
+    moving = dataclasses.replace(
+        model,
+        poles=model.poles[kept],
+        shapes=model.shapes[:, kept],
+        participation=model.participation[kept],
+        direct=np.zeros(model.direct.shape),
+    )
     hold = hold_response(frequency_hz, 1.0 / rate_hz)[:, None, None]
     return held_response(moving, frequency_hz, rate_hz) - hold * model_response(moving, frequency_hz)
 

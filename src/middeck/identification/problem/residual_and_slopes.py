@@ -9,7 +9,12 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.terms import Fractions, columns, fractions, slopes
-from middeck.identification.problem.transient import transient_columns, transient_slopes
+from middeck.identification.problem.transient import (
+    FreeMotion,
+    free_motion,
+    transient_columns,
+    transient_slopes,
+)
 from middeck.identification.problem.unknowns_layout import Layout, Point, unpack
 
 
@@ -20,10 +25,13 @@ class Terms:
         self.layout, self.data = layout, data
         self.point: Point = unpack(layout, theta)
         self.parts: Fractions = fractions(layout, self.point.poles, data.s)
+        self.motion: FreeMotion | None = (
+            None if data.transient is None else free_motion(self.point.poles, data.transient, data.s)
+        )
         self.B: Complex[np.ndarray, "column line"] = (
             np.zeros((0, len(data.s)), dtype=complex)
-            if data.transient is None
-            else transient_columns(layout, self.point, data.transient, data)
+            if self.motion is None
+            else transient_columns(layout, self.motion, data)
         )
 
     @functools.cached_property
@@ -77,8 +85,8 @@ class Terms:
         if layout.options.delay_of:
             first = len(by_terms) + (0 if layout.options.delay_of == "common" else output * factors.shape[1])
             G[first : first + factors.shape[1]] = self._delay_slopes(x, factors)
-        if data.transient is not None:
-            by_poles = transient_slopes(layout, self.point, data.transient, data.s, t)
+        if self.motion is not None:
+            by_poles = transient_slopes(layout, self.point, self.motion, t)
             G[: len(by_poles)] += by_poles
         return G
 

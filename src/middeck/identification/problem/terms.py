@@ -34,7 +34,7 @@ def columns(
     drive: Complex[np.ndarray, "line input column"] | None = None,
 ) -> Complex[np.ndarray, "unknown line column"]:
     """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2 and 1/s, constant."""
-    each_input = _along(np.eye(layout.inputs), drive)
+    each_input = _of_inputs(layout, drive)
     X = np.empty((layout.columns, len(s), each_input.shape[2]), dtype=complex)
     up, low = (np.repeat(x, layout.copies, axis=0)[:, :, None] for x in (parts.upper, parts.lower))
     pairs = layout.pairs * layout.copies
@@ -62,7 +62,16 @@ def columns(
 
 def _along(b: np.ndarray, drive: np.ndarray | None) -> np.ndarray:
     """Input vectors times the drive: [mode, line (or 1), column]."""
-    return b[:, None, :] if drive is None else np.moveaxis(b @ drive, 1, 0)
+    if drive is None:
+        return b[:, None, :]
+    lines, inputs, columns = drive.shape
+    # One product of matrices, not one a line.
+    return (b @ drive.swapaxes(0, 1).reshape(inputs, -1)).reshape(len(b), lines, columns)
+
+
+def _of_inputs(layout: Layout, drive: np.ndarray | None) -> np.ndarray:
+    """The drive of each input alone: [input, line (or 1), column]."""
+    return np.eye(layout.inputs)[:, None] if drive is None else drive.swapaxes(0, 1)
 
 
 def shapes(layout: Layout, point: Point, x: Float[np.ndarray, " column"]) -> Complex[np.ndarray, " term"]:
@@ -100,7 +109,7 @@ def slopes(
     free, free_psi = layout.free_b, layout.free_psi
     c = linear_of_terms(layout, x)
     along, conjugate = _along(point.b, drive), _along(point.b.conj(), drive)
-    each_input = _along(np.eye(layout.inputs), drive)
+    each_input = _of_inputs(layout, drive)
     used = modes + pairs + len(free)
     G = np.zeros((used + len(free_psi), len(s), along.shape[2]), dtype=complex)
     upper, lower = _by_pole(layout, parts, c)

@@ -19,6 +19,8 @@ end (`Transient`) follow what is left beside them. Sines without an input (hum) 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -26,12 +28,28 @@ from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.unknowns_layout import Layout, Point
 
 
-def transient_columns(
-    layout: Layout, point: Point, transient: Transient, data: Data
-) -> Complex[np.ndarray, "column line"]:
+class FreeMotion(NamedTuple):
+    """1/(1 - exp(p T)/z) of each pole and of its conjugate, and their derivatives by p and by conj p."""
+
+    upper: Complex[np.ndarray, "mode line"]
+    lower: Complex[np.ndarray, "mode line"]
+    upper_slope: Complex[np.ndarray, "mode line"]
+    lower_slope: Complex[np.ndarray, "mode line"]
+
+
+def free_motion(
+    poles: Complex[np.ndarray, " mode"], transient: Transient, s: Complex[np.ndarray, " line"]
+) -> FreeMotion:
+    """The transforms of free motion on the lines ``s``."""
+    inverse, z = np.exp(-s * transient.period_s), np.exp(poles * transient.period_s)[:, None]
+    first, second = z * inverse, z.conj() * inverse
+    up, low = 1.0 / (1.0 - first), 1.0 / (1.0 - second)
+    return FreeMotion(up, low, transient.period_s * first * up**2, transient.period_s * second * low**2)
+
+
+def transient_columns(layout: Layout, motion: FreeMotion, data: Data) -> Complex[np.ndarray, "column line"]:
     """Factors of the unknowns of one experiment's transient in one output: poles, then drift and edges."""
-    up, low, _ = _series(point.poles, transient, data.s)
-    pairs = layout.pairs
+    up, low, pairs = motion.upper, motion.lower, layout.pairs
     poles = np.empty((pairs + len(up), len(data.s)), dtype=complex)
     poles[0 : 2 * pairs : 2] = up[:pairs] + low[:pairs]
     poles[1 : 2 * pairs : 2] = 1j * (up[:pairs] - low[:pairs])
@@ -41,31 +59,16 @@ def transient_columns(
 
 
 def transient_slopes(
-    layout: Layout,
-    point: Point,
-    transient: Transient,
-    s: Complex[np.ndarray, " line"],
-    t: Float[np.ndarray, "experiment column"],
+    layout: Layout, point: Point, motion: FreeMotion, t: Float[np.ndarray, "experiment column"]
 ) -> Complex[np.ndarray, "unknown line experiment"]:
     """Derivative of the transients by log sigma and log omega_d, at their unknowns ``t``."""
-    up, low, inverse = _series(point.poles, transient, s)
     modes, pairs = len(layout.pair), layout.pairs
     c = np.concatenate(
         [t[:, 0 : 2 * pairs : 2] + 1j * t[:, 1 : 2 * pairs : 2], t[:, 2 * pairs : pairs + modes]], 1
-    )
-    z = transient.period_s * np.exp(point.poles * transient.period_s)[:, None]
-    by_pole = np.einsum("ml,em->mle", z * inverse * up**2, c)
-    by_conjugate = np.einsum("ml,em->mle", z[:pairs].conj() * inverse * low[:pairs] ** 2, c[:, :pairs].conj())
+    ).T[:, None]
+    by_pole = motion.upper_slope[:, :, None] * c
+    by_conjugate = motion.lower_slope[:pairs, :, None] * c[:pairs].conj()
     sigma, omega = np.real(point.poles)[:, None, None], np.imag(point.poles)[:pairs, None, None]
     by_sigma = sigma * by_pole
     by_sigma[:pairs] += sigma[:pairs] * by_conjugate
     return np.concatenate([by_sigma, 1j * omega * (by_pole[:pairs] - by_conjugate)])
-
-
-def _series(
-    poles: np.ndarray, transient: Transient, s: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """1/(1 - exp(p T)/z) of each pole and of its conjugate, and 1/z."""
-    inverse = np.exp(-s * transient.period_s)
-    z = np.exp(poles * transient.period_s)[:, None]
-    return 1.0 / (1.0 - z * inverse), 1.0 / (1.0 - z.conj() * inverse), inverse

@@ -187,7 +187,7 @@ def fit_samples(
     if not record.held:
         return marked(fit(record), None if record.held is None else 0.0)
     behind = release_inputs(record)
-    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind).model, record))
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind), record))
     return marked(fit(behind), 1.0 / record.sample_hz)
 
 
@@ -225,12 +225,20 @@ def _fit(
         return _result(measured, record, fitted, reason, score, heard[1], input_noise)
 
 
-def _folded_outputs(model: MeasurementModel, record: Record) -> Float[np.ndarray, "*outputs"]:
-    """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
+def _folded_outputs(first: FitResult, record: Record) -> Float[np.ndarray, "*outputs"]:
+    """The part of the outputs that is folded back: held inputs reach beyond half the rate.
+
+    Poles outside the band were fitted with that part, and stand for it themselves; complex residues add up
+    with theirs.
+    """
+    model = first.model
+    kept = np.array([one != "outside" for one in first.standing]) | (
+        not first.covariance.structure.real_constants
+    )
     run = record.u.reshape(len(record.u), -1, record.u.shape[3])
     f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
     H = np.zeros((len(f), *model.direct.shape), dtype=complex)
-    H[1:] = folded_response(model, f[1:], record.sample_hz)
+    H[1:] = folded_response(model, f[1:], record.sample_hz, kept)
     y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(run, axis=1)), n=run.shape[1], axis=1)
     return y.reshape(record.y.shape)
 
@@ -302,7 +310,7 @@ def _result(
     _refuse_noise(data, run)
     fitted = model_of(run, record.inputs, record.outputs)
     noise, folded = _input_variance(measured), np.zeros(data.U.shape[:2])
-    if not record.held and fitted.sample_hz is None and data.driven is None:
+    if not measured.held and fitted.sample_hz is None and data.driven is None:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         folded = folded_power(inputs, data.omega / (np.pi * record.sample_hz))
     power = np.maximum(noise, folded)

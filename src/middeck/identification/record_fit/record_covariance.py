@@ -88,7 +88,7 @@ class Rows:
     def of(self, output: int) -> tuple[Complex[np.ndarray, "unknown line column"], TransientProjection]:
         """Rows of one output by the unknowns of the model, also through the transients' poles."""
         model, data, layout, point = self.model, self.data, self.run.layout, self.terms.point
-        assert data.transient is not None
+        assert self.terms.motion is not None
         at = places_of(model, self.structure)
         J = np.zeros((at.size, *data.H.shape[1:]), dtype=complex)
         for i in range(layout.inputs):
@@ -97,7 +97,7 @@ class Rows:
         _, t = self.terms.split(self.run.refined.step.linear[output])
         mode = np.array([int(np.argmax(model.poles == pole)) for pole in point.poles])
         place = np.concatenate([at.sigma[mode], at.omega[mode[: layout.pairs]]])
-        J[place] += transient_slopes(layout, point, data.transient, data.s, t)
+        J[place] += transient_slopes(layout, point, self.terms.motion, t)
         return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
 
     def bias(self, power: Float[np.ndarray, "line input"]) -> Float[np.ndarray, "unknown input"]:

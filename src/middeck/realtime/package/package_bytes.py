@@ -73,9 +73,9 @@ def encode_package(package: ControllerPackage) -> bytes:
         len(package.filters), len(package.paths), package.ramp, len(vectors.y), vectors.start_level, 0,
     )  # fmt: skip
     front = _HEAD.pack(MAGIC, *head, package.period_s) + _text(package.name)
-    front = _padded(front + _port_texts(package) + _places(package))
+    front = pad_bytes(front + _port_texts(package) + _places(package))
     numbers = _bytes([*_limits(package), *_coefficients(package), vectors.y, vectors.u])
-    body = front + numbers + _padded(vectors.engaged.astype(np.uint8).tobytes())
+    body = front + numbers + pad_bytes(vectors.engaged.astype(np.uint8).tobytes())
     return body + hashlib.sha256(body).digest()
 
 
@@ -245,7 +245,8 @@ def _text(text: str) -> bytes:
     return struct.pack("<H", len(text.encode())) + text.encode()
 
 
-def _padded(data: bytes) -> bytes:
+def pad_bytes(data: bytes) -> bytes:
+    """``data`` with zeros up to a multiple of eight bytes."""
     return data + bytes(-len(data) % 8)
 
 

@@ -252,7 +252,8 @@ def _check_placed(model: Model) -> None:
                 f"grid {part.grids[worst]} stands {far[worst]:.4g} m from frame {part.frames[worst]!r} "
                 f"that it is fixed to, seen from grid {part.grids[0]}",
                 where=f"component {part.name!r}",
-                hint="check the nodes' places, the component's axes, and which grid is fixed to which frame",
+                hint="check the nodes' places, the component's axes, and which grid is fixed to which frame; "
+                "a grid off its frame has its place there in offsets_m",
             )
 
 

@@ -4,6 +4,7 @@ number."""
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,13 +50,13 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
     if absent and not keep:
         names = ", ".join(n.name for n in model.structure.nodes[:LISTED])
         raise ConfigError(
-            f"no node of the test is in the model: {_list(absent)}",
+            f"no node of the test is in the model: {list_names(absent)}",
             where="measured channels",
             hint=f"nodes of the model are {names}; number the nodes alike, or give coordinates in its frame",
         )
     if absent:
         left = len(measured.node) - len(keep)
-        said.append(f"{left} channels of nodes that are not in the model are left out: {_list(absent)}")
+        said.append(f"{left} channels of nodes that are not in the model are left out: {list_names(absent)}")
     std = measured.shape_std
     return replace(
         measured,
@@ -112,6 +113,7 @@ def _size(model: Model) -> float:
     return float(np.ptp(drawn, axis=0).max())
 
 
-def _list(names: list[str]) -> str:
+def list_names(names: Sequence[str]) -> str:
+    """The first ten names, and how many more there are."""
     more = len(names) - LISTED
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")

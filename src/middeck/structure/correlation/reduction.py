@@ -17,10 +17,8 @@ import scipy.sparse.linalg as spla
 from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.assembly.energy import assemble
-from middeck.structure.assembly.linked import dynamic_freedom
-from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.residual_flexibility import moving_matrices
 from middeck.values import record
 
 # Shapes or channels whose condition is beyond this are the same to all measurement.
@@ -112,11 +110,8 @@ def _static(modes: Modes, rows: sp.csr_array, channels: int, improved: bool) -> 
 
     Where the channels are coordinates this is Guyan's [I; -K_oo^-1 K_os]; constraints allow any reading.
     """
-    rest = modes.equilibrium
-    check_beside_modes(modes, "a reduced mass")
-    free = dynamic_freedom(rest.model, rest.config, in_world=True)
-    K = free.matrix(assemble(rest.model, rest.config, rest.loads).tangent)
-    M, L = free.matrix(modes.mass), free.columns(rows)
+    K, M, free = moving_matrices(modes, "a reduced mass")
+    L = free.columns(rows)
     unit = np.eye(channels)
     _check_channels(L)
     rigid = [i for i, kind in enumerate(modes.kind) if kind == "rigid"]

@@ -78,7 +78,7 @@ def residual_flexibility(
             f"{count} modes kept of {rigid} rigid ones: the omitted rigid modes have no static response",
             hint=f"keep {rigid} modes or more, or static=False",
         )
-    K, M, free = _matrices(modes)
+    K, M, free = moving_matrices(modes, "the static residual")
     held = np.zeros(order(K), dtype=bool)
     held[pivots(free.coordinates(modes.shapes[:, :rigid]))] = True
     factor = positive_factor(sp.csr_array(K[~held][:, ~held]))
@@ -117,7 +117,7 @@ def compare_static_gain(
     if modes.kind[:1] == ("rigid",) and not frequency_hz > 0.0:
         raise ConfigError("a free structure has no gain at 0 Hz", hint="a frequency_hz above zero")
     omega, count = 2.0 * np.pi * frequency_hz, min(count, len(modes.omega))
-    K, M, free = _matrices(modes)
+    K, M, free = moving_matrices(modes, "the static residual")
     B = free.part(drive.force.T)
     C = free.part((read.position + omega * read.rate - omega**2 * read.acceleration).T).T
     D = sp.csr_array(K - omega**2 * M)
@@ -227,10 +227,13 @@ def _low_frequency(modes: Modes, moving: bool) -> float:
     return float(0.1 * swings.min()) if (free or moving) and len(swings) else 0.0
 
 
-def _matrices(modes: Modes) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
-    """Stiffness and mass of the coordinates that move, and which they are."""
+def moving_matrices(modes: Modes, what: str) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
+    """Stiffness and mass of the coordinates that move, and which they are.
+
+    Raises `NumericalError` where a member is too stiff beside the modes for ``what`` (`check_beside_modes`).
+    """
     equilibrium = modes.equilibrium
-    check_beside_modes(modes, "the static residual")
+    check_beside_modes(modes, what)
     free = dynamic_freedom(equilibrium.model, equilibrium.config, in_world=True)
     K = assemble(equilibrium.model, equilibrium.config, equilibrium.loads).tangent
     return free.matrix(K), free.matrix(modes.mass), free

@@ -6,11 +6,13 @@ import dataclasses
 import functools
 
 import numpy as np
+from jaxtyping import Bool, Int
 
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.integrators import part_integrators, realise_residues
 from middeck.systems.poles.modal_states import INSEPARABLE, modal_states
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.statespace import StateSpace, add
 
 OWNED = 0.9
@@ -65,13 +67,14 @@ def unmix_states(plant: Plant) -> tuple[Plant, float]:
 
     The second is the condition of the change of states (`modal_states`), 1 where nothing changed. Each state
     keeps a name that it has nearly alone; others are named "mode of 2.5 Hz". States of approximated delays
-    stay: their entries hold digits that a change of states would lose.
+    stay: their entries hold digits that a change of states would lose. They are named "delay" and act on each
+    other only; a state of this name that acts on others, and they on it, is the user's.
     """
     system = plant.dynamics
     if not isinstance(system, StateSpace):
         return plant, 1.0
     given = np.array(name_states(plant), dtype=object)
-    own = np.flatnonzero(given != "delay")
+    own = _own_states(system.A, given == "delay")
     found = modal_states(system.A[np.ix_(own, own)])
     if found is None:
         return plant, 1.0
@@ -87,3 +90,9 @@ def unmix_states(plant: Plant) -> tuple[Plant, float]:
     inside = StateSpace(back @ system.A @ T, back @ system.B, system.C @ T, system.D)
     unmixed = dataclasses.replace(plant, dynamics=inside, state_names=tuple(names))
     return unmixed, found.condition
+
+
+def _own_states(A: np.ndarray, named: Bool[np.ndarray, " state"]) -> Int[np.ndarray, " own"]:
+    """States that are not of approximated delays, which are ``named`` so."""
+    apart = [part for part in strong_components(A) if not named[part].all()]
+    return np.sort(np.concatenate(apart)) if apart else np.zeros(0, dtype=int)

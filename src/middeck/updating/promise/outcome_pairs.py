@@ -16,6 +16,7 @@ from jaxtyping import Float
 from middeck.errors import DataError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes
+from middeck.structure.correlation.placing import list_names
 from middeck.structure.correlation.unit_slips import doubt_frequencies_of_shapes
 from middeck.updating.residuals.pairing import WINDOW, pair_shapes
 from middeck.values import record
@@ -23,7 +24,6 @@ from middeck.values import record
 By = Literal["shape", "name", "number"]
 # Share of its pair's MAC: a measured shape that resembles another promised one as much may be that one.
 AS_ALIKE = 0.8
-LISTED = 8
 
 
 @record(kw_only=True)
@@ -115,7 +115,7 @@ def pair_by_shape(
     common = [channel for channel in there if channel in here]
     if not common:
         what = "no channel of the survey is in the promise" if there else "the survey has no shapes"
-        hint = f"channels as {_few([' '.join(channel) for channel in here])}, or modes by name"
+        hint = f"channels as {list_names([' '.join(channel) for channel in here])}, or modes by name"
         raise DataError(what, where=where, hint=hint)
     said = promised.shape[[here.index(channel) for channel in common]]
     seen = dataclasses.replace(
@@ -222,8 +222,3 @@ def _of_the_survey(
         if j not in paired
     ]
     return tuple(said)
-
-
-def _few(names: Sequence[str]) -> str:
-    more = len(names) - LISTED
-    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -12,7 +12,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.lqg.weights import LQGWeights
 from middeck.errors import ConfigError
-from middeck.signals.ports import Port
+from middeck.signals.ports import Port, once
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.modal_plant import build_plant
@@ -164,8 +164,3 @@ def weights_of(plan: Plan, drives: Sequence[Port], reads: Sequence[Port]) -> LQG
         process=np.diag(plan.intensity**2),
         sensor=np.array([plan.noise[p.unit] ** 2 for p in reads]),
     )
-
-
-def once(*names: str) -> tuple[str, ...]:
-    """Each name at its first place."""
-    return tuple(dict.fromkeys(names))

@@ -106,6 +106,11 @@ def _check(
     if basis.deck.selection.sets.get("NSM"):
         _, file, line = basis.deck.selection.lines["NSM"]
         faults.append(Fault(file=file, line=line, key="NSM", message="NSM sets are not converted yet"))
+    if basis.deck.selection.sets.get("TEMPERATURE") and basis.entries.idle["MATT1"]:
+        _, file, line = basis.deck.selection.lines["TEMPERATURE"]
+        what = "sets the moduli of materials by MATT1, which is not converted: the modes would be others"
+        hint = "write the moduli at this temperature in MAT1, and leave MATT1 out"
+        faults.append(Fault(file=file, line=line, key="TEMPERATURE", message=what, hint=hint))
     grid = basis.entries.numbered("GRID")
     faults += [
         grid[rider].fault(

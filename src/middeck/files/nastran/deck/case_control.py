@@ -14,12 +14,13 @@ from middeck.files.toml.faults import Fault, raise_faults
 # Blanks may stand for the equals sign.
 _COMMAND = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?(?:\s*=\s*|\s+)(.*?)\s*$")
 _SETS = frozenset(("SPC", "MPC", "LOAD", "METHOD", "METH", "SUPORT1", "NSM"))
+_HEAT = frozenset(("TEMP", "TEMPERATURE"))
 _MATRICES = frozenset(("K2GG", "M2GG", "K2PP", "M2PP", "B2PP", "B2GG", "A2GG", "K42GG"))
 _SUBCASE = re.compile(r"\s*(SUBCASE|SYM|REPCASE|SUBCOM|SUBSEQ|SYMCOM)\s*=?\s*(\d*)\s*(?:=|$)")
 # Sums of subcases before them, which select nothing of the model.
 _SUMS = frozenset(("SUBCOM", "SUBSEQ", "SYMCOM"))
 # What may differ between subcases: a load set is a load case, and how to solve is no part of a model.
-_FREE = frozenset(("LOAD", "METHOD", "METH"))
+_FREE = frozenset(("LOAD", "METHOD", "METH", "TEMPERATURE"))
 # Commands after which modes are those of another structure: a preload, a transfer function.
 _OTHERS = frozenset(("STATSUB", "TFL"))
 
@@ -108,7 +109,11 @@ def _choices(lines: Iterable[Line], faults: list[Fault]) -> dict[str, _Choice]:
         if found is None:
             continue
         command, value = found.groups()
-        if command in _SETS:
+        if command in _HEAT:
+            number = integer(value)
+            if number and "(LOAD" not in line[0].upper().replace(" ", ""):  # else of loads alone
+                out["TEMPERATURE"] = _Choice(line, number)
+        elif command in _SETS:
             number = integer(value)
             if number is None or number < 0:
                 faults.append(_fault(line, command, f"{value!r} is not the number of a set"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -84,7 +85,7 @@ class CommandedEngine:
         row = np.zeros((), layout("command"))
         try:
             row["number"], row["session"], row["kind"] = number, self._session, COMMANDS[kind]
-            row["at"], row["slot"] = at, slot
+            row["at"], row["slot"] = operator.index(at), operator.index(slot)
             row["value"][: len(values)] = values
         except (TypeError, ValueError, OverflowError) as error:
             raise ConfigError(f"{kind}: {error}", hint="a sample, a slot, numbers") from None

@@ -21,9 +21,16 @@ from middeck.values import record
 
 @record
 class UdpRig:
-    """A rig that answers on this port of the loopback interface."""
+    """A rig that answers on this port of the loopback interface.
+
+    Raises `ConfigError` for what is no port.
+    """
 
     port: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.port, (int, np.integer)) or not 0 < self.port < 1 << 16:
+            raise ConfigError(f"port {self.port!r}", where="UdpRig", hint="a whole number from 1 to 65535")
 
 
 @record

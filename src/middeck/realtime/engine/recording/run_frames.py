@@ -17,6 +17,7 @@ from enum import IntEnum
 from typing import Any
 
 from middeck.errors import DataError
+from middeck.realtime.package.package_bytes import pad_bytes
 from middeck.values import record
 
 MAGIC, FORMAT, SCHEMA = b"MIDDECKR", 1, "middeck.run/1"
@@ -72,13 +73,13 @@ class Unreadable:
 def encode_head(document: dict[str, Any]) -> bytes:
     """The bytes before the first frame."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
-    return 2 * _padded(_HEAD.pack(MAGIC, FORMAT, len(text), zlib.crc32(text)) + text)
+    return 2 * pad_bytes(_HEAD.pack(MAGIC, FORMAT, len(text), zlib.crc32(text)) + text)
 
 
 def encode_frame(mark: bytes, kind: Kind, number: int, first: int, count: int, content: bytes) -> bytes:
     """One frame; ``mark`` is that of `head_mark`."""
     front = _FRAME.pack(mark, kind, len(content), number, first, count, zlib.crc32(content), 0)[:_TESTED]
-    return _padded(front + struct.pack("<I", zlib.crc32(front)) + content)
+    return pad_bytes(front + struct.pack("<I", zlib.crc32(front)) + content)
 
 
 def head_mark(document: dict[str, Any]) -> bytes:
@@ -176,7 +177,3 @@ def _next_frame(data: bytes, at: int, mark: bytes) -> int:
     while place >= 0 and _frame_at(data, place, mark) is None:
         place = data.find(mark, place + 1)
     return place if place >= 0 else len(data)
-
-
-def _padded(data: bytes) -> bytes:
-    return data + bytes(-len(data) % 8)

@@ -10,6 +10,7 @@ import sys
 from types import TracebackType
 
 from middeck.errors import ConfigError, DataError
+from middeck.realtime.engine.interface.monitors import LONGEST_S
 from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, run_child
@@ -23,10 +24,12 @@ class ServedRig:
     periods, with outputs of zero. The process ends with this context, and with the process that started it;
     engines may follow each other.
 
-    Raises `ConfigError` for a rig that does not go through pickle.
+    Raises `ConfigError` for a rig that does not go through pickle, and a period that no clock keeps.
     """
 
     def __init__(self, rig: EngineRig, *, period_s: float | None = None) -> None:
+        if period_s is not None and not 1e-6 <= period_s <= LONGEST_S:  # as of an engine
+            raise ConfigError(f"a period of {period_s} s", where="ServedRig", hint=f"1e-6 to {LONGEST_S:g} s")
         try:
             self.given = pickle.dumps(rig), period_s
         except (pickle.PicklingError, TypeError, AttributeError) as error:

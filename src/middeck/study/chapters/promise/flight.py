@@ -19,12 +19,12 @@ from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import Run, run_closed_loop
 from middeck.laboratory.rig_settings import RigSettings
 from middeck.signals.excitation.multisine import random_multisine
-from middeck.signals.ports import port_indices
+from middeck.signals.ports import once, port_indices
 from middeck.signals.record import Record
 from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
-from middeck.updating.promise.plan import Plan, group_loop, once, weights_of
+from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.values import record
 
 SETTLE = 1  # unrecorded period of a run
