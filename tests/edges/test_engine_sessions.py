@@ -107,6 +107,22 @@ def test_who_was_relieved_commands_no_more(tmp_path, real_time):
         assert again.state == "safe"
 
 
+def test_who_is_relieved_while_the_queue_is_full_overwrites_no_command(tmp_path, monkeypatch):
+    settings = plain_settings()
+    with Supervisor(settings, random_article(), folder=tmp_path) as old:
+        sent = []
+
+        def relieve(reached):
+            monkeypatch.undo()
+            sent.append(Supervisor.attach(tmp_path / "engine.shared", settings))
+            sent.append(sent[0].send("reset", values=[sent[0].trip]))
+
+        monkeypatch.setattr(old, "_wait", relieve)
+        with pytest.raises(DataError, match="another supervisor has taken"):
+            old.send("engage", values=[1.0])
+        assert sent[0].answer(sent[1]).done
+
+
 def test_a_package_under_check_while_the_engine_is_taken_over_ends_its_check(tmp_path):
     """Its answer is that of the check, and the next one is loaded as ever."""
     settings = plain_settings(late_s=1e3)

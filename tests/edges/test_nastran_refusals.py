@@ -370,6 +370,7 @@ def test_damping_that_is_left_out_is_counted(tmp_path):
         "PBUSH,40,K,1.,1.,1.,1.,1.,1.\n,,GE,.04",
         "PBUSH,41,K,1.",
         "PBUSH,42,K,1.\n,,B,2.",
+        "PBUSH,43,K,1.\n,,B,0.\n,,GE,,0.",  # none
         "PARAM,G,.02",
     ]
     rows = {row[0]: row[1] for row in convert(write(tmp_path, *cards)).left_out}

@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given
+from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.formats import DIVIDING
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import doubt_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES
+from middeck.files.nastran.masses_and_springs.spring_elements import ROW
 
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
 # Cards that an article has no place for, and what that means for its modes: nothing.
@@ -60,11 +62,18 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     rows.append(("GRID", len(bare), "no element or mass is at them: points of orientation, for instance"))
     damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
     rows.append(("MAT1, PELAS GE", len(damped), "damping of materials: give it in the article's [damping]"))
-    bushings = [e for e in entries.of("PBUSH") if {"B", "GE"} & {*e["rest"]}]
+    bushings = [e for e in entries.of("PBUSH") if _damps(e)]
     rows.append(("PBUSH B, GE", len(bushings), "damping of bushings: give it in the article's [damping]"))
     whole = [value for value, _ in given(deck, "G") if value and real(value)]
     rows.append(("PARAM G", len(whole), "damping of the whole: give it in the article's [damping]"))
     return [row for row in rows if row[1] > 0]
+
+
+def _damps(bushing: Entry) -> bool:
+    """Whether a line B or GE of a PBUSH has a number other than zero."""
+    texts = ["", *(text or "" for text in bushing["rest"])]
+    lines = (texts[i + 1 : i + ROW] for i in range(0, len(texts), ROW))
+    return any(line[:1] in (["B"], ["GE"]) and any(map(real, filter(None, line[1:]))) for line in lines)
 
 
 def _why_idle(card: str) -> str:

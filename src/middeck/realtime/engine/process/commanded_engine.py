@@ -82,6 +82,7 @@ class CommandedEngine:
         number = int(self.file.asks["written"]) + 1
         room = QUEUE - KEPT_FREE.get(kind, KEPT)
         self._wait(lambda: number - int(self.file.status["acknowledged"]) < room)
+        self._require_own()  # that may have taken long
         row = np.zeros((), layout("command"))
         try:
             row["number"], row["session"], row["kind"] = number, self._session, COMMANDS[kind]
