@@ -132,7 +132,13 @@ def response_scatter(
 
 def _biasing_faults(record: Record) -> list[str]:
     """Faults of a record of one period that bias all lines alike; periods show theirs by their scatter."""
-    return [] if record.periodic else [fault.in_a_line for fault in biasing_faults(record)]
+    if record.periodic:
+        return []
+    # Of samples of any size: by powers of two, which leave the digits as they are.
+    u, y = (
+        np.ldexp(x, -np.frexp(np.abs(x).max(axis=(0, 1, 2), initial=0.0))[1]) for x in (record.u, record.y)
+    )
+    return [fault.in_a_line for fault in biasing_faults(dataclasses.replace(record, u=u, y=y))]
 
 
 def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarray) -> list[str]:
