@@ -53,7 +53,7 @@ def layout(record: str) -> np.dtype:
     """The fields of one shared record, as numpy lays them out without padding.
 
     >>> layout("asks").itemsize
-    64
+    72
     """
     pattern = rf"typedef struct \{{((?:(?!typedef).)*?)\n\}} {record};"
     (body,) = re.findall(pattern, _header(), re.DOTALL)
