@@ -38,7 +38,7 @@ NOT_DECIDED = (NumericalError, ConfigError, ValueError)
 """ValueError: of NumPy and SciPy, where numbers overflow."""
 FASTER = 2.0
 """How much faster than without the law what is not held may grow."""
-AT_ONCE = " (size or slew: both at once are not proved, the engine's effort trip, where it is set, stands behind)"
+AT_ONCE = " (size or slew: both at once are not proved; the engine's effort trip, where set, stands behind)"
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
