@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "truth"))
 case = importlib.import_module("promise_case")
 
 SEEDS, DRAWS = 50, 60
-LADDERS, ALL_DRAWS = 3, 300
+LADDERS, ALL_DRAWS = 16, 300
 AUTHORITY = 10.0 ** np.array([0.0, 2.0, 4.0, 6.0])
 RUNGS = 10.0 ** np.arange(-2.0, 12.01, 0.125)
 # A decade is 6 dB here: rungs a quarter apart are 1.5 dB, and "one rung below" was most of the distance.
