@@ -13,6 +13,7 @@ from middeck.control.law.rounding_of_results import is_vague_half, measure_known
 from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
+from middeck.systems.poles.modal_states import MIXED
 from middeck.systems.state_space.statespace import LinearSystem, poles
 from middeck.values import record
 
@@ -60,7 +61,7 @@ def design_known(
 
 def is_mixed(half: Plant | Compensator) -> bool:
     """Whether rounding may move a design: poles (`is_vague_half`), or what reaches and sees weak modes."""
-    return is_vague_half(half) or (isinstance(half, Plant) and unmix_states(half)[1] > 1.0)
+    return is_vague_half(half) or (isinstance(half, Plant) and unmix_states(half)[1] > MIXED)
 
 
 def _lines(seen: DesignView) -> Float[np.ndarray, " line"]:

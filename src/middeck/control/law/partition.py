@@ -16,7 +16,6 @@ from middeck.control.law.stabilisability import require_reachable
 from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem
 from middeck.systems.poles.inert_modes import inert_modes
-from middeck.systems.poles.modal_states import PARTED
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
 from middeck.systems.state_space.modal_system import select_modes
@@ -57,12 +56,12 @@ def partition_modes(plant: Plant) -> ModePartition:
 
 
 def pose_states(plant: Plant, *, driven: bool = True) -> Plant:
-    """The plant in states that are not mixed (`unmix_states`, `PARTED`), for a design, which squares them.
+    """The plant in states that are not mixed (`unmix_states`), for a design, which squares them.
 
     Raises `NotStabilisableError` where a mode of mixed states does not decay and no measurement sees it (no
     input reaches it, where the plant is to be ``driven``).
     """
-    unmixed, condition = unmix_states(plant, PARTED)
+    unmixed, condition = unmix_states(plant)
     if condition > 1.0:
         # In the states given: in others rounding of what is zero has the size of weak modes.
         names, loop = name_states(plant), subsystem(plant, plant.u, plant.y)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Int
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.integrators import part_integrators, realise_residues
-from middeck.systems.poles.modal_states import INSEPARABLE, MIXED, modal_states
+from middeck.systems.poles.modal_states import INSEPARABLE, modal_states
 from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.statespace import StateSpace, add
 
@@ -62,11 +62,11 @@ def part_modes(plant: Plant) -> Plant:
 
 
 @functools.lru_cache(maxsize=KEPT)
-def unmix_states(plant: Plant, least: float = MIXED) -> tuple[Plant, float]:
+def unmix_states(plant: Plant) -> tuple[Plant, float]:
     """The plant in states of which each group belongs to its own poles, and how strongly it was mixed.
 
-    The second is the condition of the change of states (`modal_states`), 1 where nothing changed: up to
-    ``least``. Each state keeps a name that it has nearly alone; others are named "mode of 2.5 Hz". States of
+    The second is the condition of the change of states (`modal_states`), 1 where nothing changed. Each
+    state keeps a name that it has nearly alone; others are named "mode of 2.5 Hz". States of
     approximated delays stay: their entries hold digits that a change of states would lose. They are named
     "delay" and act on each other only; a state of this name that acts on others, and they on it, is the
     user's.
@@ -76,7 +76,7 @@ def unmix_states(plant: Plant, least: float = MIXED) -> tuple[Plant, float]:
         return plant, 1.0
     given = np.array(name_states(plant), dtype=object)
     own = _own_states(system.A, given == "delay")
-    found = modal_states(system.A[np.ix_(own, own)], least)
+    found = modal_states(system.A[np.ix_(own, own)])
     if found is None:
         return plant, 1.0
     T = np.eye(len(given))

@@ -22,11 +22,11 @@ from middeck.values import record
 
 BLURRED = 1e-9
 """Of its decay, by which rounding of the entries moves a pole of mixed states (of light ones from 300 on)."""
-MIXED = 30.0
-"""Condition of unit bases, in balanced units, up to which the states stay as they are."""
-PARTED = 1.1
-"""The same of designs: a free body that is hardly reached or seen loses its digits to states mixed ever so
-little, by the square of its weight in them."""
+PARTED, MIXED = 1.1, 30.0
+"""Conditions of unit bases, in balanced units: up to the first the states stay as they are; beyond the second
+rounding of the entries may move a result. A free body that is hardly reached or seen loses its digits to
+states mixed ever so little, by the square of its weight in them.
+"""
 INSEPARABLE = 1e8
 """Condition of the bases beyond which half the digits would be lost."""
 
@@ -43,10 +43,8 @@ class ModalStates:
     condition: float
 
 
-def modal_states(A: Float[np.ndarray, "state state"], least: float = MIXED) -> ModalStates | None:
-    """The states of every strongly connected part of ``A`` that are mixed, beyond the condition ``least``.
-
-    None for none.
+def modal_states(A: Float[np.ndarray, "state state"]) -> ModalStates | None:
+    """The states of every strongly connected part of ``A`` that are mixed; None for none.
 
     >>> turn = np.array([[1.0, 1e4], [1.0, 1e4 + 1.0]])
     >>> found = modal_states(turn @ np.diag([-1.0, -2.0]) @ np.linalg.inv(turn))
@@ -62,7 +60,7 @@ def modal_states(A: Float[np.ndarray, "state state"], least: float = MIXED) -> M
         if not np.any(moved > BLURRED * np.abs(np.real(poles))):
             continue
         basis, sizes = _bases(balanced, poles, _groups(poles, moved))
-        if least < (mixed := float(np.linalg.cond(basis))) < INSEPARABLE:
+        if PARTED < (mixed := float(np.linalg.cond(basis))) < INSEPARABLE:
             T[np.ix_(part, part)], rate[part] = unit[:, None] * basis, sizes
             condition = max(condition, mixed)
     return ModalStates(T, rate, condition) if condition > 1.0 else None

@@ -19,6 +19,7 @@ from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.mode_shift import mode_coordinates, mode_states
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.poles.modal_states import MIXED
 from middeck.systems.state_space.statespace import poles
 from middeck.values import record
 
@@ -73,7 +74,7 @@ def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damp
         raise ConfigError("no mode is uncertain: this method needs shifts", hint="Uncertainty(shifts=...)")
     bare = remove_delays(partition_modes(plant).active)
     active = partition_modes(finished).active
-    if unmix_states(active)[1] > 1.0:
+    if unmix_states(active)[1] > MIXED:
         raise ConfigError(
             "the plant's states are mixed: those that bear a mode's name are not its coordinates",
             hint="part_modes(plant) gives each mode states of its own",

@@ -21,7 +21,6 @@ from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
 from middeck.systems.plants.mode_blocks import unmix_states
 from middeck.systems.plants.plant import Plant, name_states
-from middeck.systems.poles.modal_states import PARTED
 from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
 
@@ -116,7 +115,7 @@ def models_of(problem: Problem, ratio: float, size: float) -> tuple[GeneralizedP
 
 
 def _unmixed(plant: Plant) -> Plant:
-    posed, condition = unmix_states(partition_modes(plant).active, PARTED)
+    posed, condition = unmix_states(partition_modes(plant).active)
     return posed if condition > 1.0 else plant
 
 
