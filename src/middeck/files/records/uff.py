@@ -16,15 +16,15 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
-from middeck.files.records.uff58 import RESPONSE, TIME, Dataset, Place, is_si, read_values, scan, scan_texts
+from middeck.files.records.uff58 import AXES, RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
 from middeck.files.records.uff58_write import Header, write_58
+from middeck.files.records.uff_cut import doubts_of_whole
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
-AXES = ("", "x", "y", "z", "rx", "ry", "rz")
 FORCE = 13  # specific data type "excitation force": what was put in
 # Specific data type -> unit in SI, for a file that leaves the label empty; and the way back.
 UNITS = {8: "m", 11: "m/s", 12: "m/s^2", 9: "N", FORCE: "N", 15: "Pa", 5: "K"}
@@ -35,9 +35,6 @@ APART = 0.01
 WHOLE = 1 << 20
 # Share of the highest frequency by which lines may be off an even spacing: rounding.
 EVEN = 1e-12
-# Lines that a node takes in the data sets of places.
-LINES_OF_NODE = {15: 1, 2411: 2}
-ALIKE = 3  # nodes that must be measured alike before one that is not makes a file look cut
 
 
 @record(kw_only=True)
@@ -70,7 +67,7 @@ def read_uff(file: Path, variable: str) -> Raw:
     sets = [data for run in runs for data in run.sets]
     faults += tuple(
         channel_fault("truncated", "note", head, doubt, hint, experiment=None)
-        for doubt in _doubts_of_whole(sets, file)
+        for doubt in doubts_of_whole([d for d in sets if _side(d) == "output"], sets, file)
     )
     return dataclasses.replace(raws[0], x=x, faults=faults)
 
@@ -137,37 +134,6 @@ def read_runs(file: Path) -> list[Experiment]:
     return [_run(heads, together, file) for together in zip(*channels.values(), strict=True)]
 
 
-def _doubts_of_whole(sets: Sequence[Dataset], file: Path) -> Iterator[str]:
-    """Words where a file seems cut between two data sets, which leaves a file that looks whole."""
-    measured: dict[Place, set[int]] = {}
-    outputs = [data for data in sets if data.kind == RESPONSE or _side(data) == "output"]
-    for at in (data.response for data in outputs):
-        measured.setdefault(dataclasses.replace(at, direction=0), set()).add(abs(at.direction))
-    *others, (last, along) = measured.items() or [(Place("", 0, 0), set[int]())]
-    common = set.intersection(*(d for _, d in others)) if others else set()
-    if len(others) >= ALIKE and common - along and along <= common:
-        lacks = ", ".join(AXES[d] for d in sorted(common - along))
-        yield f"the last node, {_node(last)}, has no {lacks}, as all others have: is the file whole?"
-    texts = scan_texts(file, LINES_OF_NODE)
-    places = list(dict.fromkeys(n for text in texts for n in _numbers(text.number, text.lines)))
-    # A file is cut behind the last node that was reached: one that is only drawn may stand anywhere.
-    moving = max({d.response.number for d in outputs}, {d.reference.number for d in outputs}, key=len)
-    reached = [k for k, n in enumerate(places) if n in moving]
-    ends = {end.number for data in sets for end in (data.response, data.reference)}
-    silent = [n for n in places if n not in ends]
-    if reached and silent and places.index(silent[0]) > reached[-1]:
-        few = ", ".join(map(str, silent[:5])) + (", ..." if len(silent) > 5 else "")
-        what = f"{len(silent)} of the {len(places)} nodes with places have no function ({few})"
-        yield f"{what}: is the file whole?"
-
-
-def _numbers(kind: int, lines: Sequence[str]) -> Iterator[int]:
-    """The nodes of a data set of places."""
-    for line in lines[:: LINES_OF_NODE[kind]]:
-        if (text := line[:10].strip()).isdigit():
-            yield int(text)
-
-
 def _key(data: Dataset) -> tuple[object, ...]:
     """Key of a channel: place and quantity; the first text where a file has no places."""
     if _is_ours(data):
@@ -187,7 +153,7 @@ def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[Head, ...
 
 
 def _head(name: str, data: Dataset, file: Path) -> Head:
-    node, direction = _node(data.response), _direction(data.response)
+    node, direction = data.response.node, _direction(data.response)
     told = _told_channel(data.texts[4]) if _is_ours(data) else {}
     table = told | {"node": node, "direction": direction}
     channel = build_channel(table, f"{file}:{data.line}, channel {name}")
@@ -213,16 +179,12 @@ def _side(data: Dataset) -> Side:
     return "input" if data.quantity == FORCE else "output"
 
 
-def _node(place: Place) -> str:
-    return place.name or (str(place.number) if place.number else "")
-
-
 def _direction(place: Place) -> str:
     return ("-" if place.direction < 0 else "+") + AXES[abs(place.direction)] if place.direction else ""
 
 
 def _place_name(place: Place) -> str:
-    return f"{_node(place) or '0'}{_direction(place)}"
+    return f"{place.node or '0'}{_direction(place)}"
 
 
 def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Experiment:
@@ -353,7 +315,7 @@ def read_response(file: Path) -> FrequencyResponse:
             what, where=str(file), hint="a file of frequency responses; load_record reads time functions"
         )
     found = _by_ends(sets, file)
-    for doubt in _doubts_of_whole(sets, file):
+    for doubt in doubts_of_whole(sets, sets, file):
         warnings.warn(f"{file}: {doubt}", UserWarning, stacklevel=3)
     outputs, inputs = (list(dict.fromkeys(ends[k] for ends in found)) for k in range(2))
     lines: np.ndarray | None = None
@@ -447,7 +409,7 @@ def _end(end: End, unit: str, told: str, file: Path) -> Port:
     place, name = end
     table = _told_channel(told) if name else {}
     channel = build_channel(
-        table | {"node": _node(place), "direction": _direction(place)}, f"{file}, channel {_end_name(end)}"
+        table | {"node": place.node, "direction": _direction(place)}, f"{file}, channel {_end_name(end)}"
     )
     return Port(_end_name(end), unit, None if channel == Channel() else channel)
 

@@ -29,6 +29,10 @@ SANE = (1e-25, 1e25)
 FEWEST = 32  # numbers by which a byte order can be judged
 
 
+AXES = ("", "x", "y", "z", "rx", "ry", "rz")
+"""Axes of directions by their numbers."""
+
+
 @record
 class Place:
     """One end of a function: a node, by name if it has one, and a direction from -6 (-rz) to 6."""
@@ -36,6 +40,11 @@ class Place:
     name: str
     number: int
     direction: int
+
+    @property
+    def node(self) -> str:
+        """The node as a channel names it."""
+        return self.name or (str(self.number) if self.number else "")
 
 
 # Abscissa of what is read: its specific data type, where it is known (0, 1: it is not), its unit and how
