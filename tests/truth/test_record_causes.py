@@ -203,7 +203,7 @@ def test_the_tail_of_a_filter_before_an_answer_is_no_feedback(campaign: Campaign
 
 def sines(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Sums of 30 to 120 sines that repeat never within the record, and the answers of light modes."""
-    rng = np.random.default_rng([58, seed])
+    rng = np.random.default_rng([62, seed])
     n, inputs, count = int(rng.choice([2048, 4096])), int(rng.integers(1, 3)), int(rng.integers(30, 120))
     t = np.arange(n + EXTRA)[:, None, None]
     turns = rng.uniform(0.002, rng.uniform(0.2, 0.48), (inputs, count))
