@@ -145,7 +145,7 @@ def test_a_package_under_check_while_the_engine_is_taken_over_ends_its_check(tmp
 @pytest.mark.parametrize("real_time", [False, True])
 @pytest.mark.parametrize("ending", ["closed", "an error"])
 def test_who_was_relieved_leaves_engine_and_files_alone(tmp_path, real_time, ending):
-    """Its end is not the engine's; nothing that it still does moves a word of the file, and all is recorded."""
+    """Its end is not the engine's; nothing that it still does moves a word of the file; all is recorded."""
     settings = plain_settings(late_s=1e3)
     old = Supervisor(settings, random_article(), real_time=real_time)
     old.record(tmp_path / "old.mdr")
