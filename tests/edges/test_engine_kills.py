@@ -171,7 +171,7 @@ def test_who_may_take_over(tmp_path):
         with pytest.raises(ConfigError, match="supervisor that lives, process 1"):
             Supervisor.attach(path, plain_settings())
         engine.file.asks["supervisor_born"] = when_born(1) + 1  # another that had its number
-        Supervisor.attach(path, plain_settings())
+        again = Supervisor.attach(path, plain_settings())
         (tmp_path / "text").write_text("x" * 1000)
         for other, reason in (("text", "no shared file"), ("none", "cannot be read")):
             with pytest.raises(DataError, match=reason):
@@ -181,3 +181,4 @@ def test_who_may_take_over(tmp_path):
         for number, born in ((os.getpid(), when_born(os.getpid())), (engine.process.pid, 1), (0, 0)):
             file.status["pid"], file.status["born"] = number, born
             assert AdoptedEngine(file).poll() == -1  # another program of that number, or of an earlier one
+        again.close()

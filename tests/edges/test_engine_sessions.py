@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import shutil
 import subprocess
 
 import numpy as np
@@ -17,6 +19,7 @@ from middeck.realtime.engine.interface.commands import COMMANDS, check_of
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.recording.run_file import read_run
 from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -83,7 +86,10 @@ def test_in_no_state_does_an_earlier_session_move_anything(state):
 def test_who_was_relieved_commands_no_more(tmp_path, real_time):
     """What it left in the queue is refused at once, due or not, and blocks nobody; STOP is anybody's."""
     settings = plain_settings(late_s=1e3)
-    with Supervisor(settings, random_article(), folder=tmp_path, real_time=real_time, waveform=WAVE) as old:
+    with (
+        Supervisor(settings, random_article(), folder=tmp_path, real_time=real_time, waveform=WAVE) as old,
+        contextlib.ExitStack() as ending,
+    ):
         assert old.load(random_package()).done
         assert old.reset().done
         left = [
@@ -91,7 +97,7 @@ def test_who_was_relieved_commands_no_more(tmp_path, real_time):
             old.send("excite", values=[0.0]),
             old.send("end", at=1 << 40),
         ]
-        again = Supervisor.attach(tmp_path / "engine.shared", settings)
+        again = ending.enter_context(Supervisor.attach(tmp_path / "engine.shared", settings))
         again.run(5)
         assert [again.answer(number).word for number in left] == ["other session"] * 3
         for speak in (old.reset, lambda: old.send("engage", values=[1.0]), lambda: old.run(5)):
@@ -109,12 +115,15 @@ def test_who_was_relieved_commands_no_more(tmp_path, real_time):
 
 def test_who_is_relieved_while_the_queue_is_full_overwrites_no_command(tmp_path, monkeypatch):
     settings = plain_settings()
-    with Supervisor(settings, random_article(), folder=tmp_path) as old:
+    with (
+        Supervisor(settings, random_article(), folder=tmp_path) as old,
+        contextlib.ExitStack() as ending,
+    ):
         sent = []
 
         def relieve(reached):
             monkeypatch.undo()
-            sent.append(Supervisor.attach(tmp_path / "engine.shared", settings))
+            sent.append(ending.enter_context(Supervisor.attach(tmp_path / "engine.shared", settings)))
             sent.append(sent[0].send("reset", values=[sent[0].trip]))
 
         monkeypatch.setattr(old, "_wait", relieve)
@@ -128,9 +137,46 @@ def test_a_package_under_check_while_the_engine_is_taken_over_ends_its_check(tmp
     settings = plain_settings(late_s=1e3)
     with Supervisor(settings, random_article(), folder=tmp_path, real_time=True) as old:
         number = old.send("load", values=[old.file.stage(random_package()), 0])
-        again = Supervisor.attach(tmp_path / "engine.shared", settings)
-        assert again.answer(number).word in {"done", "other session"}
-        assert again.load(random_package()).done
+        with Supervisor.attach(tmp_path / "engine.shared", settings) as again:
+            assert again.answer(number).word in {"done", "other session"}
+            assert again.load(random_package()).done
+
+
+@pytest.mark.parametrize("real_time", [False, True])
+@pytest.mark.parametrize("ending", ["closed", "an error"])
+def test_who_was_relieved_leaves_engine_and_files_alone(tmp_path, real_time, ending):
+    """Its end is not the engine's; nothing that it still does moves a word of the file; all is recorded."""
+    settings = plain_settings(late_s=1e3)
+    old = Supervisor(settings, random_article(), real_time=real_time)
+    old.record(tmp_path / "old.mdr")
+    assert old.load(random_package()).done
+    assert old.reset().done
+    assert old.command("engage", values=[1.0]).done
+    old.run(20)
+    with Supervisor.attach(old.file.path, settings) as again:
+        again.record(tmp_path / "new.mdr")
+        again.run(20)
+        staged = bytes(old.file.map[int(old.file.places["staging"]) :])
+        reads = [old.read, lambda: old.load(random_package(seed=9)), lambda: old.record(tmp_path / "x.mdr")]
+        asks = again.file.asks.tobytes()
+        for speak in reads:
+            with pytest.raises(DataError, match="another supervisor has taken"):
+                speak()
+        if ending == "closed":
+            old.close()
+        else:
+            with pytest.raises(KeyError), old:
+                raise KeyError
+        assert again.file.asks.tobytes() == asks
+        assert bytes(old.file.map[int(old.file.places["staging"]) :]) == staged
+        assert old.file.path.exists()
+        again.run(20)
+        assert again.process.poll() is None
+        assert again.state in ("engaging", "control")
+    assert old.process.wait() == 0
+    shutil.rmtree(old.file.path.parent)
+    seen = [read_run(tmp_path / name).records["sequence"] for name in ("old.mdr", "new.mdr")]
+    assert np.union1d(*seen).tolist() == list(range(1, again.sample + 1))
 
 
 def test_a_number_that_moves_makes_another_layout(monkeypatch):

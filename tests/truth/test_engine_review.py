@@ -292,16 +292,20 @@ def test_an_engine_in_a_relative_folder_is_found_again(tmp_path, monkeypatch):
     """Its words must name the file as whoever takes it over knows it."""
     monkeypatch.chdir(tmp_path)
     settings = plain_settings(late_s=1e3)
-    with Supervisor(settings, random_article(), folder=Path(), real_time=True) as engine:
-        again = Supervisor.attach(Path("engine.shared"), settings)
+    with (
+        Supervisor(settings, random_article(), folder=Path(), real_time=True) as engine,
+        Supervisor.attach(Path("engine.shared"), settings) as again,
+    ):
         assert again.process.poll() is None
         assert engine.process.pid == again.process.pid
 
 
 def test_who_takes_an_engine_over_asks_for_verdicts_too(tmp_path):
     settings = plain_settings(late_s=1e3)
-    with Supervisor(settings, random_article(), folder=tmp_path, real_time=True) as engine:
-        again = Supervisor.attach(tmp_path / "engine.shared", settings, admitted={})
+    with (
+        Supervisor(settings, random_article(), folder=tmp_path, real_time=True) as engine,
+        Supervisor.attach(tmp_path / "engine.shared", settings, admitted={}) as again,
+    ):
         assert again.load(static_package(np.zeros((OUTPUTS, SENSORS)))).word == "not admitted"
         assert not engine.events()
 

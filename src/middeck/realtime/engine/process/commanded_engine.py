@@ -123,6 +123,7 @@ class CommandedEngine:
         """
         if self._admitted is not None and self._admitted.get(_seal(package)) != hash_hold(self.settings):
             return Answer(0, self.sample, "not admitted")
+        self._require_own()  # before its package lies where that of a successor may wait
         sealed = b"" if proof is None else encode_proof(proof)
         return self.command("load", slot=slot, values=[self.file.stage(package, sealed), bool(sealed)])
 

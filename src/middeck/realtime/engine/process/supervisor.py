@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import shutil
 import signal
 import subprocess
 import tempfile
+import threading
 import time
 import warnings
 from collections.abc import Collection, Mapping
@@ -112,9 +114,9 @@ class Supervisor(CommandedEngine):
                 f"a ring of {ring} records, {pretrip_s} s before a trip", hint=f"from 1; 0 to {LONGEST_S:g} s"
             )
         program = program or build_engine()
-        where = folder or Path(
-            self._left.enter_context(tempfile.TemporaryDirectory(prefix="middeck-engine-"))
-        )
+        where = folder or Path(tempfile.mkdtemp(prefix="middeck-engine-"))
+        if folder is None:
+            self._left.callback(shutil.rmtree, where, ignore_errors=True)
         article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
         played = (
             np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
@@ -195,17 +197,28 @@ class Supervisor(CommandedEngine):
         self.close()
 
     def close(self) -> None:
-        """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file."""
+        """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file.
+
+        Where another supervisor has taken the running engine over, only the own recording is ended, and a
+        temporary file stays.
+        """
+        if self.process.poll() is None and self._is_relieved():
+            threading.Thread(target=self.process.wait, daemon=True).start()  # a child that ends is buried
+            self._left.pop_all()
+        else:
+            self._end()
+        if self.process.stderr is not None:
+            self.process.stderr.close()
+        self.end_recording()
+        self._left.close()
+
+    def _end(self) -> None:
         if self.process.poll() is None:
             try:
                 self._wait_for_end(self._patience_at_end() if self._takes_end() else 0.0)
             except (subprocess.TimeoutExpired, TimeoutError):
                 self._end_in_safe()
         self.process.wait()
-        if self.process.stderr is not None:
-            self.process.stderr.close()
-        self.end_recording()
-        self._left.close()
 
     def _end_in_safe(self) -> None:
         """An engine that takes no command is told by a signal, else killed."""
@@ -238,8 +251,9 @@ class Supervisor(CommandedEngine):
         later is a warning and stands in `Recorder.faults`; the loop goes on.
 
         Raises `ConfigError` where the file is there already or of another run, `DataError` where it cannot be
-        written.
+        written, and once another supervisor has taken the engine over.
         """
+        self._require_own()
         self.end_recording()
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()) if start is None else start
         self.recorder = Recorder(
@@ -254,10 +268,14 @@ class Supervisor(CommandedEngine):
         return self.recorder
 
     def end_recording(self) -> None:
-        """Record what has not been read yet, and end the file; without a recorder nothing happens."""
+        """Record what has not been read yet, and end the file; without a recorder nothing happens.
+
+        What a relieved supervisor has not read is its successor's to record.
+        """
         if self.recorder is not None:
-            self._take()
-            self.file.asks["keeps"] = 0
+            if not self._is_relieved():
+                self._take()
+                self.file.asks["keeps"] = 0
             self.recorder.close()
             self._say_faults()
             self.recorder = None
@@ -299,6 +317,7 @@ class Supervisor(CommandedEngine):
 
     def _take(self) -> tuple[np.ndarray, int]:
         """`take_records`, recorded."""
+        self._require_own()  # who reads says how far it has read
         last = self.sample
         found, lost = take_records(self.file, last, runs_on=self._runs_on)
         self._record(found)
@@ -340,6 +359,7 @@ class Supervisor(CommandedEngine):
 
     def _skip(self) -> np.ndarray:
         if self.recorder is None:
+            self._require_own()
             self.file.asks["taken"] = self.sample
         else:
             self._take()
