@@ -16,8 +16,8 @@ from middeck.identification.faults.equal_runs import ROUNDING, Found, Levels, Ru
 BESIDE, LEAP = 12, 2.0
 # Samples on each side that are left out where longer ones are sought: so many and one may be one spike.
 WIDE = 8
-# Samples so many times beyond the hundredth that are largest, no more than a share of all, are not among those
-# that others are compared with: of two spikes close together neither would be outside of the other.
+# Samples so many times beyond the hundredth that are largest, no more than a share of all, are not among
+# those that others are compared with: of two spikes close together neither would be outside of the other.
 FAR, HUNDREDTH, FEW = 3.0, 0.99, 0.005
 # Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
 # largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
