@@ -36,6 +36,7 @@ from middeck.signals.record import Record
 from middeck.systems.sampling.zero_order_hold import hold_response, release_hold, release_inputs
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
+from repeats import repeats
 
 PORTS = (Port("torque", "N m"),), (Port("angle", "rad"),)
 NOISE = 1e-4
@@ -339,3 +340,25 @@ def test_poles_that_stand_for_what_is_folded_back_are_not_folded_themselves():
     assert np.all(np.abs(off) < 4.0 * fit.uncertainty.natural_hz[order])
     assert abs(fit.model.delay_s[0] - delay_s) < 4.0 * fit.uncertainty.delay_s[0] < 8e-5
     assert fit.warnings == ()
+
+
+@pytest.mark.parametrize("seed", repeats([0, 3, 1]))
+def test_a_mode_below_the_band_is_folded_back_as_those_within_are(seed: int) -> None:
+    """Its tail goes on beyond half the rate: left out, a mode was many deviations off and none was sound."""
+    rng, rate, count = np.random.default_rng([44, seed]), 100.0, 1000
+    hz, zeta, gain = np.array([rng.uniform(0.5, 2.0), 27.0]), [0.05, 0.008], [8.0, -0.8]
+    u = rng.standard_normal(count)
+    y = np.zeros(count)
+    for f, z, a in zip(hz, zeta, gain, strict=True):
+        p = 2.0 * np.pi * f * (-z + 1j * np.sqrt(1.0 - z**2))
+        step = np.exp(p / rate)
+        y += a * ss.lfilter([0.0, (step - 1.0) / p], [1.0, -step], u + 0j).imag
+    y += 1e-4 * y.std() * rng.standard_normal(count)
+    record = Record(
+        sample_hz=rate, u=u[None, None, :, None], y=y[None, None, :, None], inputs=PORTS[0],
+        outputs=PORTS[1], periodic=False, held=True,
+    )  # fmt: skip
+    fit = fit_record(record, states=4, sampled=False, band_hz=(4.0, 40.0))
+    within = int(np.argmax(natural_hz(fit.model)))
+    assert fit.standing[within] == "sound"
+    assert abs(natural_hz(fit.model)[within] - hz[1]) < 4.0 * fit.uncertainty.natural_hz[within]

@@ -16,6 +16,9 @@ from middeck.identification.faults.equal_runs import ROUNDING, Found, Levels, Ru
 BESIDE, LEAP = 12, 2.0
 # Samples on each side that are left out where longer ones are sought: so many and one may be one spike.
 WIDE = 8
+# Samples so many times beyond the hundredth that are largest, no more than a share of all, are not among
+# those that others are compared with: of two spikes close together neither would be outside of the other.
+FAR, HUNDREDTH, FEW = 3.0, 0.99, 0.005
 # Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
 # largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
 PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
@@ -98,17 +101,27 @@ def _answers(run: tuple[int, int], driven: Runs) -> bool:
 def _outside_runs(x: Signal, step: float) -> Runs:
     if len(x) < 2 * BESIDE + 5:
         return []
-    found = _outside(x, step, 1)
+    others = _without_far(x)
+    found = _outside(x, others, step, 1)
     if len(x) > 4 * (BESIDE + WIDE):
         inner = slice(BESIDE + WIDE, -BESIDE - WIDE)
-        found[inner] |= _outside(x, step, WIDE)[inner]
+        found[inner] |= _outside(x, others, step, WIDE)[inner]
     return [run for run in runs_of(found) if not (_decays(x, run) or _goes_on(x, run))]
 
 
-def _outside(x: Signal, step: float, near: int) -> Bool[np.ndarray, " sample"]:
-    """Samples outside of those more than ``near`` and up to BESIDE + ``near`` - 1 away."""
-    highest = _beside(x, scipy.ndimage.maximum_filter1d, near)
-    lowest = -_beside(-x, scipy.ndimage.maximum_filter1d, near)
+def _without_far(x: Signal) -> Signal:
+    """The signal through runs of few samples that are far beyond nearly all others."""
+    off = np.abs(x - np.median(x))
+    far = off > FAR * float(np.quantile(off, HUNDREDTH))
+    if not 0 < np.sum(far) <= FEW * len(x) or any(b - a > WIDE + 1 for a, b in runs_of(far)):
+        return x
+    return np.where(far, np.interp(np.arange(len(x)), np.flatnonzero(~far), x[~far]), x)
+
+
+def _outside(x: Signal, others: Signal, step: float, near: int) -> Bool[np.ndarray, " sample"]:
+    """Samples outside of the ``others`` more than ``near`` and up to BESIDE + ``near`` - 1 away."""
+    highest = _beside(others, scipy.ndimage.maximum_filter1d, near)
+    lowest = -_beside(-others, scipy.ndimage.maximum_filter1d, near)
     beyond = np.maximum(x - highest, lowest - x)
     return (beyond > LEAP * (highest - lowest) + 5.0 * step) & (beyond > ROUNDING * np.abs(x).max())
 

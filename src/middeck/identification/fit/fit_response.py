@@ -25,9 +25,9 @@ from middeck.identification.fit.modes_that_stand_for_delay import stands_for_del
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
 from middeck.identification.fit.unneeded_modes import parted, tidied
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
-from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.refused_data import check_logarithms, check_response, check_word
-from middeck.identification.model.steady_simulation import folded_response
+from middeck.identification.model.steady_simulation import folded_modes, folded_response
 from middeck.identification.order.best_start import leaves_noise, model_error, race, spread_to_follow
 from middeck.identification.order.outside_band import choose_order
 from middeck.identification.order.recommended_order import count_unknowns
@@ -185,8 +185,8 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
         return marked(fit_lines(measured, asked, cost), hold_s)
     first = _searched(release_hold(measured), asked, cost)
     model, covariance, _ = _model_of(first)
-    # Poles beyond the band stand for what is folded back themselves; complex residues add up with theirs.
-    kept = (natural_hz(model) <= measured.frequency_hz[-1]) | (not covariance.structure.real_constants)
+    last_hz = float(measured.frequency_hz[-1])
+    kept = folded_modes(model, last_hz, real=covariance.structure.real_constants)
     folded = folded_response(model, measured.frequency_hz, 1.0 / hold_s, kept)
     alone = dataclasses.replace(measured, H=measured.H - folded)
     return marked(_result(_searched(release_hold(alone), asked, cost, first.best)), hold_s)

@@ -82,8 +82,8 @@ def poles_instead(
         start = _beyond(measured, data, best, poles, pairs)
         run = polish(data, start, spread, steps=STEPS, rounds=ROUNDS)
         if run is not None:
-            found.append((_length(data, run), run.layout.states))
-    return instead_of(_length(data, same), found)
+            found.append((_length(data, run, spread), run.layout.states))
+    return instead_of(_length(data, same, spread), found)
 
 
 def _beyond(measured: FrequencyResponse, data: Data, best: Polished, true: np.ndarray, pairs: int) -> Start:
@@ -102,6 +102,6 @@ def instead_of(own: float, others: Sequence[tuple[float, int]]) -> PolesInstead 
     return PolesInstead(states, length < own - UNDECIDED) if length <= own + UNDECIDED else None
 
 
-def _length(data: Data, run: Polished) -> float:
+def _length(data: Data, run: Polished, spread: Spread) -> float:
     likelihood = run.likelihood if np.isfinite(run.likelihood) else np.inf
-    return description_length(likelihood, run.layout.unknowns, 2 * data.H.size)
+    return description_length(likelihood, run.layout.unknowns, 2 * data.H.size, spread.alike)

@@ -84,7 +84,7 @@ def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | Non
     two = polish(data, with_split(run.start, m), spread, steps=2 * STEPS, rounds=3, share=run.share)
     if two is None or not leaves_noise(two, spread):
         return None
-    return two if _length(data, two) + CLEARLY < _length(data, run) else None
+    return two if _length(data, two, spread) + CLEARLY < _length(data, run, spread) else None
 
 
 def own_lines(data: Data, pole: complex) -> Bool[np.ndarray, " line"]:
@@ -138,13 +138,13 @@ def _without(
     """Refined without some modes, if its description is no longer."""
     start = without_modes(best.start, dropped)
     fewer = polish(data, start, spread, steps=STEPS, rounds=2, share=best.share)
-    if fewer is None or _length(data, fewer) > _length(data, best):
+    if fewer is None or _length(data, fewer, spread) > _length(data, best, spread):
         return None
     return fewer
 
 
-def _length(data: Data, run: Polished) -> float:
-    return description_length(run.likelihood, run.layout.unknowns, 2 * data.H.size)
+def _length(data: Data, run: Polished, spread: Spread) -> float:
+    return description_length(run.likelihood, run.layout.unknowns, 2 * data.H.size, spread.alike)
 
 
 def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]:

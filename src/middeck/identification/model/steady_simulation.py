@@ -12,6 +12,7 @@ from middeck.identification.model.measurement_model import (
     MeasurementModel,
     double_pole,
     model_response,
+    natural_hz,
     path_delay,
     single_pole,
 )
@@ -70,6 +71,16 @@ def folded_response(
     )
     hold = hold_response(frequency_hz, 1.0 / rate_hz)[:, None, None]
     return held_response(moving, frequency_hz, rate_hz) - hold * model_response(moving, frequency_hz)
+
+
+def folded_modes(model: MeasurementModel, last_hz: float, *, real: bool) -> Bool[np.ndarray, " mode"]:
+    """Modes of a first fit whose response beyond half the rate is folded back, as that of the article is.
+
+    Those above the last line were fitted with what is folded back, and stand for it themselves, but where
+    residues are complex, which add up with theirs. One below the first line keeps its tail at all
+    frequencies.
+    """
+    return (natural_hz(model) <= last_hz) | (not real)
 
 
 def simulate_periodic(

@@ -50,7 +50,7 @@ def recommend_states(
         # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
         sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
         unknowns = count_unknowns(measured, sized)
-        length = order.description_length(run.likelihood, unknowns, 2 * part.H.size)
+        length = order.description_length(run.likelihood, unknowns, 2 * part.H.size, some.alike)
         # Without a measured variance nothing tells noise from what the model lacks.
         noise = measured.variance is None or leaves_noise(run, some)
         runs[states] = order.Tried(states, length, _held_out(data, spread, part, some, run), noise), run

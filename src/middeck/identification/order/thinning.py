@@ -52,8 +52,9 @@ def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tu
         s=data.s[kept], H=data.H[:, kept], weight=data.weight[:, kept], drive=drive, transient=data.transient
     )
     chance = spread.chance * float(np.sqrt(data.H.size / max(part.H.size, 1)))
+    alike = max(spread.alike * len(part.s) / len(data.s), 1.0)
     return part, dataclasses.replace(
-        spread, variance=spread.variance[:, kept], size=spread.size[:, kept], chance=chance
+        spread, variance=spread.variance[:, kept], size=spread.size[:, kept], chance=chance, alike=alike
     )
 
 

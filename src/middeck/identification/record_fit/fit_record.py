@@ -30,7 +30,7 @@ from middeck.identification.fit.modes_that_stand_for_delay import stands_for_del
 from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.refused_data import check_record, check_word
-from middeck.identification.model.steady_simulation import folded_response
+from middeck.identification.model.steady_simulation import folded_modes, folded_response
 from middeck.identification.model.unstable_article import refuse_growth
 from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, Transient
@@ -186,8 +186,9 @@ def fit_samples(
         return dataclasses.replace(found, order_reason=why + found.order_reason)
     if not record.held:
         return marked(fit(record), None if record.held is None else 0.0)
+    assert band_hz is not None  # sampled models alone leave it open
     behind = release_inputs(record)
-    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind), record))
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind), record, band_hz[1]))
     return marked(fit(behind), 1.0 / record.sample_hz)
 
 
@@ -225,16 +226,10 @@ def _fit(
         return _result(measured, record, fitted, reason, score, heard[1], input_noise)
 
 
-def _folded_outputs(first: FitResult, record: Record) -> Float[np.ndarray, "*outputs"]:
-    """The part of the outputs that is folded back: held inputs reach beyond half the rate.
-
-    Poles outside the band were fitted with that part, and stand for it themselves; complex residues add up
-    with theirs.
-    """
+def _folded_outputs(first: FitResult, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:
+    """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
     model = first.model
-    kept = np.array([one != "outside" for one in first.standing]) | (
-        not first.covariance.structure.real_constants
-    )
+    kept = folded_modes(model, last_hz, real=first.covariance.structure.real_constants)
     run = record.u.reshape(len(record.u), -1, record.u.shape[3])
     f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
     H = np.zeros((len(f), *model.direct.shape), dtype=complex)

@@ -49,7 +49,7 @@ class Spread:
 
     ``relative``: P is the size of each line, not of the output. Of a residual that is noise alone, |r|^2 / v
     has a ``mean`` above one, as v is known by few degrees, and over all lines the relative deviation
-    ``chance``.
+    ``chance``. ``alike`` lines have much the same noise and tell no more than one.
     """
 
     variance: Float[np.ndarray, "output line input"]
@@ -57,6 +57,7 @@ class Spread:
     relative: bool = False
     chance: float = 0.0
     mean: float = 1.0
+    alike: float = 1.0
 
     def at(self, share: float) -> Float[np.ndarray, "output line input"]:
         """v + share P."""
@@ -105,10 +106,13 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     if measured.variance is not None:
         variance = variance + _smooth(by_output(measured.variance), degrees, measured.alike or 1.0)
     # |r|^2 / E |r|^2 scatters by one, and v, a gamma variate, by one over the root of its degrees.
-    chance = np.sqrt((1.0 + 1.0 / degrees) * (measured.alike or 1.0) / H.size)
+    alike = measured.alike or 1.0
+    chance = np.sqrt((1.0 + 1.0 / degrees) * alike / H.size)
     size = np.abs(H) ** 2 if relative else power
     mean = inverse_bias(averaged_degrees(measured))
-    return Spread(variance=variance, size=size, relative=relative, chance=float(chance), mean=mean)
+    return Spread(
+        variance=variance, size=size, relative=relative, chance=float(chance), mean=mean, alike=alike
+    )
 
 
 def _smooth(v: Float[np.ndarray, "output line input"], degrees: float, alike: float = 1.0) -> np.ndarray:
