@@ -40,7 +40,6 @@ class Stabilisation:
     """Poles of all orders, those of one pair once, in rising order; real poles are left out.
 
     Attributes:
-        orders: The orders tried [states].
         order: The order each pole belongs to.
         natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
         stable_frequency, stable_damping, stable_shape: Whether the nearest pole of the order before lies
@@ -50,7 +49,6 @@ class Stabilisation:
         cluster_hz, cluster_damping: Median over each cluster, by frequency.
     """
 
-    orders: tuple[int, ...]
     order: Int[np.ndarray, " pole"]
     natural_hz: Float[np.ndarray, " pole"]
     damping: Float[np.ndarray, " pole"]
@@ -171,7 +169,6 @@ def _result(models: list[_Model], flags: np.ndarray) -> Stabilisation:
     for k, c in enumerate(kept):
         cluster[c] = k
     return Stabilisation(
-        orders=orders,
         order=order,
         natural_hz=natural_hz,
         damping=damping,
