@@ -89,11 +89,3 @@ def rig_article_plant(
     return build_plant(
         modes, inputs=inputs, outputs=outputs, count=count, damping=damping, w=w, u=u, z=z, y=y
     )
-
-
-def holding_torque(article: RigArticle, joint: str) -> float:
-    """Torque of the motor of ``joint`` against gravity [N m]."""
-    names = [j.name for j in article.equilibrium.model.structure.joints]
-    if joint not in names:
-        raise ConfigError(f"no joint {joint!r}", hint=f"one of {', '.join(names)}")
-    return float(article.equilibrium.holding_torque[names.index(joint)])

@@ -45,7 +45,6 @@ def build_article_rig(
     drifts: Sequence[Drift] = (),
     age_s: float = 0.0,
     drifting: bool = False,
-    substeps: int = 1,
     inner: PDLoops | None = None,
 ) -> Rig:
     """The rig of ``article`` between torque commands at ``inputs`` and samples of ``outputs``.
@@ -71,7 +70,6 @@ def build_article_rig(
         sample_hz=settings.sample_hz,
         delay_s=rig_delay(article, settings),
         joints=[JointElements(name, name, elements) for name in rubs],
-        substeps=substeps,
         drifts=drifts if drifting else (),
         age_s=age_s,
     )

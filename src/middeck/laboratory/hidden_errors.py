@@ -15,6 +15,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 
+MODES = 400  # whose damping is drawn
 DAMPING_SPREAD = 0.3  # of the logarithm of each mode's ratio
 
 Factors = tuple[tuple[str, float], ...]
@@ -50,7 +51,7 @@ class HiddenErrors:
     gain: Factors
 
 
-def draw_hidden_errors(structure: Structure, seed: int, *, modes: int = 400) -> HiddenErrors:
+def draw_hidden_errors(structure: Structure, seed: int) -> HiddenErrors:
     """Hidden errors of ``structure`` from a seed, uniform as the frozen case has them.
 
     E +-15 %, each strut's EI a further -5 to 0 %, masses +-5 % and inertias +-10 % of the heavy nodes (those
@@ -76,7 +77,7 @@ def draw_hidden_errors(structure: Structure, seed: int, *, modes: int = 400) -> 
         payload_cg=tuple((j, around(0.1)) for j in payloads),
         bounce=around(0.1),
         cable_length=around(0.05),
-        damping=rng.standard_normal(modes),
+        damping=rng.standard_normal(MODES),
         delay_s=float(rng.uniform(-1e-3, 1e-3)),
         gain=tuple((s.name, around(0.02)) for s in structure.sensors),
     )
@@ -151,7 +152,7 @@ def spread_damping(damping: Damping, modes: Modes, drawn: np.ndarray, count: int
         raise ConfigError(
             f"damping drawn for {len(drawn)} modes of {count}",
             where="HiddenErrors",
-            hint="draw_hidden_errors with as many modes as the plant keeps",
+            hint="a plant of fewer modes",
         )
     if damping.table is not None or damping.dampers or damping.loss_factor or damping.by_mode:
         raise ConfigError(

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scipy.linalg import lapack
 
 from middeck.control.h2.generalized_plant import GeneralizedPlant
+from middeck.control.riccati.lyapunov import solve_triangular
 from middeck.values import record
 
 
@@ -73,8 +74,9 @@ def evaluate_cost(model: GeneralizedPlant, law: Law) -> LawCost:
     if form is None:
         return LawCost(cost=np.inf)
     T, into, out = form
-    X = into @ solve_triangular(T, out @ B, transposed=False) @ into.T
-    P = out.T @ solve_triangular(T, (C @ into).T, transposed=True) @ out
+    F, H = out @ B, C @ into
+    X = into @ solve_triangular(T, F @ F.T, transposed=False) @ into.T
+    P = out.T @ solve_triangular(T, H.T @ H, transposed=True) @ out
     cost = float(np.sum((C @ X) * C))
     if not np.isfinite(cost):
         return LawCost(cost=np.inf)
@@ -112,7 +114,8 @@ def solve_gramian(
     if form is None:
         return None
     T, into, out = form
-    return into @ solve_triangular(T, out @ B, transposed=False) @ into.T
+    F = out @ B
+    return into @ solve_triangular(T, F @ F.T, transposed=False) @ into.T
 
 
 def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -128,10 +131,3 @@ def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | N
     if not np.diag(T).max(initial=-np.inf) < 0.0:
         return None
     return T, scale[:, None] * U, U.T / scale
-
-
-def solve_triangular(T: np.ndarray, factor: np.ndarray, *, transposed: bool) -> np.ndarray:
-    """T Y + Y T' + F F' = 0, or T' Y + Y T + F F' = 0."""
-    sides = {"trana": "T"} if transposed else {"tranb": "T"}
-    solved, scale, _ = cast("Any", lapack).dtrsyl(T, T, -(factor @ factor.T), **sides)
-    return solved / scale

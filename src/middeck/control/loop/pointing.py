@@ -55,7 +55,6 @@ class PointingBudget:
 
     Attributes:
         outputs: Names of the outputs z.
-        window: The window of ``mean``, ``relative`` and ``drift``.
         absolute: Rms of the error.
         mean: Rms of the mean over a window.
         relative: Rms about that mean (jitter); absolute^2 = mean^2 + relative^2.
@@ -63,7 +62,6 @@ class PointingBudget:
     """
 
     outputs: tuple[str, ...]
-    window: PointingWindow
     absolute: Float[np.ndarray, " z"]
     mean: Float[np.ndarray, " z"]
     relative: Float[np.ndarray, " z"]
@@ -92,7 +90,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
     if not loop.stable:
         unbounded = np.full(len(names), np.inf)
         parts = dict.fromkeys(("absolute", "mean", "relative", "drift"), unbounded)
-        return PointingBudget(outputs=names, window=window, **parts)
+        return PointingBudget(outputs=names, **parts)
     cuts = _cuts(window, performance.band_hz)
     mean, relative, drift = (
         weighed_rms(
@@ -104,9 +102,7 @@ def budget_pointing(loop: ClosedLoop, performance: Performance, window: Pointing
         )
         for weight in (mean_weight, relative_weight, drift_weight)
     )
-    return PointingBudget(
-        outputs=names, window=window, absolute=absolute, mean=mean, relative=relative, drift=drift
-    )
+    return PointingBudget(outputs=names, absolute=absolute, mean=mean, relative=relative, drift=drift)
 
 
 def mean_weight(

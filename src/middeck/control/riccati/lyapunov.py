@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -12,9 +11,6 @@ from scipy.linalg import lapack
 
 SQUARINGS = 60
 """Number of doublings for a pole at 1 - 1e-16."""
-BLOCK = 48
-"""Rows solved by substitution at once; the rest of the work is matrix products (Jonsson and Kågström 2002,
-ACM Trans. Math. Software 28, recursive blocked algorithms)."""
 
 
 def solve_lyapunov(
@@ -22,37 +18,21 @@ def solve_lyapunov(
 ) -> Float[np.ndarray, "state state"]:
     """X with A'X + XA + Q = 0 for symmetric Q, no two poles of A mirrored at the axis.
 
-    Bartels and Stewart (1972, Comm. ACM 15), symmetric blocks once.
+    Bartels and Stewart (1972, Comm. ACM 15).
 
     >>> solve_lyapunov(np.array([[-1.0]]), np.array([[6.0]]))
     array([[3.]])
     """
     T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
-    X = U @ _solve_triangular(T, U.T @ Q @ U) @ U.T
+    X = U @ solve_triangular(T, U.T @ Q @ U, transposed=True) @ U.T
     return (X + X.T) / 2.0
 
 
-def _solve_triangular(T: np.ndarray, Q: np.ndarray) -> Float[np.ndarray, "state state"]:
-    """T'X + XT + Q = 0 for T quasi upper triangular, block column by block column."""
-    cuts = _cuts(T)
-    X = np.zeros(T.shape)
-    for j, right in enumerate(cuts):
-        for left in cuts[: j + 1]:
-            known = Q[left, right] + T[: left.start, left].T @ X[: left.start, right]
-            known += X[left, : right.start] @ T[: right.start, right]
-            part, scale, _ = cast("Any", lapack).dtrsyl(T[left, left], T[right, right], -known, trana="T")
-            X[left, right] = part / scale
-            X[right, left] = X[left, right].T
-    return X
-
-
-def _cuts(T: np.ndarray) -> list[slice]:
-    """Blocks of about `BLOCK` rows that part no pair of complex poles."""
-    n, edges = len(T), [0]
-    while edges[-1] < n:
-        edge = min(edges[-1] + BLOCK, n)
-        edges.append(edge + 1 if edge < n and T[edge, edge - 1] != 0.0 else edge)
-    return [slice(a, b) for a, b in pairwise(edges)]
+def solve_triangular(T: np.ndarray, Q: np.ndarray, *, transposed: bool) -> Float[np.ndarray, "state state"]:
+    """T X + X T' + Q = 0, or transposed T' X + X T + Q = 0, for T quasi upper triangular."""
+    sides = {"trana": "T"} if transposed else {"tranb": "T"}
+    X, scale, _ = cast("Any", lapack).dtrsyl(T, T, -Q, **sides)
+    return X / scale
 
 
 def solve_discrete_lyapunov(

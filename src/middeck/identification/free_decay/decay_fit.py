@@ -29,10 +29,8 @@ STEEPEST = 14.0
 
 @record
 class Amplitudes:
-    """Log amplitudes in falling order, and splines in them that change from ``least`` to ``largest``."""
+    """Log amplitudes in falling order, and splines in them."""
 
-    least: float
-    largest: float
     log: Float[np.ndarray, " point"]
     basis: Float[np.ndarray, "point coefficient"]
 
@@ -45,7 +43,7 @@ def amplitudes(least: float, largest: float, coefficients: int) -> Amplitudes:
     inner = np.linspace(low, high, coefficients - degree + 1)
     knots = np.concatenate([np.full(degree, inner[0]), inner, np.full(degree, inner[-1])])
     basis = np.asarray(BSpline.design_matrix(np.clip(log, low, high), knots, degree).toarray())
-    return Amplitudes(least, largest, log, basis)
+    return Amplitudes(log, basis)
 
 
 def decay_curve(
@@ -191,8 +189,8 @@ def _others(
 def _choose(first: _Fit, data: list[Float[np.ndarray, " sample"]], sample_hz: float) -> tuple[_Fit, _Fit]:
     """The fit of the minimum description length, and the one to tell.
 
-    The second has the next number of coefficients, since the first leaves a bias as large as the noise; but one
-    exponential is told as such. The search ends where two numbers in turn are no shorter.
+    The second has the next number of coefficients, since the first leaves a bias as large as the noise; but
+    one exponential is told as such. The search ends where two numbers in turn are no shorter.
     """
     tried, best = [first], 0
     for count in COEFFICIENTS[1:]:

@@ -99,10 +99,11 @@ def has_met(tried: Sequence[Tried]) -> bool:
 def choose(tried: Sequence[Tried]) -> OrderChoice:
     """One order, with its reason and what lines kept out of the fit say of it.
 
-    Where some order leaves noise alone: that of the minimum description length (MDL), or the smallest of those
-    that are as short, of orders that do not meet the lines kept out clearly worse than smaller ones. Elsewhere, and where
-    even the largest order tried shortens it, no order is the true one (a real structure has no end of modes):
-    then the smallest that meets the lines kept out of the fit as well as each of the next few larger ones.
+    Where some order leaves noise alone: that of the minimum description length (MDL), or the smallest of
+    those that are as short, of orders that do not meet the lines kept out clearly worse than smaller ones.
+    Elsewhere, and where even the largest order tried shortens it, no order is the true one (a real structure
+    has no end of modes): then the smallest that meets the lines kept out of the fit as well as each of the
+    next few larger ones.
     """
     trusted = [
         t for k, t in enumerate(tried) if t.held_out <= WORSE * min(o.held_out for o in tried[: k + 1])

@@ -31,6 +31,8 @@ HEAVY = 0.3
 # A cluster holds a stable pole of at least this share of the orders above its first.
 SHARE = 0.5
 FEWEST = 3
+# How far a stable pole may be from that of the order before, relative; and its MAC from one.
+BY_HZ, BY_DAMPING, BY_MAC = 0.01, 0.2, 0.05
 
 
 @record(kw_only=True)
@@ -38,7 +40,6 @@ class Stabilisation:
     """Poles of all orders, those of one pair once, in rising order; real poles are left out.
 
     Attributes:
-        orders: The orders tried [states].
         order: The order each pole belongs to.
         natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
         stable_frequency, stable_damping, stable_shape: Whether the nearest pole of the order before lies
@@ -48,7 +49,6 @@ class Stabilisation:
         cluster_hz, cluster_damping: Median over each cluster, by frequency.
     """
 
-    orders: tuple[int, ...]
     order: Int[np.ndarray, " pole"]
     natural_hz: Float[np.ndarray, " pole"]
     damping: Float[np.ndarray, " pole"]
@@ -70,29 +70,24 @@ def stabilisation(
     *,
     orders: Sequence[int] = tuple(range(2, 61, 2)),
     sample_hz: float | None = None,
-    frequency_tolerance: float = 0.01,
-    damping_tolerance: float = 0.2,
-    mac_tolerance: float = 0.05,
 ) -> Stabilisation:
     """The stabilisation diagram of a measured response.
+
+    A pole is stable if its frequency is within 1 % and its damping within 20 % of that of the order before,
+    and the MAC of their residue matrices is 0.95 or more.
 
     Args:
         measured: Response, with its variance where there is one.
         orders: Rising orders [states]; those that the lines are too few for are left out.
         sample_hz: The sampling rate, for a sampled model; continuous without.
-        frequency_tolerance, damping_tolerance: How far a stable pole may be from that of the order before,
-            relative.
-        mac_tolerance: By how much the MAC of the residue matrices may fall short of one.
 
-    Raises `ConfigError` for orders that do not rise from one or more, or tolerances that are not positive;
-    `FitError` if the lines are too few for the lowest order.
+    Raises `ConfigError` for orders that do not rise from one or more; `FitError` if the lines are too few
+    for the lowest order.
     """
     if not orders or orders[0] < 1 or any(b <= a for a, b in pairwise(orders)):
         raise ConfigError(
             f"orders {tuple(orders)[:5]} do not rise from one or more", hint="orders such as range(2, 41, 2)"
         )
-    if min(frequency_tolerance, damping_tolerance, mac_tolerance) <= 0.0:
-        raise ConfigError("a tolerance is a positive share", hint="0.01, 0.2 and 0.05")
     if sample_hz is not None and measured.frequency_hz[-1] >= 0.5 * sample_hz:
         raise ConfigError(
             f"the response reaches {measured.frequency_hz[-1]:.6g} Hz, beyond half of {sample_hz:.6g} Hz",
@@ -101,10 +96,9 @@ def stabilisation(
     data = _some_lines(measured, orders[-1])
     models = list(_models(data, sample_hz, orders))
     flags = [np.zeros((len(models[0].poles), 3), dtype=bool)] + [
-        _compare(before, now, frequency_tolerance, damping_tolerance, mac_tolerance)
-        for before, now in pairwise(models)
+        _compare(before, now) for before, now in pairwise(models)
     ]
-    return _result(models, np.vstack(flags), frequency_tolerance, mac_tolerance)
+    return _result(models, np.vstack(flags))
 
 
 @record
@@ -139,20 +133,20 @@ def _models(data: Data, sample_hz: float | None, orders: Sequence[int]) -> list[
     return models
 
 
-def _compare(before: _Model, now: _Model, by_hz: float, by_damping: float, by_mac: float) -> np.ndarray:
+def _compare(before: _Model, now: _Model) -> np.ndarray:
     """Columns: frequency, damping, shape."""
     if not len(before.poles):
         return np.zeros((len(now.poles), 3), dtype=bool)
     size, size_before = np.abs(now.poles), np.abs(before.poles)
     k = np.argmin(np.abs(np.log(size[:, None] / size_before)), axis=1)
     zeta, zeta_before = -np.real(now.poles) / size, -np.real(before.poles[k]) / size_before[k]
-    frequency = np.abs(size - size_before[k]) <= by_hz * size
-    damping = frequency & (np.abs(zeta - zeta_before) <= by_damping * zeta)
+    frequency = np.abs(size - size_before[k]) <= BY_HZ * size
+    damping = frequency & (np.abs(zeta - zeta_before) <= BY_DAMPING * zeta)
     if now.residues.shape[1] > 1:
-        shape = _mac(now.residues, before.residues[k]) >= 1.0 - by_mac
+        shape = _mac(now.residues, before.residues[k]) >= 1.0 - BY_MAC
     else:
         moved = now.residues - before.residues[k]
-        shape = np.abs(moved[:, 0]) <= by_damping * np.abs(now.residues[:, 0])
+        shape = np.abs(moved[:, 0]) <= BY_DAMPING * np.abs(now.residues[:, 0])
     return np.stack([frequency, damping, frequency & shape], axis=1)
 
 
@@ -162,20 +156,19 @@ def _mac(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs(np.sum(a.conj() * b, axis=-1)) ** 2 / np.maximum(size, np.finfo(float).tiny)
 
 
-def _result(models: list[_Model], flags: np.ndarray, by_hz: float, by_mac: float) -> Stabilisation:
+def _result(models: list[_Model], flags: np.ndarray) -> Stabilisation:
     poles = np.concatenate([m.poles for m in models])
     order = np.repeat([m.order for m in models], [len(m.poles) for m in models])
     orders = tuple(m.order for m in models)
     natural_hz, damping = np.abs(poles) / (2.0 * np.pi), -np.real(poles) / np.abs(poles)
     residues = np.concatenate([m.residues for m in models])
-    members = _members(order, natural_hz, residues, flags[:, 0] & flags[:, 1] & flags[:, 2], by_hz, by_mac)
+    members = _members(order, natural_hz, residues, flags[:, 0] & flags[:, 1] & flags[:, 2])
     kept = [c for c in members if len(c) >= max(FEWEST, SHARE * sum(n >= order[c[0]] for n in orders))]
     kept.sort(key=lambda c: float(np.median(natural_hz[c])))
     cluster = np.full(len(poles), -1)
     for k, c in enumerate(kept):
         cluster[c] = k
     return Stabilisation(
-        orders=orders,
         order=order,
         natural_hz=natural_hz,
         damping=damping,
@@ -188,9 +181,7 @@ def _result(models: list[_Model], flags: np.ndarray, by_hz: float, by_mac: float
     )
 
 
-def _members(
-    order: np.ndarray, hz: np.ndarray, residues: np.ndarray, stable: np.ndarray, by_hz: float, by_mac: float
-) -> list[list[int]]:
+def _members(order: np.ndarray, hz: np.ndarray, residues: np.ndarray, stable: np.ndarray) -> list[list[int]]:
     """Stable poles of like frequency and shape, one of each order, followed from order to order."""
     members: list[list[int]] = []
     for k in np.flatnonzero(stable):
@@ -198,8 +189,8 @@ def _members(
             c
             for c in members
             if order[c[-1]] < order[k]
-            and abs(hz[c[-1]] - hz[k]) <= by_hz * hz[k]
-            and _mac(residues[c[-1]], residues[k]) >= 1.0 - by_mac
+            and abs(hz[c[-1]] - hz[k]) <= BY_HZ * hz[k]
+            and _mac(residues[c[-1]], residues[k]) >= 1.0 - BY_MAC
         ]
         if near:
             min(near, key=lambda c: abs(hz[c[-1]] - hz[k])).append(int(k))

@@ -89,10 +89,10 @@ def simulate_record(
 
 
 def record_nrmse(
-    model: MeasurementModel, record: Record, *, state_share: float = 1.0, between: Between | None = None
+    model: MeasurementModel, record: Record, *, state_share: float = 1.0
 ) -> Float[np.ndarray, " output"]:
     """rms(y - y_model) / rms(y) of each output over the whole record; see `simulate_record`."""
-    y = simulate_record(model, record, state_share=state_share, between=between)
+    y = simulate_record(model, record, state_share=state_share)
     axes = (0, 1, 2)
     return np.sqrt(np.sum((record.y - y) ** 2, axis=axes) / np.sum(record.y**2, axis=axes))
 

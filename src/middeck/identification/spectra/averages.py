@@ -52,21 +52,18 @@ def estimate_spectra(
     record: Record | RecordStream | Campaign,
     *,
     segment: int | None = None,
-    window: str = "hann",
-    overlap: float = 0.5,
 ) -> Spectra:
     """Spectra of a record, its experiments averaged; whole periods are segments of their own, unwindowed.
 
-    Welch's segments are for pictures: a window of length T smears whatever is narrower than some 1.5/T. At
-    1 % damping the response is 10 to 40 % wrong near resonance with any usual length; that of local models,
-    or of whole periods, is not.
+    Welch's segments (Hann's window, half overlapped, the mean of each removed) are for pictures: a window of
+    length T smears whatever is narrower than some 1.5/T. At 1 % damping the response is 10 to 40 % wrong near
+    resonance with any usual length; that of local models, or of whole periods, is not.
 
     Args:
         record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
             differ in length.
         segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record
             is cut into its periods, whatever this says.
-        window, overlap: As in `scipy.signal.get_window`; the mean of each segment is removed.
 
     Raises `DataError` if a channel is constant or not finite, or a segment is longer than the record.
 
@@ -79,7 +76,7 @@ def estimate_spectra(
     """
     streams = [checked_stream(r) for r in (record.records if isinstance(record, Campaign) else (record,))]
     first = streams[0]
-    size, hop, taper = _cut(streams, segment, window, overlap)
+    size, hop, taper = _cut(streams, segment)
     periodic = first.period is not None
     total = np.zeros((size // 2 + 1,) + 2 * (len(first.inputs) + len(first.outputs),), dtype=complex)
     segments, averages = 0, 0.0
@@ -103,9 +100,7 @@ def estimate_spectra(
     )
 
 
-def _cut(
-    streams: list[RecordStream], segment: int | None, window: str, overlap: float
-) -> tuple[int, int, Float[np.ndarray, " sample"]]:
+def _cut(streams: list[RecordStream], segment: int | None) -> tuple[int, int, Float[np.ndarray, " sample"]]:
     """Samples of a segment, samples from one to the next, and the window; of periods, without one."""
     periods = {stream.period for stream in streams}
     if len(periods) > 1:
@@ -120,12 +115,12 @@ def _cut(
     from scipy.signal import get_window  # a second of import that whole periods need not wait for
 
     size = max(SHORTEST, 2 ** int(np.log2(2 * shortest / (SEGMENTS + 1)))) if segment is None else segment
-    if not (SHORTEST <= size <= shortest and 0.0 <= overlap < 1.0):
+    if not SHORTEST <= size <= shortest:
         raise DataError(
-            f"segments of {size} samples that overlap by {overlap:g} do not fit {shortest} samples",
-            hint=f"{SHORTEST} to {shortest} samples, an overlap of 0 to below 1",
+            f"segments of {size} samples do not fit {shortest} samples",
+            hint=f"{SHORTEST} to {shortest} samples",
         )
-    return size, max(1, round(size * (1.0 - overlap))), np.asarray(get_window(window, size))
+    return size, size // 2, np.asarray(get_window("hann", size))
 
 
 def checked_stream(record: Record | RecordStream) -> RecordStream:

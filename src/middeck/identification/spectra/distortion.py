@@ -50,9 +50,7 @@ class Distortion:
         return power if self.noise is None else np.maximum(power - self.noise[here].mean(axis=0), 0.0)
 
 
-def estimate_distortion(
-    record: Record | RecordStream, *, band_hz: tuple[float, float] | None = None
-) -> Distortion:
+def estimate_distortion(record: Record | RecordStream) -> Distortion:
     """Levels of response, even and odd distortion and noise between the lowest and highest excited line.
 
     Args:
@@ -67,9 +65,8 @@ def estimate_distortion(
             "distortion shows on silent lines of periodic records only", hint="an odd random multisine"
         )
     moments = periods.period_moments(stream)
-    band = in_band(moments.frequency_hz, band_hz)
-    excited = periods.designed_lines(moments) & band
-    refuse_silence(excited, band_hz)
+    excited = periods.designed_lines(moments) & in_band(moments.frequency_hz, None)
+    refuse_silence(excited, None)
     first, last = np.flatnonzero(excited)[[0, -1]]
     lines = np.arange(first, last + 1)
     if (np.flatnonzero(excited) % 2 == 0).any():

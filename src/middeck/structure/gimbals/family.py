@@ -23,7 +23,7 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.springs_and_cables import SpringLaw
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.tracking import HALF_SHAPE, SPARE, Spectrum, spectrum_at, spectrum_of, track
-from middeck.structure.model.article import Damping, Joint, JointState, Structure
+from middeck.structure.model.article import Joint, JointState, Structure
 from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.names.kinds import find_kinds
@@ -148,7 +148,6 @@ def sweep_gimbals(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
     count: int = 26,
-    damping: Damping | None = None,
 ) -> GimbalFamily:
     """``structure`` in ``environment`` at all combinations of ``angles`` [rad], by joint.
 
@@ -195,18 +194,16 @@ def sweep_gimbals(
         omega2=lam,
         match=match,
         rests=tuple(m.rest if isinstance(m, _Member) else None for m in members),
-        plants=tuple(_plant(m, inputs, outputs, count, damping) for m in members),
+        plants=tuple(_plant(m, inputs, outputs, count) for m in members),
         trouble=tuple(m.trouble if isinstance(m, _Member) else m for m in members),
         limits=_limits(grid, at, followed, solve, names),
     )
 
 
-def _plant(
-    member: _Member | str, inputs: Sequence[str], outputs: Sequence[str], count: int, damping: Damping | None
-) -> Plant | None:
+def _plant(member: _Member | str, inputs: Sequence[str], outputs: Sequence[str], count: int) -> Plant | None:
     if not (inputs and outputs) or not isinstance(member, _Member) or member.modes is None:
         return None
-    return build_plant(member.modes, inputs=inputs, outputs=outputs, count=count, damping=damping)
+    return build_plant(member.modes, inputs=inputs, outputs=outputs, count=count)
 
 
 def _checked(

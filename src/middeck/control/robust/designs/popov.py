@@ -10,12 +10,10 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import LawForm, arrange, pack, scale_states, station_ports, unpack
-from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import ModeShift, Uncertainty, corner_positions, end_positions
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.robust.designs.popov_bound import Multipliers, evaluate_bound, first_multipliers
@@ -24,7 +22,6 @@ from middeck.control.robust.problem.several_plants import (
     Attempt,
     Problem,
     RobustCompensator,
-    law_of,
     models_of,
     pose_problem,
     report_law,
@@ -80,28 +77,25 @@ def design_popov(
     authority: float,
     *,
     uncertainty: Uncertainty,
-    positions: Float[np.ndarray, "model parameter"] | None = None,
-    form: LawForm | None = None,
     shaping: Shaping | None = None,
-    start: Compensator | None = None,
     tolerance: float = 1e-7,
 ) -> PopovCompensator:
     """The law that minimises a bound on the cost over all frequencies in a box.
 
     Every mode of ``uncertainty.shifts`` moves independently within its width, also within a group, with
-    constant damping ratio; uncertain damping, gain and delay do not enter the bound. Other arguments are
-    those of `design_multimodel`; the models at ``positions`` only report their costs.
+    constant damping ratio; uncertain damping, gain and delay do not enter the bound. The law has as many
+    states as the nominal model. Other arguments are those of `design_multimodel`; ``costs`` are those at the
+    ends of the box.
 
     Raises `NumericalError` where no law was found whose bound covers the box; `ConfigError` where z or y
     reads the acceleration of an uncertain mode, which a shift changes too; and as `design_multimodel`;
     `NotStabilisableError` as `design_multimodel`.
     """
-    form = form or LawForm()
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, form, shaping)
+    problem = pose_problem(plant, weights, authority, uncertainty, None, LawForm(), shaping)
     directions = shift_directions(plant, problem.nominal, uncertainty)
     model = models_of(problem, 1.0, 0.0)[0]
-    law, history = None if start is None else law_of(start), ()
-    for place in _covering_starts(plant, problem, uncertainty, model, directions, law):
+    history: tuple[Attempt, ...] = ()
+    for place in _covering_starts(plant, problem, uncertainty, model, directions):
         found = _minimise(problem, model, directions, place, tolerance)
         if np.isfinite(found.bound):
             return _result(problem, directions, found)
@@ -132,14 +126,13 @@ def _covering_starts(
     uncertainty: Uncertainty,
     model: GeneralizedPlant,
     directions: Directions,
-    law: Law | None,
 ) -> Iterator[_Place]:
     """Laws whose bound covers the box: multi-model laws for boxes of increasing width.
 
     The optimal law of a smaller box is a poor start: its bound is finite only up to the edge of that box,
     which could then grow by less than a per cent.
     """
-    history: tuple[Attempt, ...] = ()
+    law, history = None, ()
     for widening in WIDENINGS:
         wide = _widened(uncertainty, widening)
         if wide is None:

@@ -12,7 +12,6 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
@@ -61,24 +60,23 @@ def design_sensitivity_weighted(
     authority: float,
     *,
     uncertainty: Uncertainty,
-    positions: Float[np.ndarray, "model parameter"] | None = None,
     shaping: Shaping | None = None,
     strength: float | None = None,
 ) -> SensitivityWeightedCompensator:
     """The LQG compensator, of the plant's order, for cost and noise extended by the modes' uncertainty.
 
     Args:
-        plant, weights, authority, uncertainty, positions, shaping: As for `design_multimodel`; only
+        plant, weights, authority, uncertainty, shaping: As for `design_multimodel`; only
             ``uncertainty.shifts`` enter the cost, and of what is weighed only z.
         strength: Factor on the half-widths in the cost. None: chosen, in steps of a fifth, for the least mean
-            of the plain costs of the models at ``positions``, all of which are then stable.
+            of the plain costs at the ends of the box, all of which are then stable.
 
     Raises `NumericalError` where no strength holds all models; `ConfigError`, `NotStabilisableError` as
     `design_multimodel`.
     """
     if strength is not None and not (np.isfinite(strength) and strength >= 0.0):
         raise ConfigError(f"strength = {strength}", hint="zero or more")
-    problem = pose_problem(plant, weights, authority, uncertainty, positions, LawForm(), shaping)
+    problem = pose_problem(plant, weights, authority, uncertainty, None, LawForm(), shaping)
     directions = stiffness_directions(plant, problem.nominal, uncertainty)
     models = models_of(problem, 1.0, 1.0)
     tried: list[Attempt] = []

@@ -13,10 +13,9 @@ import numpy as np
 
 from middeck.control.h2.closed_cost import evaluate_cost, spectral_abscissa
 from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
-from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.uncertainty import without_delays
-from middeck.control.lqg.weights import LQGWeights, Shaping
+from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.designs.multimodel import MultiModelCompensator, design_multimodel
 from middeck.control.robust.problem.several_plants import law_of
 from middeck.errors import NumericalError
@@ -33,8 +32,6 @@ def design_for_worst(
     authority: float,
     *,
     candidates: Sequence[Plant],
-    form: LawForm | None = None,
-    shaping: Shaping | None = None,
     tolerance: float = 1e-5,
 ) -> tuple[MultiModelCompensator, tuple[int, ...]]:
     """The minimax law over ``plant`` and thousands of ``candidates``, and the indices of those used as
@@ -46,7 +43,7 @@ def design_for_worst(
     Raises `NumericalError` where some candidate is still worse after thirty rounds, or as
     `design_multimodel`.
     """
-    models = [generalize(without_delays(each), weights, authority, shaping=shaping) for each in candidates]
+    models = [generalize(without_delays(each), weights, authority) for each in candidates]
     chosen: list[int] = []
     start: Compensator | None = None
     law: Compensator | None = None
@@ -54,7 +51,7 @@ def design_for_worst(
     for _ in range(ROUNDS):
         law = design_multimodel(
             plant, weights, authority, uncertainty=[candidates[i] for i in chosen], over="maximum",
-            form=form, shaping=shaping, start=start, tolerance=tolerance,
+            start=start, tolerance=tolerance,
         )  # fmt: skip
         worse, stable = _worse_than(WITHIN * law.cost, models, law)
         if not worse:

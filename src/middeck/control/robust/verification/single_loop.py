@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
-from middeck.control.h2.closed_cost import solve_triangular
+from middeck.control.riccati.lyapunov import solve_triangular
 from middeck.control.robust.verification.batch import row_rms
 from middeck.systems.poles.stability import all_decay, growth_rates, none_grows
 from middeck.systems.poles.verdict import is_open
@@ -52,12 +52,13 @@ def _in_units(
     """Rms and error of outputs, residual, and rms of the states in these units."""
     F, G, H = A * (unit / unit[:, None]), B / unit[:, None], C * unit
     T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(F))
-    X = U @ solve_triangular(T, U.T @ G, transposed=False) @ U.T
+    turned = U.T @ G
+    X = U @ solve_triangular(T, turned @ turned.T, transposed=False) @ U.T
     gap, sizes = F @ X, [float(np.linalg.norm(M)) for M in (F, X, G @ G.T)]
     lost = float(np.linalg.norm(gap + gap.T + G @ G.T))
     whole = 2.0 * sizes[0] * sizes[1] + sizes[2]
     rms = row_rms(H[None], X[None])[0]
-    seen = np.array([np.trace(solve_triangular(T, h[:, None], transposed=True)) for h in H @ U])
+    seen = np.array([np.trace(solve_triangular(T, np.outer(h, h), transposed=True)) for h in H @ U])
     seen = np.where(seen >= 0.0, seen, np.inf)  # a trace below zero is rounding alone
     wrong = lost * seen + EPS * np.vecdot(H, H) * sizes[1]
     return rms, relative_error(wrong, rms**2), lost / whole if whole else 0.0, np.sqrt(np.abs(np.diag(X)))

@@ -90,7 +90,6 @@ def linear_article(
     disturbance_rms: float | Sequence[float] = 0.0,
     sensor_noise: float | Sequence[float] = 0.0,
     seed: int = 0,
-    faults: Sequence[Fault] = (),
 ) -> LinearArticle:
     """``plant`` sampled at the engine's rate, driven at ``inputs`` and read at ``outputs``.
 
@@ -131,7 +130,6 @@ def linear_article(
         sensor_noise=np.broadcast_to(np.asarray(sensor_noise, dtype=float), (len(rows),)).copy(),
         pairs=core.pairs,
         seed=seed,
-        faults=tuple(faults),
     )
 
 

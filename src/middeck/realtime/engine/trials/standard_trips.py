@@ -20,6 +20,8 @@ GROWS, TIMES = 1.2, 3
 """Growth of the rms from window to window that counts, and how many windows must grow."""
 FLOOR, LIMIT = 3.0, 8.0
 """Multiples of the largest rms of normal operation: above the first growth counts, the second trips."""
+LOOKED_S = 10.0
+"""Time after a push in which the sensors are looked at [s]."""
 SEEN = 0.01
 """Share of a sensor's largest answer that ends the delay."""
 HALF = 0.5
@@ -52,12 +54,12 @@ class Reach:
     limit: Float[np.ndarray, " output"]
 
 
-def find_reach(settings: EngineSettings, article: LinearArticle, *, seconds: float = 10.0) -> Reach:
-    """Push each output of the held ``article`` and look how far its sensors go within ``seconds``.
+def find_reach(settings: EngineSettings, article: LinearArticle) -> Reach:
+    """Push each output of the held ``article`` and look how far its sensors go within `LOOKED_S`.
 
     A push that trips lasts as long as the article's own delay, one sample, and the ramp to the safe state.
     """
-    pulses = _pulses(settings, article, settings.samples(seconds))
+    pulses = _pulses(settings, article, settings.samples(LOOKED_S))
     size = np.abs(pulses)
     coast = np.zeros(len(settings.sensors))
     for place, rate in _rates(settings):

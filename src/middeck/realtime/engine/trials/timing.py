@@ -57,13 +57,12 @@ def measure_timing(
     shape: tuple[int, int, int] = (60, 14, 5),
     priority: int | None = 80,
     processor: int | None = None,
-    seed: int = 1,
 ) -> TimingReport:
     """Run a random stable law of ``shape`` (states, inputs, outputs) by the clock.
 
     Raises `ConfigError` for a shape that no package has, `NoCompilerError` without a compiler.
     """
-    package = _random_package(np.random.default_rng(seed), shape, 1.0 / rate_hz)
+    package = _random_package(np.random.default_rng(1), shape, 1.0 / rate_hz)
     settings = _settings(package, priority, processor)
     with Supervisor(settings, _still_article(package), real_time=True) as engine:
         engine.load(package)
