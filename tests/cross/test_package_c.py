@@ -18,7 +18,7 @@ from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from packaged_laws import CLEAN, STRICT, compile_law, random_law, replay
+from packaged_laws import CLEAN, STRICT, compile_law, random_law, replay, steps_in_c
 from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -56,6 +56,16 @@ def with_sections(package):
 def test_every_build_gives_the_bits_of_the_reference(shape, flags, tmp_path):
     package = package_of(1, *shape, filters=(InputFilter(0, SECTION), InputFilter(0, SECTION)))
     assert replay(with_sections(package), tmp_path, *flags) == 0
+
+
+def test_a_reset_leaves_nothing_of_what_was(tmp_path):
+    """Of ramp, slew, sections and estimate: a state that was used gives, after it, the bits of a new one."""
+    package = with_sections(package_of(4, *SHAPES[2], filters=(InputFilter(0, SECTION),)))
+    prepare, rng = steps_in_c(package, tmp_path), np.random.default_rng(4)
+    run = prepare(rng.uniform(-0.1, 0.1, (50, 2)))
+    first, after = run().copy(), run().copy()
+    assert np.ptp(first) > 0.1
+    assert np.array_equal(after, first)
 
 
 @pytest.mark.parametrize("single", [False, True])

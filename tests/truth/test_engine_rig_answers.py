@@ -251,6 +251,31 @@ def test_a_rig_that_answers_again_is_heard_again():
         assert any((engine.run(20)["y"][:, 0] != stale).any() for _ in range(100))
 
 
+@pytest.mark.parametrize("real_time", [False, True])
+def test_the_alive_number_changes_with_every_sample(real_time):
+    """In SAFE, in READY, after a STOP and on the way out: hardware that sees it stand goes to zero itself."""
+    seen = {}
+
+    def watched(data):
+        sample, alive, session = REQUEST.unpack_from(unseal(data, "ASKED"))
+        seen.setdefault(sample, set()).add(alive)
+        return [sensors_of(sample, session)]
+
+    settings = plain_settings(period_s=0.004, late_s=1e3, late_most=1000)
+    with answering(None, watched) as rig, Supervisor(settings, rig, real_time=real_time) as engine:
+        states = [engine.state]
+        engine.run(5)
+        for act in (engine.reset, engine.stop):
+            act()
+            engine.run(10)
+            states.append(engine.state)
+    assert states == ["safe", "ready", "safe"]
+    samples = sorted(sample for sample in seen if sample >= 0)
+    assert samples == list(range(samples[-1] + 1))
+    assert samples[-1] > 25
+    assert all(len(seen[k]) == 1 and seen[k] != seen[k + 1] for k in samples[1:-1])
+
+
 def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
     """Patience begins anew with each sample."""
     monkeypatch.setattr(commanded_engine, "PATIENCE_S", 0.5)
