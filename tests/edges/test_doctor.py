@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck
+from engine_cases import plain_settings
 from middeck.cli.shown.screen import Table
 from middeck.cli.verbs.doctor import _blocks
 from middeck.realtime.engine.process.launch import run_bare_loop
@@ -36,11 +37,12 @@ def test_the_report_is_whole(capfd):
 def test_the_floor_is_a_loop_that_keeps_the_ticks():
     """No pass through a hundred thousand numbers is quicker than at 100 GHz; a thousandth takes less."""
     period, numbers, began = 0.002, 100_000, time.monotonic()
-    late, step = run_bare_loop(period, 50, numbers, None, None)
+    settings = plain_settings(period_s=period)
+    late, step = run_bare_loop(settings, 50, numbers)
     assert time.monotonic() - began >= 49 * period
     assert late.shape == step.shape == (50,)
     assert late.min() >= 0
-    few = run_bare_loop(period, 50, 100, None, None)[1]
+    few = run_bare_loop(settings, 50, 100)[1]
     assert step.min() >= numbers / 100
     assert np.median(step) > 10.0 * np.median(few)
 

@@ -66,11 +66,9 @@ def verb(
 
 
 def _blocks(report: TimingReport) -> list[str | Table]:
+    late, step = (report.late_s, report.floor_late_s), (report.step_s, report.floor_step_s)
     rows = []
-    for name, found, floor in (
-        ("late", report.late_s, report.floor_late_s),
-        ("step", report.step_s, report.floor_step_s),
-    ):
+    for name, (found, floor) in (("late", late), ("step", step)):
         rows.append([name, *(f"{1e6 * value:.1f}" for value in found)])
         rows.append(["  bare loop", *(f"{1e6 * value:.1f}" for value in floor)])
         rows.append(["  times that", *(f"{a / max(b, 1e-9):.2f}" for a, b in zip(found, floor, strict=True))])

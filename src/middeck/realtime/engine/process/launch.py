@@ -127,13 +127,10 @@ def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
     )
 
 
-def run_bare_loop(
-    period_s: float, samples: int, numbers: int, priority: int | None, processor: int | None
-) -> Int[np.ndarray, "2 sample"]:
+def run_bare_loop(settings: EngineSettings, samples: int, numbers: int) -> Int[np.ndarray, "2 sample"]:
     """Lateness of a loop that only reads ``numbers`` at each tick, and its time for that [ns]."""
-    folder = resources.files("middeck.realtime.engine.process")
-    sources = {"bare_loop.c": folder.joinpath("bare_loop.c").read_text(encoding="utf-8")}
-    asked = (round(1e9 * period_s), samples, numbers, priority or 0, -1 if processor is None else processor)
-    words = [str(compile_once("bare_loop", sources)), *map(str, asked)]
-    done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, check=True)
+    source = resources.files("middeck.realtime.engine.process").joinpath("bare_loop.c").read_text("utf-8")
+    program, words = compile_once("bare_loop", {"bare_loop.c": source}), encode_settings(settings)
+    asked = (round(1e9 * settings.period_s), samples, numbers, words["priority"], words["processor"])
+    done = subprocess.run([str(program), *map(str, asked)], capture_output=True, check=True)
     return np.frombuffer(done.stdout, "<i8").reshape(-1, 2).T

@@ -34,9 +34,8 @@ class TimingReport:
             that was not asked for.
         period_s, samples: Sampling period and number of samples of the run.
         late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples.
-        floor_late_s, floor_step_s: The same of ``bare_loop.c``, run after it: it sleeps to each tick with the
-            same grants, and its step only reads as many numbers as the law has, a multiplication and an
-            addition for each.
+        floor_late_s, floor_step_s: The same of ``bare_loop.c``, run after it: it sleeps to each tick, and its
+            step only reads as many numbers as the law has, a multiplication and an addition for each.
         overruns: Samples later than a whole period.
         operations, bytes: Multiplications and additions of a step of the law, and the size of its numbers.
         trips: Kinds of trips during the run; none where all went well.
@@ -79,7 +78,7 @@ def measure_timing(
         granted = int(engine.file.status["real_time"])
         trips = tuple(event.kind for event in engine.events() if event.trips)
     count = _numbers(package)
-    floor_late, floor_step = run_bare_loop(package.period_s, len(records), count, priority, processor)
+    floor_late, floor_step = run_bare_loop(settings, len(records), count)
     return TimingReport(
         machine=name_machine(),
         granted={
