@@ -18,7 +18,7 @@ from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
-from packaged_laws import CLEAN, STRICT, compile_law, random_law, replay
+from packaged_laws import CLEAN, STRICT, compile_law, random_law, replay, steps_in_c
 from repeats import LONG
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -56,6 +56,28 @@ def with_sections(package):
 def test_every_build_gives_the_bits_of_the_reference(shape, flags, tmp_path):
     package = package_of(1, *shape, filters=(InputFilter(0, SECTION), InputFilter(0, SECTION)))
     assert replay(with_sections(package), tmp_path, *flags) == 0
+
+
+def test_options_of_every_day_give_the_bits_of_the_reference(clang, tmp_path):
+    """Without those that the page asks for a product is fused with a sum where the processor can do so."""
+    package = with_sections(package_of(1, *SHAPES[1], filters=(InputFilter(0, SECTION),)))
+    made = generate_c(package, "law")
+    (tmp_path / "law.h").write_text(made.header)
+    (tmp_path / "law.c").write_text(made.source)
+    for compiler in ("cc", clang):
+        build = [compiler, *CLEAN, "-O2", "-march=native", "-DLAW_MAIN", "law.c", "-o", "replay"]
+        subprocess.run(build, cwd=tmp_path, check=True)
+        assert subprocess.run(["./replay"], cwd=tmp_path, check=False).returncode == 0
+
+
+def test_a_reset_leaves_nothing_of_what_was(tmp_path):
+    """Of ramp, slew, sections and estimate: a state that was used gives, after it, the bits of a new one."""
+    package = with_sections(package_of(4, *SHAPES[2], filters=(InputFilter(0, SECTION),)))
+    prepare, rng = steps_in_c(package, tmp_path), np.random.default_rng(4)
+    run = prepare(rng.uniform(-0.1, 0.1, (50, 2)))
+    first, after = run().copy(), run().copy()
+    assert np.ptp(first) > 0.1
+    assert np.array_equal(after, first)
 
 
 @pytest.mark.parametrize("single", [False, True])
@@ -138,15 +160,16 @@ def test_a_name_that_c_does_not_allow_is_refused():
         generate_c(package_of(2, *SHAPES[3]), "2law")
 
 
+@pytest.mark.parametrize("flags", [("-std=c99", "-ffp-contract=off"), ()], ids=["asked for", "none"])
 @pytest.mark.parametrize("single", [False, True], ids=["double on a Cortex-M7", "single on a Cortex-M4"])
-def test_a_small_processor_gives_the_same_bits(single, tmp_path, small_processors):
+def test_a_small_processor_gives_the_same_bits(single, flags, tmp_path, small_processors):
     law = random_law(np.random.default_rng(3), 12, 3, 2, radii=(0.9, 0.99))
     paths = (LoopPath(1, 0, SECTION),)
     package = package_law(
         law, "law", input_range=0.1, limit=0.5, ramp_s=0.01, filters=(InputFilter(0, SECTION),)
     )
     package = add_test_vectors(dataclasses.replace(package, paths=paths))
-    found = emulate_package(to_single(package) if single else package, tmp_path)
+    found = emulate_package(to_single(package) if single else package, tmp_path, flags)
     assert found.first_difference == 0
     assert 300 < found.instructions < 3000
     assert found.flash < 8192

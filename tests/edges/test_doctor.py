@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import time
 
 import numpy as np
 import pytest
 
 from cli_runner import middeck
-from middeck.realtime.engine.trials.timing import summarise
+from engine_cases import plain_settings
+from middeck.cli.shown.screen import Table
+from middeck.cli.verbs.doctor import _blocks
+from middeck.realtime.engine.process.launch import run_bare_loop
+from middeck.realtime.engine.trials.timing import TimingReport, name_machine, summarise
 
 SMALL = ("--realtime", "--seconds", "1", "--states", "6", "--inputs", "2", "--outputs", "1")
 
@@ -21,11 +26,37 @@ def test_the_report_is_whole(capfd):
     assert report["samples"] >= 500
     assert report["operations"] == 2 * (6 + 6 + 6 * 2 + 1 * 6 + 1 * 2)
     assert report["bytes"] == 4 * report["operations"]
-    for key in ("late_s", "step_s"):
+    for key in ("late_s", "step_s", "floor_late_s", "floor_step_s"):
         assert len(report[key]) == 4
         assert sorted(report[key]) == report[key]
     assert set(report["machine"]) == {"processor", "cores", "kernel", "preemption"}
     assert set(report["granted"]) == {"FIFO priority", "locked memory", "own processor"}
+
+
+@pytest.mark.usefixtures("compiler")
+def test_the_floor_is_a_loop_that_keeps_the_ticks():
+    """No pass through a hundred thousand numbers is quicker than at 100 GHz; a thousandth takes less."""
+    period, numbers, began = 0.002, 100_000, time.monotonic()
+    settings = plain_settings(period_s=period)
+    late, step = run_bare_loop(settings, 50, numbers)
+    assert time.monotonic() - began >= 49 * period
+    assert late.shape == step.shape == (50,)
+    assert late.min() >= 0
+    few = run_bare_loop(settings, 50, 100)[1]
+    assert step.min() >= numbers / 100
+    assert np.median(step) > 10.0 * np.median(few)
+
+
+def test_the_screen_tells_times_the_floor():
+    report = TimingReport(
+        machine=name_machine(), granted={}, trips=(),
+        period_s=0.002, samples=10, overruns=0, operations=10, bytes=40,
+        late_s=(6e-5, 7e-5, 8e-5, 9e-5), floor_late_s=(3e-5, 7e-5, 4e-5, 1e-5),
+        step_s=(4e-6,) * 4, floor_step_s=(1e-6,) * 3 + (0.0,),
+    )  # fmt: skip
+    (table,) = (block for block in _blocks(report) if isinstance(block, Table))
+    assert table.rows[2] == ["  times that", "2.00", "1.00", "2.00", "9.00"]
+    assert table.rows[5][:4] == ["  times that", "4.00", "4.00", "4.00"]
 
 
 def test_without_a_question_it_says_what_it_can_be_asked(capfd):

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import re
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +22,21 @@ PATIENT = {"late_s": 0.2, "heartbeat_s": 0.0}  # other programs may hold this ma
 
 def _settings():
     return dataclasses.replace(plain_settings(), period_s=0.01, **PATIENT)
+
+
+@pytest.mark.parametrize("asked", [{"priority": 3, "processor": 0}, {"processor": 1000}])
+def test_what_is_said_to_be_granted_is(asked):
+    """The system says the same of the process; a processor that is not there is none that was granted."""
+    settings = dataclasses.replace(_settings(), **asked)
+    with Supervisor(settings, random_article(), real_time=True) as engine:
+        engine.run(2)
+        said, pid = int(engine.file.status["real_time"]), engine.process.pid
+        fifo = os.sched_getscheduler(pid) == os.SCHED_FIFO and os.sched_getparam(pid).sched_priority == 3
+        locked = re.search(r"VmLck:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+        alone = os.sched_getaffinity(pid) == {asked["processor"]}
+    assert locked is not None
+    assert [bool(said & bit) for bit in (1, 2, 4)] == [fifo, int(locked[1]) > 0, alone]
+    assert alone == (asked["processor"] == 0)
 
 
 def test_a_stopped_process_trips_by_its_lateness():

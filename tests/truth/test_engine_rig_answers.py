@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("compiler")
 
 @contextlib.contextmanager
 def answering(reply, raw=None):
-    """A rig whose ``reply(sample)`` gives the datagrams for a request."""
+    """A rig whose ``reply(sample, session)`` gives the datagrams for a request."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
         opened.bind((LOOPBACK, 0))
         opened.settimeout(0.1)
@@ -43,8 +43,8 @@ def answering(reply, raw=None):
                     data, sender = opened.recvfrom(1 << 16)
                 except OSError:
                     continue
-                sample, _ = REQUEST.unpack_from(unseal(data, "ASKED"))
-                for datagram in reply(sample) if not raw else raw(data):
+                sample, _, session = REQUEST.unpack_from(unseal(data, "ASKED"))
+                for datagram in reply(sample, session) if not raw else raw(data):
                     opened.sendto(datagram, sender)
 
         thread = threading.Thread(target=serve)
@@ -56,9 +56,9 @@ def answering(reply, raw=None):
             thread.join()
 
 
-def sensors_of(sample):
+def sensors_of(sample, session):
     y = 0.01 * np.sin(sample + np.arange(SENSORS))
-    return seal(REPLY.pack(sample) + y.astype("<f8").tobytes(), "ANSWERED")
+    return seal(REPLY.pack(sample, session, 0) + y.astype("<f8").tobytes(), "ANSWERED")
 
 
 def test_a_missed_answer_is_borne_as_a_late_sample_is():
@@ -66,7 +66,7 @@ def test_a_missed_answer_is_borne_as_a_late_sample_is():
     lost = {10, 15, 16, 25, 26, 27}
     settings = plain_settings(period_s=0.04, late_s=1e3, late_most=2)
     with (
-        answering(lambda sample: [] if sample in lost else [sensors_of(sample)]) as rig,
+        answering(lambda sample, session: [] if sample in lost else [sensors_of(sample, session)]) as rig,
         Supervisor(settings, rig, real_time=True) as engine,
     ):
         engine.run(3)
@@ -83,7 +83,7 @@ def test_a_missed_answer_is_borne_as_a_late_sample_is():
 def test_before_the_first_answer_nothing_is_borne():
     """There is no last sample to stand for it: a rig that is silent from the start trips at once."""
     settings = plain_settings(period_s=0.02, late_s=1e3, late_most=5)
-    with answering(lambda sample: []) as rig, Supervisor(settings, rig, real_time=True) as engine:
+    with answering(lambda sample, session: []) as rig, Supervisor(settings, rig, real_time=True) as engine:
         engine.reset()
         engine.run(3)
         assert engine.state == "safe"
@@ -114,9 +114,9 @@ def test_datagrams_that_are_no_answers_are_not_read_for_ever(others):
     """A few are passed over; whoever sends nothing else is a rig that will not answer."""
     foreign = [b"no answer", bytes(8 + REPLY.size + 8 * SENSORS)]
 
-    def reply(sample):
+    def reply(sample, session):
         spoilt = (foreign * others)[:others]
-        return [*spoilt, sensors_of(sample)] if others < 64 else spoilt
+        return [*spoilt, sensors_of(sample, session)] if others < 64 else spoilt
 
     settings = plain_settings(answer_s=2.0)
     with answering(reply) as rig:
@@ -213,8 +213,8 @@ def test_an_echo_before_the_answer_is_no_other_format(computer):
     """It begins with the word of the request, as what a rig from before there were checks answers does."""
 
     def echoed(data):
-        sample, _ = REQUEST.unpack_from(unseal(data, "ASKED"))
-        return [data, seal(REPLY.pack(sample) + np.full(SENSORS, 0.01).tobytes(), "ANSWERED")]
+        sample, _, session = REQUEST.unpack_from(unseal(data, "ASKED"))
+        return [data, seal(REPLY.pack(sample, session, 0) + np.full(SENSORS, 0.01).tobytes(), "ANSWERED")]
 
     package, stages = random_package(input_range=10.0), (Stage("standby", 0.1),)
     with answering(None, echoed) as there:
@@ -242,7 +242,7 @@ def test_a_rig_that_reads_complex_numbers_is_refused(computer, capfd):
 def test_a_rig_that_answers_again_is_heard_again():
     """After it was lost, as soon as an answer comes at once."""
     with (
-        answering(lambda sample: [] if 5 <= sample < 50 else [sensors_of(sample)]) as rig,
+        answering(lambda sample, session: [] if 5 <= sample < 50 else [sensors_of(sample, session)]) as rig,
         Supervisor(plain_settings(answer_s=0.2), rig) as engine,
     ):
         engine.reset()
@@ -251,13 +251,38 @@ def test_a_rig_that_answers_again_is_heard_again():
         assert any((engine.run(20)["y"][:, 0] != stale).any() for _ in range(100))
 
 
+@pytest.mark.parametrize("real_time", [False, True])
+def test_the_alive_number_changes_with_every_sample(real_time):
+    """In SAFE, in READY, after a STOP and on the way out: hardware that sees it stand goes to zero itself."""
+    seen = {}
+
+    def watched(data):
+        sample, alive, session = REQUEST.unpack_from(unseal(data, "ASKED"))
+        seen.setdefault(sample, set()).add(alive)
+        return [sensors_of(sample, session)]
+
+    settings = plain_settings(period_s=0.004, late_s=1e3, late_most=1000)
+    with answering(None, watched) as rig, Supervisor(settings, rig, real_time=real_time) as engine:
+        states = [engine.state]
+        engine.run(5)
+        for act in (engine.reset, engine.stop):
+            act()
+            engine.run(10)
+            states.append(engine.state)
+    assert states == ["safe", "ready", "safe"]
+    samples = sorted(sample for sample in seen if sample >= 0)
+    assert samples == list(range(samples[-1] + 1))
+    assert samples[-1] > 25
+    assert all(len(seen[k]) == 1 and seen[k] != seen[k + 1] for k in samples[1:-1])
+
+
 def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
     """Patience begins anew with each sample."""
     monkeypatch.setattr(commanded_engine, "PATIENCE_S", 0.5)
 
-    def slowly(sample):
+    def slowly(sample, session):
         time.sleep(0.05)
-        return [sensors_of(sample)]
+        return [sensors_of(sample, session)]
 
     with answering(slowly) as rig, Supervisor(plain_settings(answer_s=1.0), rig) as engine:
         engine.reset()
@@ -268,9 +293,9 @@ def test_a_slow_rig_is_no_engine_that_does_not_answer(monkeypatch):
 def test_a_slow_rig_that_was_lost_is_waited_for_after_a_reset():
     """It was silent once; SAFE asks it in passing, but a reset is taken only where it was just heard."""
 
-    def slowly(sample):
+    def slowly(sample, session):
         time.sleep(0.005)
-        return [] if 5 <= sample < 40 else [sensors_of(sample)]
+        return [] if 5 <= sample < 40 else [sensors_of(sample, session)]
 
     with answering(slowly) as rig, Supervisor(plain_settings(answer_s=1.0), rig) as engine:
         engine.reset()

@@ -38,6 +38,7 @@ from middeck.realtime.engine.rigs.udp_replies import (
     unseal,
 )
 from middeck.realtime.engine.trials.served_rig import ServedRig
+from middeck.realtime.engine.trials.udp_client import RigClient
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
@@ -48,6 +49,8 @@ from repeats import repeats
 from served_by_thread import served_by_thread
 
 PERIOD_S, SEED, RAMP = 0.002, 7, 150
+FIRST, SECOND = 11, 12
+"""Sessions of two engines."""
 ANGLE, TORQUE = Port("angle", "rad"), Port("torque", "N m")
 TURN = Port("turn", "rad")
 FRICTION = Friction(slip_torque=0.002, stiffness=2.0, viscous=0.001)
@@ -266,13 +269,16 @@ class Counter(EngineRig):
         self.told.append(float(u[0]))
 
 
-def ask(session: RigSession, sample: int, u: float, alive: int, sender: object = "engine") -> list[float]:
-    data = seal(REQUEST.pack(sample, alive) + np.array([u]).tobytes(), "ASKED")
-    reply = session.answer(data, sender)
+def asked(sample: int, u: float, alive: int, engine: int = 1) -> bytes:
+    return seal(REQUEST.pack(sample, alive, engine) + np.array([u]).tobytes(), "ASKED")
+
+
+def ask(session: RigSession, sample: int, u: float, alive: int, engine: int = 1) -> list[float]:
+    reply = session.answer(asked(sample, u, alive, engine))
     if reply is None:
         return []
     body = unseal(reply, "ANSWERED")
-    assert REPLY.unpack_from(body) == (sample,)
+    assert REPLY.unpack_from(body)[:2] == (sample, engine)
     return np.frombuffer(body, "<f8", offset=REPLY.size).tolist()
 
 
@@ -291,16 +297,16 @@ def test_a_session_counts_samples_and_watches_the_alive_number():
     assert ask(session, 10, 1.0, 8) == [10.0, 1.0]
     assert ask(session, 11, np.nan, 9) == [11.0, 0.0]
     assert ask(session, 11 + LONGEST + 1, 1.0, 10) == []
-    assert ask(session, 0, 1.0, 0, "another engine") == [11.0, 0.0]  # the rig goes on from where it is
-    assert ask(session, 1, 2.0, 1, "another engine") == [12.0, 2.0]
+    assert ask(session, 0, 1.0, 0, 2) == [11.0, 0.0]  # the rig goes on from where it is
+    assert ask(session, 1, 2.0, 1, 2) == [12.0, 2.0]
     session.alone()
-    assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # moved on by itself, at zero
-    for junk in (b"", b"x" * 24, bytes(8) + REQUEST.pack(3, 3) + bytes(8), bytes(33)):
-        assert session.answer(junk, "another engine") is None
-    assert ask(session, -1, 0.0, 3, "stranger") == []
-    assert ask(session, 2, 4.0, 2, "another engine") == [13.0, 0.0]  # none of its business
-    assert ask(session, -1, 0.0, 3, "another engine") == []
-    assert ask(session, 0, 4.0, 0, "another engine") == [13.0, 0.0]  # the next one from the same address
+    assert ask(session, 2, 4.0, 2, 2) == [13.0, 0.0]  # moved on by itself, at zero
+    for junk in (b"", b"x" * 24, bytes(8) + REQUEST.pack(3, 3, 2) + bytes(8), bytes(33)):
+        assert session.answer(junk) is None
+    assert ask(session, -1, 0.0, 3, 3) == []
+    assert ask(session, 2, 4.0, 2, 2) == [13.0, 0.0]  # none of its business
+    assert ask(session, -1, 0.0, 3, 2) == []
+    assert ask(session, 0, 4.0, 0, 4) == [13.0, 0.0]  # the next one
     session.end()
     assert rig.told[-1] == 0.0
     assert HOLD == 2
@@ -311,11 +317,11 @@ def test_a_datagram_that_was_changed_is_none():
     rig = Counter()
     session = RigSession(rig)
     assert ask(session, 0, 0.0, 0) == [0.0, 0.0]
-    data = seal(REQUEST.pack(1, 1) + np.array([0.5]).tobytes(), "ASKED")
+    data = asked(1, 0.5, 1)
     for bit in range(8 * len(data)):
         changed = bytearray(data)
         changed[bit // 8] ^= 1 << bit % 8
-        assert session.answer(bytes(changed), "engine") is None
+        assert session.answer(bytes(changed)) is None
     assert rig.told == []
     assert ask(session, 1, 0.5, 1) == [1.0, 0.5]
 
@@ -325,13 +331,13 @@ def test_a_rig_of_another_format_only_says_which(monkeypatch):
     session = RigSession(Counter())
     assert ask(session, 0, 0.0, 0) == [0.0, 0.0]
     now = constants()
-    data = seal(REQUEST.pack(1, 1) + np.array([0.5]).tobytes(), "ASKED")
+    data = asked(1, 0.5, 1)
     monkeypatch.setattr(udp_replies, "constants", lambda: {**now, "FORMAT": now["FORMAT"] - 1})
-    (said,) = struct.unpack("<q", session.answer(data, "engine")[8:])
+    (said,) = struct.unpack("<q", session.answer(data)[8:])
     assert said == now["FORMAT"] - 1
-    unchecked = REQUEST.pack(1, 1) + np.array([0.5]).tobytes()
-    assert session.answer(unchecked, "engine") == udp_replies.refusal()
-    assert session.answer(udp_replies.refusal(), "engine") is None
+    unchecked = struct.pack("<qq", 1, 1) + np.array([0.5]).tobytes()
+    assert session.answer(unchecked) == udp_replies.refusal()
+    assert session.answer(udp_replies.refusal()) is None
     assert session.sample == 0
 
 
@@ -340,15 +346,66 @@ def test_a_rig_follows_one_engine():
     rig = Counter()
     session = RigSession(rig)
     for k in range(501):
-        assert ask(session, k, 1.0, k, "first")[0] == k
-    assert ask(session, 0, 0.0, 0, "second") == [500.0, 1.0]
+        assert ask(session, k, 1.0, k, FIRST)[0] == k
+    assert ask(session, 0, 0.0, 0, SECOND) == [500.0, 1.0]
     for k in range(1, 21):
-        assert ask(session, 500 + k, 1.0, 500 + k, "first") == []
-        assert ask(session, k, 2.0, k, "second") == [500.0 + k, 2.0]
+        assert ask(session, 500 + k, 1.0, 500 + k, FIRST) == []
+        assert ask(session, k, 2.0, k, SECOND) == [500.0 + k, 2.0]
     assert rig.told == [1.0] * 500 + [2.0] * 20
-    ask(session, -1, 0.0, 21, "second")
-    assert ask(session, 530, 3.0, 530, "first") == [520.0, 2.0]  # it joins again: the rig stands as it is
-    assert ask(session, 531, 3.0, 531, "first") == [521.0, 3.0]
+    ask(session, -1, 0.0, 21, SECOND)
+    assert ask(session, 530, 3.0, 530, FIRST) == [520.0, 2.0]  # it joins again: the rig stands as it is
+    assert ask(session, 531, 3.0, 531, FIRST) == [521.0, 3.0]
+
+
+def test_what_an_engine_asked_before_relieves_nobody():
+    """Its first request, delayed or recorded, had the rig follow it; the engine of now was not heard."""
+    rig = Counter()
+    session = RigSession(rig)
+    for k in range(8):
+        ask(session, k, 1.0, k, FIRST)
+    for end in (False, True):  # the first was killed, or said so
+        if end:
+            ask(session, -1, 0.0, 8, FIRST)
+        ask(session, 0, 0.0, 0, SECOND + end)
+        before = rig.told.copy()
+        for k in range(1, 8):
+            for old in range(8):
+                assert session.answer(asked(old, 9.0, old, FIRST)) is None
+            assert ask(session, k, 2.0, k, SECOND + end)[1] == 2.0
+        assert rig.told == before + [2.0] * 7
+    assert session.stale == 2 * 7 * 8
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+def test_answers_of_another_session_are_counted_and_not_read(computer):
+    """Sealed, of the sample that is asked for, and before the answer: as from a port that was given again."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind((LOOPBACK, 0))
+        opened.settimeout(5.0)
+
+        def serve():
+            while True:
+                data, sender = opened.recvfrom(1 << 16)
+                sample, _, session = REQUEST.unpack_from(unseal(data, "ASKED"))
+                if sample < 0:
+                    return
+                for whose, stale, y in ((session + 1, 500, 9.0), (session, 3, 0.25)):
+                    body = REPLY.pack(sample, whose, stale) + np.full(2, y).tobytes()
+                    opened.sendto(seal(body, "ANSWERED"), sender)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        rig = UdpRig(opened.getsockname()[1])
+        if computer == "engine":
+            with Supervisor(settings(), rig) as engine:
+                assert np.all(engine.run(20)["y"] == 0.25)
+                assert int(engine.file.status["stale"]) == 20 + 3
+        else:
+            client = RigClient(rig, 1)
+            assert client.read().tolist() == [0.25, 0.25]
+            client.close()
+        thread.join()
 
 
 def test_a_successor_joins_when_the_engine_before_it_is_silent():
@@ -356,19 +413,19 @@ def test_a_successor_joins_when_the_engine_before_it_is_silent():
     rig = Counter()
     session = RigSession(rig)
     for k in range(5):
-        ask(session, k, 1.0, k, "first")
+        ask(session, k, 1.0, k, FIRST)
     for k in range(1, SILENT):
-        assert ask(session, k, 2.0, k, "second") == []
+        assert ask(session, k, 2.0, k, SECOND) == []
     for _ in range(3 * SILENT):
-        assert ask(session, SILENT - 1, 2.0, 1, "second") == []  # late copies are no life
-    ask(session, 5, 1.0, 5, "first")  # it lives: the count begins anew
+        assert ask(session, SILENT - 1, 2.0, 1, SECOND) == []  # late copies are no life
+    ask(session, 5, 1.0, 5, FIRST)  # it lives: the count begins anew
     for k in range(SILENT, 2 * SILENT - 1):
-        assert ask(session, k, 2.0, k, "second") == []
+        assert ask(session, k, 2.0, k, SECOND) == []
     assert rig.told == [1.0] * 5
     at = 2 * SILENT - 1
-    assert ask(session, at, 2.0, at, "second") == [5.0, 1.0]
-    assert ask(session, at + 1, 2.0, at + 1, "second") == [6.0, 2.0]
-    assert ask(session, 6, 1.0, 6, "first") == []
+    assert ask(session, at, 2.0, at, SECOND) == [5.0, 1.0]
+    assert ask(session, at + 1, 2.0, at + 1, SECOND) == [6.0, 2.0]
+    assert ask(session, 6, 1.0, 6, FIRST) == []
 
 
 def test_a_rig_with_its_own_time_goes_on_without_an_engine():
@@ -386,11 +443,11 @@ def test_a_rig_with_its_own_time_goes_on_without_an_engine():
         thread = threading.Thread(target=serve_rig, args=(rig, here), kwargs=given)
         thread.start()
         for k in (0, 1):
-            engine.send(seal(REQUEST.pack(k, k) + np.array([3.0]).tobytes(), "ASKED"))
+            engine.send(asked(k, 3.0, k))
             engine.recv(1024)
         while len(rig.told) < 6:
             thread.join(0.01)
-        engine.send(seal(REQUEST.pack(-1, 2) + np.zeros(1).tobytes(), "ASKED"))
+        engine.send(asked(-1, 0.0, 2))
         done.set()
         thread.join(5.0)
         assert not thread.is_alive()

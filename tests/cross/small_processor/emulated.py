@@ -18,7 +18,7 @@ TARGETS = {
     True: ("mps2-an386", ("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16")),
 }
 FLAGS = (
-    *("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-ffp-contract=off"),
+    *("-Wall", "-Wextra", "-Werror", "-pedantic", "-O2"),
     *("-ffreestanding", "-mthumb", "-mfloat-abi=hard"),
 )
 
@@ -32,13 +32,15 @@ class Emulated(NamedTuple):
     memory: int
 
 
-def emulate_package(package: ControllerPackage, folder: Path) -> Emulated:
+def emulate_package(
+    package: ControllerPackage, folder: Path, flags: tuple[str, ...] = ("-std=c99", "-ffp-contract=off")
+) -> Emulated:
     """Compile and run ``package`` in ``folder``; flash and memory are those of the law alone."""
     made = generate_c(package, "law")
     (folder / "law.c").write_text(made.source)
     (folder / "law.h").write_text(made.header)
     board, cpu = TARGETS[package.single]
-    compile_ = (COMPILER, *FLAGS, *cpu)
+    compile_ = (COMPILER, *FLAGS, *flags, *cpu)
     _run([*compile_, "-c", "law.c", "-o", "law.o"], folder)
     sizes = _run(["arm-none-eabi-size", "law.o"], folder).splitlines()[1].split()
     start = [str(HERE / "start.c"), "-I", ".", "-DLAW_REPLAY", "law.c"]

@@ -43,9 +43,10 @@ def verb(
 ) -> None:
     """Timing of the real-time engine on this machine.
 
-    A random stable law runs in the engine in real time. The report gives lateness, samples delayed by more
-    than a period, the time, operations and bytes of a step, the granted priority, memory lock and processor,
-    and the machine. It gives no verdict. --set takes no keys.
+    A random stable law runs in the engine in real time, then a bare loop as long: it only sleeps to each tick
+    and reads as many numbers. The report gives lateness and the time of a step beside that loop's, samples
+    delayed by more than a period, operations and bytes of a step, the granted priority, memory lock and
+    processor, and the machine. It gives no verdict. --set takes no keys.
     """
     if not realtime:
         raise ConfigError("nothing to examine", hint="middeck doctor --realtime")
@@ -65,10 +66,12 @@ def verb(
 
 
 def _blocks(report: TimingReport) -> list[str | Table]:
-    rows = [
-        [name, *(f"{1e6 * value:.1f}" for value in values)]
-        for name, values in (("late", report.late_s), ("step", report.step_s))
-    ]
+    late, step = (report.late_s, report.floor_late_s), (report.step_s, report.floor_step_s)
+    rows = []
+    for name, (found, floor) in (("late", late), ("step", step)):
+        rows.append([name, *(f"{1e6 * value:.1f}" for value in found)])
+        rows.append(["  bare loop", *(f"{1e6 * value:.1f}" for value in floor)])
+        rows.append(["  times that", *(f"{a / max(b, 1e-9):.2f}" for a, b in zip(found, floor, strict=True))])
     granted = ", ".join(f"{name}: {_said(given)}" for name, given in report.granted.items())
     rate = report.operations / max(report.step_s[0], 1e-9) / 1e9
     return [

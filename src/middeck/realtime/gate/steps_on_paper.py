@@ -38,7 +38,8 @@ NOT_DECIDED = (NumericalError, ConfigError, ValueError)
 """ValueError: of NumPy and SciPy, where numbers overflow."""
 FASTER = 2.0
 """How much faster than without the law what is not held may grow."""
-AT_ONCE = " (size or slew: both at once are not proved; the engine's effort trip, where set, stands behind)"
+UNPROVED = "; it is not proved for limits that come and go"
+AT_ONCE = ", nor of size and slew: both at once are not proved (an effort trip of the engine stands behind)"
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
@@ -207,8 +208,9 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
                 return _step(step, [f"{where}: {fault}"], "")
     except NOT_DECIDED as error:
         return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
-    said = f"nothing grows at any of {len(limits)} limits of outputs{AT_ONCE if len(slews) else ''}"
-    return _step(step, [], said + (f", but at {unheld} what does so without the law too" if unheld else ""))
+    said = f"nothing grows at any of {len(limits)} limits of outputs"
+    said += f", but at {unheld} what does so without the law too" if unheld else ""
+    return _step(step, [], said + UNPROVED + (AT_ONCE if len(slews) else ""))
 
 
 def _limits(places: np.ndarray, levels: Sequence[float] = FADES[:-1]) -> np.ndarray:

@@ -6,16 +6,19 @@ import math
 import re
 import subprocess
 from collections.abc import Collection
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.interface.settings import EngineSettings, encode_settings
 from middeck.realtime.engine.interface.shared_file import SharedFile, process_of
-from middeck.realtime.engine.process.adopted_engine import runs_engine
+from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, runs_engine
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
+from middeck.realtime.generate.compiler import compile_once
 from middeck.values import record
 
 
@@ -38,6 +41,8 @@ class DriverRig:
     """Converters behind the driver that the engine was built with."""
 
 
+LEFT: list[subprocess.Popen[str] | AdoptedEngine] = []
+"""Engines that run on under another supervisor; those that have ended are buried at the next start."""
 RigChoice = LinearArticle | UdpRig | DriverRig
 CHOSEN_AT_START = ("clock", "rig", "port")
 
@@ -112,6 +117,7 @@ def require_no_engine(path: Path) -> None:
 
 def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
     """The engine's process."""
+    LEFT[:] = [child for child in LEFT if child.poll() is None]
     return subprocess.Popen(
         [str(program), str(file.path.resolve())],
         stdin=subprocess.DEVNULL,
@@ -119,3 +125,12 @@ def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+def run_bare_loop(settings: EngineSettings, samples: int, numbers: int) -> Int[np.ndarray, "2 sample"]:
+    """Lateness of a loop that only reads ``numbers`` at each tick, and its time for that [ns]."""
+    source = resources.files("middeck.realtime.engine.process").joinpath("bare_loop.c").read_text("utf-8")
+    program, words = compile_once("bare_loop", {"bare_loop.c": source}), encode_settings(settings)
+    asked = (round(1e9 * settings.period_s), samples, numbers, words["priority"], words["processor"])
+    done = subprocess.run([str(program), *map(str, asked)], capture_output=True, check=True)
+    return np.frombuffer(done.stdout, "<i8").reshape(-1, 2).T

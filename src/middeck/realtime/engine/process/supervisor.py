@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import threading
 import time
 import warnings
 from collections.abc import Collection, Mapping
@@ -40,6 +39,7 @@ from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S,
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.folder_lock import locked
 from middeck.realtime.engine.process.launch import (
+    LEFT,
     RigChoice,
     banned_hashes,
     checked_waveform,
@@ -203,7 +203,7 @@ class Supervisor(CommandedEngine):
         temporary file stays.
         """
         if self.process.poll() is None and self._is_relieved():
-            threading.Thread(target=self.process.wait, daemon=True).start()  # a child that ends is buried
+            LEFT.append(self.process)
             self._left.pop_all()
         else:
             self._end()

@@ -59,7 +59,7 @@ def _serve_one(session: RigSession, opened: socket.socket) -> bool:
         return False
     except ConnectionError:  # an engine has gone: its port tells
         return True
-    reply = session.answer(data, sender)
+    reply = session.answer(data)
     if reply is not None:
         opened.sendto(reply, sender)
     return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 import numpy as np
@@ -10,8 +11,12 @@ from middeck.realtime.engine.interface.checksum import checksum, start_of
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
-REQUEST, REPLY = struct.Struct("<qq"), struct.Struct("<q")
-"""Behind the check: sample, alive, then outputs; sample, then sensors."""
+REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qqq")
+"""Behind the check: sample, alive, session, then outputs; sample, session, stale, then sensors."""
+HEAD = struct.Struct("<qq")
+"""Check and sample of every format; sample and alive of requests from before there were checks."""
+NOBODY = 0
+"""No engine has this session."""
 END = -1
 """The sample of an engine's last request."""
 HOLD = 2
@@ -31,24 +36,23 @@ class RigSession:
     """A rig, where it stands, and its last reply; `answer` takes one datagram.
 
     Time of the rig is the engine's sample number. A request that was answered before gets the same reply; one
-    whose number has grown by n moves the rig by n samples. It follows one engine: that of another address
-    relieves it at its sample 0, or joins at any after a last request or `SILENT` samples of its own without
-    one of the followed engine, and the rig goes on from where it is.
-    Other requests of other engines, late or of one that was relieved, move nothing.
+    whose number has grown by n moves the rig by n samples. It follows one engine, known by its session: one
+    of another session relieves it at its sample 0, or joins after a last request or `SILENT` samples of
+    its own without one of the followed engine, and the rig goes on from where it is. Whatever else is of
+    another session, above all what an earlier engine has asked before, moves nothing and counts as ``stale``.
     """
 
     def __init__(self, rig: EngineRig) -> None:
         self.rig = rig
         self.sensors: np.ndarray | None = None
-        self.engine: object = None
-        self.sample = self.alive = -1
-        self.other: object = None
-        self.other_sample = -1
-        self.unheard = 0
-        self.stale = self.ahead = self.outputs = 0
+        self.engine = self.other = NOBODY
+        self.asked: dict[int, float] = {}  # last samples of engines before; no more of one that has ended
+        self.sample = self.alive = self.other_sample = -1
+        self.unheard = self.stale = 0
+        self.still = self.ahead = self.outputs = 0
         self.reply = b""
 
-    def answer(self, data: bytes, sender: object = None) -> bytes | None:
+    def answer(self, data: bytes) -> bytes | None:
         """The reply; a refusal to an engine of another format; None for an end, what is old or changed."""
         if speaks_other(data):
             return refusal()
@@ -56,18 +60,22 @@ class RigSession:
         outputs = (len(body) - REQUEST.size) // 8
         if outputs < 1:
             return None
-        sample, alive = REQUEST.unpack_from(body)
-        if sample < END:
+        sample, alive, session = REQUEST.unpack_from(body)
+        if sample < END or session == NOBODY:
             return None
         if sample == END:
-            self.engine = None if sender == self.engine else self.engine
+            self.asked[session] = math.inf
+            self.engine = NOBODY if session == self.engine else self.engine
             return None
-        if sender != self.engine:
-            if self.engine is not None and sample > 0 and not self._silent(sender, sample):
+        if session != self.engine:
+            if not self._may_join(session, sample):
+                self.stale += 1
                 return None
-            self.engine, self.sample, self.alive, self.stale = sender, sample, -1, 0
+            if self.engine != NOBODY:
+                self.asked[self.engine] = self.sample
+            self.engine, self.sample, self.alive, self.still = session, sample, -1, 0
             self.outputs, self.ahead, self.reply = outputs, 0, self._reply(sample)
-        self.other, self.unheard = None, 0
+        self.other, self.unheard = NOBODY, 0
         if not self.sample <= sample <= self.sample + LONGEST or outputs != self.outputs:
             return None
         if sample > self.sample:
@@ -88,20 +96,26 @@ class RigSession:
             self._move(np.zeros(self.outputs))
         self.rig.close()
 
-    def _silent(self, sender: object, sample: int) -> bool:
+    def _may_join(self, session: int, sample: int) -> bool:
+        """Whether this is no late copy, and nobody is followed or is relieved."""
+        if sample <= self.asked.get(session, END):
+            return False
+        return self.engine == NOBODY or sample == 0 or self._silent(session, sample)
+
+    def _silent(self, session: int, sample: int) -> bool:
         """Whether the followed engine is, while this other one asks for its samples; copies do not count."""
-        if sender != self.other:
-            self.other, self.other_sample, self.unheard = sender, -1, 0
+        if session != self.other:
+            self.other, self.other_sample, self.unheard = session, -1, 0
         if sample > self.other_sample:
             self.other_sample, self.unheard = sample, self.unheard + 1
         return self.unheard >= SILENT
 
     def _follow(self, samples: int, u: np.ndarray, alive: int) -> None:
         if alive != self.alive:
-            self.alive, self.stale = alive, 0
+            self.alive, self.still = alive, 0
         for _ in range(max(0, samples - self.ahead)):
-            self._move(u if self.stale < HOLD else np.zeros(self.outputs))
-            self.stale += 1
+            self._move(u if self.still < HOLD else np.zeros(self.outputs))
+            self.still += 1
         self.ahead = 0
 
     def _move(self, u: np.ndarray) -> None:
@@ -111,7 +125,8 @@ class RigSession:
     def _reply(self, sample: int) -> bytes:
         if self.sensors is None:
             self.sensors = self.rig.readings()
-        return seal(REPLY.pack(sample) + np.ascontiguousarray(self.sensors, "<f8").tobytes(), "ANSWERED")
+        head = REPLY.pack(sample, self.engine, self.stale)
+        return seal(head + np.ascontiguousarray(self.sensors, "<f8").tobytes(), "ANSWERED")
 
 
 def seal(body: bytes, start: str) -> bytes:
@@ -127,10 +142,10 @@ def refusal() -> bytes:
 
 def speaks_other(data: bytes) -> bool:
     """Whether ``data`` is the request of an engine of another format: by its check, or from before checks."""
-    if len(data) % 8 or len(data) < REQUEST.size + 8:
+    if len(data) % 8 or len(data) < HEAD.size + 8:
         return False
-    first, second = REQUEST.unpack_from(data)
-    size = np.abs(np.frombuffer(data, "<f8", offset=REQUEST.size))
+    first, second = HEAD.unpack_from(data)
+    size = np.abs(np.frombuffer(data, "<f8", offset=HEAD.size))
     if END <= first < EARLY and 0 <= second < EARLY:
         return bool(np.all((size == 0.0) | ((size > SMALL) & (size < 1.0 / SMALL))))
     number, kind = divmod(start_of(data), 1 << 32)

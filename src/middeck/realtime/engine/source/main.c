@@ -35,7 +35,7 @@ static rig *open_rig(const shared *f)
     case LINEAR_RIG:
         return open_linear_rig(&f->set, &f->article, article_numbers_of(f), f->at.article_count);
     case UDP_RIG:
-        return open_udp_rig(&f->set);
+        return open_udp_rig(&f->set, word_get(&f->asks->session), &f->status->stale);
     default:
         return open_driver(&f->set);
     }

@@ -19,7 +19,7 @@ typedef struct rig {
 
 /* Each returns null where it cannot open, after saying why on the standard error. */
 rig *open_linear_rig(const settings *set, const article *a, const real *numbers, whole count);
-rig *open_udp_rig(const settings *set);
+rig *open_udp_rig(const settings *set, whole session, whole *stale);
 rig *open_driver(const settings *set);
 
 #endif

@@ -1,6 +1,8 @@
 /* An article in another process, over UDP on this machine's loopback interface.
 
-   Sample k asks with (check, k, alive, outputs since sample k - 1) and is answered by (check, k, sensors). The check is that of
+   Sample k asks with (check, k, alive, session, outputs since sample k - 1) and is answered by (check, k, session, stale, sensors).
+   The session is the one in which this engine was started: what belongs to another one is counted, in ``stale`` by the rig, and
+   moves nothing. The check is that of
    the words behind it, begun with FORMAT 2^32 + ASKED or ANSWERED: what was changed on the way is as good as lost. A request that was lost is sent again;
    the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. A rig of another
    FORMAT answers with (check, its FORMAT), of which the check begins with REFUSED_FORMAT whatever that is. */
@@ -20,13 +22,13 @@ enum { TRIES = 20, OTHERS = 64, LOST_MS = 1 }; /* OTHERS: datagrams that are no 
 
 typedef struct {
     uint64_t check;
-    whole sample, alive;
+    whole sample, alive, session;
     real numbers[CHANNELS];
 } request;
 
 typedef struct {
     uint64_t check;
-    whole sample;
+    whole sample, session, stale;
     real numbers[CHANNELS];
 } reply;
 
@@ -34,6 +36,7 @@ typedef struct {
     rig face;
     int socket;
     int lost; /* what did not answer in time is not waited for again in every sample */
+    whole dropped, *stale; /* replies of other sessions; these, and what the rig has dropped */
     request out;
     size_t out_size, in_size;
 } udp_rig;
@@ -68,9 +71,16 @@ static void send_request(udp_rig *r)
         return; /* as if it had been lost on the way */
 }
 
-static int is_answer(const udp_rig *r, const reply *in, ssize_t got)
+static int is_answer(udp_rig *r, const reply *in, ssize_t got)
 {
-    return got == (ssize_t)r->in_size && in->sample == r->out.sample && in->check == check_of(ANSWERED, in, r->in_size);
+    if (got != (ssize_t)r->in_size || in->check != check_of(ANSWERED, in, r->in_size))
+        return 0;
+    if (in->session != r->out.session) {
+        ++r->dropped;
+        return 0;
+    }
+    *r->stale = r->dropped + in->stale;
+    return in->sample == r->out.sample;
 }
 
 /* A refusal; or what a rig from before there were checks answers: the request's first word, taken for a sample, and sensors. */
@@ -82,7 +92,7 @@ static int is_foreign(const udp_rig *r, const reply *in, ssize_t got)
         return in->sample != FORMAT;
     if (got == (ssize_t)r->out_size && in->sample == r->out.sample)
         return 0; /* an echo of the request */
-    return got == (ssize_t)r->in_size - word && in->check == r->out.check;
+    return got == (ssize_t)r->in_size - 3 * word && in->check == r->out.check;
 }
 
 static enum rig_answer read_udp(rig *face, real *y)
@@ -133,7 +143,7 @@ static void close_udp(rig *face)
     close(r->socket);
 }
 
-rig *open_udp_rig(const settings *set)
+rig *open_udp_rig(const settings *set, whole session, whole *stale)
 {
     static udp_rig r;
     struct sockaddr_in there;
@@ -144,6 +154,8 @@ rig *open_udp_rig(const settings *set)
     r.face.write = write_udp;
     r.face.close = close_udp;
     r.face.set = set;
+    r.stale = stale;
+    r.out.session = session;
     r.out_size = sizeof r.out - sizeof r.out.numbers + (size_t)set->outputs * sizeof(real);
     r.in_size = sizeof(reply) - sizeof r.out.numbers + (size_t)set->inputs * sizeof(real);
     there.sin_family = AF_INET;

@@ -12,6 +12,7 @@ from jaxtyping import Int
 
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.process.launch import run_bare_loop
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.package.package import ControllerPackage
@@ -33,6 +34,8 @@ class TimingReport:
             that was not asked for.
         period_s, samples: Sampling period and number of samples of the run.
         late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples.
+        floor_late_s, floor_step_s: The same of ``bare_loop.c``, run after it: it sleeps to each tick, and its
+            step only reads as many numbers as the law has, a multiplication and an addition for each.
         overruns: Samples later than a whole period.
         operations, bytes: Multiplications and additions of a step of the law, and the size of its numbers.
         trips: Kinds of trips during the run; none where all went well.
@@ -44,6 +47,8 @@ class TimingReport:
     samples: int
     late_s: tuple[float, ...]
     step_s: tuple[float, ...]
+    floor_late_s: tuple[float, ...]
+    floor_step_s: tuple[float, ...]
     overruns: int
     operations: int
     bytes: int
@@ -72,6 +77,7 @@ def measure_timing(
         granted = int(engine.file.status["real_time"])
         trips = tuple(event.kind for event in engine.events() if event.trips)
     count = _numbers(package)
+    floor_late, floor_step = run_bare_loop(settings, len(records), count)
     return TimingReport(
         machine=name_machine(),
         granted={
@@ -80,6 +86,8 @@ def measure_timing(
             "own processor": None if processor is None else bool(granted & 4),
         },
         **summarise(records["late_ns"], records["step_ns"], 1.0 / rate_hz),
+        floor_late_s=_percentiles(floor_late),
+        floor_step_s=_percentiles(floor_step),
         operations=2 * count,
         bytes=8 * count,
         trips=trips,
@@ -95,14 +103,17 @@ def summarise(
     >>> found["overruns"], found["samples"]
     (1, 3)
     """
-    late, step = (1e-9 * np.percentile(ns, PERCENT) for ns in (late_ns, step_ns))
     return {
         "period_s": period_s,
         "samples": len(late_ns),
-        "late_s": tuple(late.tolist()),
-        "step_s": tuple(step.tolist()),
+        "late_s": _percentiles(late_ns),
+        "step_s": _percentiles(step_ns),
         "overruns": int(np.count_nonzero(late_ns > 1e9 * period_s)),
     }
+
+
+def _percentiles(ns: Int[np.ndarray, " sample"]) -> tuple[float, ...]:
+    return tuple((1e-9 * np.percentile(ns, PERCENT)).tolist())
 
 
 def name_machine() -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import socket
 
 import numpy as np
@@ -27,7 +28,7 @@ class RigClient(EngineRig):
     """``rig`` in lockstep, sample by sample; `read` raises `DataError` where it does not answer."""
 
     def __init__(self, rig: UdpRig, outputs: int, *, answer_s: float = 10.0) -> None:
-        self.sample, self.outputs = 0, outputs
+        self.sample, self.outputs, self.session = 0, outputs, secrets.randbits(62) + 1
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect((LOOPBACK, rig.port))
         self.socket.settimeout(answer_s / TRIES)
@@ -61,14 +62,14 @@ class RigClient(EngineRig):
         self.socket.close()
 
     def _request(self, u: np.ndarray) -> bytes:
-        head = REQUEST.pack(self.sample, self.sample)
+        head = REQUEST.pack(self.sample, self.sample, self.session)
         return seal(head + np.ascontiguousarray(u, "<f8").tobytes(), "ASKED")
 
     def _answers(self, data: bytes) -> bool:
         if self._is_foreign(data):
             raise DataError(FOREIGN, where="UDP", hint=UPDATE_IT)
         body = unseal(data, "ANSWERED")
-        return len(body) > REPLY.size and REPLY.unpack_from(body) == (self.sample,)
+        return len(body) > REPLY.size and REPLY.unpack_from(body)[:2] == (self.sample, self.session)
 
     def _is_foreign(self, data: bytes) -> bool:
         """A refusal of another format; or the first word of the request, from before there were checks."""
