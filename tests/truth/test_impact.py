@@ -208,7 +208,7 @@ def test_only_blows_without_a_filter_are_said_to_fold_back(campaign):
         assert [line.split(":")[0] for line in told] == ["input force"]
 
 
-@pytest.mark.parametrize(("of", "whole", "share"), [("samples", 4, 4), ("response", 40, 8)])
+@pytest.mark.parametrize(("of", "whole", "share"), [("samples", 4, 4), ("response", 40, 4)])
 @pytest.mark.parametrize("count", [2, 5])
 def test_deviations_hold_under_noise_of_the_force(campaign, of, whole, share, count):
     """Its spectrum is alike on all lines of a mode, which no line shows, and few blows tell it badly."""
