@@ -113,7 +113,7 @@ def a_response(seed, kind, lines=300, periods=None):
 def test_no_delay_is_off_in_silence(kind, campaign):
     """A model of two modes and a delay, of data that ask for more; clean ones are believed."""
     doubted = []
-    for seed in campaign(200, share=100):
+    for seed in campaign(200, share=40):
         measured, delay_s = a_response(seed, kind)
         try:
             fit = fit_response(measured, states=4)
