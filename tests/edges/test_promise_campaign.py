@@ -24,7 +24,7 @@ def folder(tmp_path: Path) -> Path:
     for name in ("refine.toml", "mace-simple-lab.json"):
         (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
     text = (FOLDER / "promise.toml").read_text(encoding="utf-8")
-    text = re.sub(r"draws = \d+ .*\nbounded = 1", "draws = 55\nbounded = 0", text)
+    text = re.sub(r"draws = \d+ .*\nbounded = 1", "draws = 51\nbounded = 0", text)
     text = text.replace("log10_authority = [0.0, 3.0, 6.0]", "log10_authority = [0.0]")
     (tmp_path / "promise.toml").write_text(text, encoding="utf-8")
     article = (ROOT / "articles/mace-simple.toml").read_text(encoding="utf-8")

@@ -30,7 +30,7 @@ DRAWS = 40
 def test_false_alarms_of_fitted_modes(campaign):
     fits = two_modes.fits(DRAWS, 3)
     drifts = [compare_fits(a.covariance, b.covariance) for a, b in zip(fits[::2], fits[1::2], strict=True)]
-    many = [gimbal_fits.fit(s).covariance for s in campaign(200)]
+    many = [gimbal_fits.fit(s).covariance for s in campaign(200, share=40)]
     drifts += [compare_fits(a, b) for a, b in zip(many[::2], many[1::2], strict=False)]
     assert_no_more_than(0.05, sum(d.drifted for d in drifts), len(drifts))
     # The overall test is exact: its probability is uniform when nothing has changed.
@@ -47,7 +47,7 @@ def test_false_alarms_of_a_model_file_against_a_record(campaign, tmp_path):
     file = tmp_path / "model.json"
     fits = two_modes.fits(DRAWS, 3)
     pairs = zip(fits[::2], fits[1::2], strict=True)
-    many = [gimbal_fits.fit(s) for s in campaign(200)]
+    many = [gimbal_fits.fit(s) for s in campaign(200, share=40)]
     drifts, exact = [], 0
     for a, b in [*pairs, *zip(many[::2], many[1::2], strict=False)]:
         write_model(file, a.model, a.covariance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import lossy_case as case
 import numpy as np
@@ -26,6 +27,7 @@ PER_MODE = ("frequency_hz", "damping", "frequency_std_hz", "damping_std")
 TOLD, SEEDS = 8, 40
 
 
+@functools.cache
 def drawn(seed: int, off: float) -> tuple[np.ndarray, np.ndarray, Refined, np.ndarray]:
     """Logarithms of hidden factors, other losses of each mode (``off``), the refinement, ln zeta in orbit."""
     rng = np.random.default_rng([seed, 17])

@@ -43,7 +43,7 @@ def assert_covers(inside):
 def test_intervals_and_bounds_cover_the_truth(campaign, outputs, whole):
     inside, ellipse, magnitude, phase, together = [], [], [], [], []
     H = gimbal_record.response(SOME_HZ, outputs)
-    for seed in campaign(whole):
+    for seed in campaign(whole, share=whole // 5):  # of five, all missed is still ruled out
         fit = gimbal_fits.fit(seed, outputs)
         assert not fit.covariance.robust
         parameters = parameters_of(fit.covariance)
