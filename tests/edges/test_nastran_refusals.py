@@ -549,3 +549,34 @@ def test_rotors_and_dampers_that_are_passed_over_say_what_an_article_has_for_the
     assert "[[wheel]]" in why["ROTORG"]
     assert "[damping]" in why["CDAMP2"]
     assert why["TABDMP1"] == "no effect on stiffness and mass"
+
+
+PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
+
+
+@pytest.mark.parametrize(
+    ("case", "bulk", "said"),
+    [
+        ("SPC=5\n", "SPC,5,1,3,0.,,1\n", r"SPC 5 field 7 \(C2\) = 1: no grid whose components 1"),
+        ("", "GRDSET,,,,,,,126\nGRDSET,,,,,,,12\n", r"GRDSET  ?field 8 \(PS\) = 12: a second GRDSET"),
+        ("", "PARAM,CK1,2.\n", r"PARAM CK1 field 3 \(V1\) = 2.: scales matrices or loads"),
+        ("PARAM,CM1,.5\n", "", r":3: PARAM CM1 = .5: scales matrices or loads"),
+        ("", "PARAM,CP1,ABC\n", r"PARAM CP1 field 3 \(V1\) = ABC: scales matrices or loads"),
+    ],
+)
+def test_what_changed_the_model_in_silence_is_refused(tmp_path, case, bulk, said):
+    path = tmp_path / "a.dat"
+    path.write_text(f"SOL 103\nCEND\n{case}BEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
+    with pytest.raises(ConfigError, match=said):
+        convert_deck(read_deck(path), SI, "consistent", "a")
+
+
+def test_parameters_that_nothing_is_made_of_are_named(tmp_path):
+    """A slip in a name, WTMAS for WTMASS, moves every frequency."""
+    path = tmp_path / "a.dat"
+    read = "PARAM,CK1,1.\nPARAM,CM2,2.\nPARAM,COUPMASS,1\n"
+    bulk = f"{PLAIN}{read}PARAM,WTMAS,.00259\nPARAM,POST,-1\nGRDSET,,,,,,,,2\n"
+    path.write_text(f"SOL 103\nCEND\nPARAM,GRDPNT,0\nBEGIN BULK\n{bulk}ENDDATA\n")
+    rows = convert_deck(read_deck(path), SI, "consistent", "a").left_out
+    assert ("PARAM WTMAS, POST, GRDPNT", 3, "not read") in rows
+    assert [row[:2] for row in rows if row[0] == "GRID SEID"] == [("GRID SEID", 2)]

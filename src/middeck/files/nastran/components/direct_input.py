@@ -11,7 +11,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, component_of
 from middeck.files.nastran.deck.cards import Card
-from middeck.files.nastran.deck.deck import Deck, given
+from middeck.files.nastran.deck.deck import FACTORS, INPUT_FACTORS, Deck, given
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
@@ -20,8 +20,6 @@ from middeck.structure.model.component import Component
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
 NAME = "direct"
-# Parameters that scale such matrices; WTMASS does not.
-SCALES = ("CK2", "CM2", "CK1", "CM1")
 MANTISSA = re.compile(r"[+-]?(\d*)\.(\d*)")
 
 
@@ -87,8 +85,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
-    other matrices (B2GG, K2PP ...) and sums of matrices. Raises `ConfigError` or `DataError` for matrices
-    that are no component's.
+    other matrices (B2GG, K2PP ...), sums of matrices, and factors on matrices or loads, also on those of the
+    whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
     """
     chosen = deck.selection.matrices
     known = {entry["name"] for entry in deck.entries.of("DMIG")}
@@ -100,8 +98,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
             hint = "one name; a sum or a factor goes into the matrix itself"
             faults.append(_fault(deck, command, f"no DMIG {matrix}", hint))
     faults += [
-        dataclasses.replace(fault, message="scales matrices by direct input: not converted yet")
-        for name in (SCALES if chosen else ())
+        dataclasses.replace(fault, message="scales matrices or loads: not converted yet")
+        for name in (*FACTORS, *(INPUT_FACTORS if chosen else ()))
         for text, fault in given(deck, name)
         if real(text) != 1.0
     ]
