@@ -97,8 +97,13 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
         _, file, line = deck.unended
         notes.append(f"no ENDDATA: {deck.cards} cards to the last line, {file}:{line}; are these all?")
     for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
-        absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
+        chosen = selection.sets.get(command, frozenset())
+        absent = chosen - {e.id for e in entries.of(*names)}
         notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
+        single = {e.id for e in entries.of(*names[:-1])}
+        for union in (e for e in entries.of(names[-1]) if e.id in chosen):
+            lacks = sorted({n for n in union["sets"] if n} - single)
+            notes += [f"{union.label} names {command} {n}, which is not there" for n in lacks]
     notes += deck.notes
     stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
     if stiff:

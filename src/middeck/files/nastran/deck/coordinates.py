@@ -72,12 +72,9 @@ class Places(NamedTuple):
 def place_grids(entries: Entries) -> Places:
     """Resolve chains of coordinate systems and grids.
 
-    Raises `ConfigError` for chains that close, for systems and grids that are not there, for three points of
-    a system on one line, and for two unlike GRDSET.
+    Raises `ConfigError` for chains that close, for systems and grids that are not there, and for three points
+    of a system on one line.
     """
-    sets = entries.of("GRDSET")
-    unlike = [(e, key) for e in sets for key in ("cp", "cd", "ps", "seid") if e[key] != sets[0][key]]
-    raise_some([e.fault("a second GRDSET with other content", key, "one for all grids") for e, key in unlike])
     return _Resolver(entries).places()
 
 
