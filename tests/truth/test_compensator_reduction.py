@@ -126,7 +126,7 @@ def test_plain_cuts_do_not_keep_it_and_say_so(plant, law):
     found = reduce_compensator(law, plant, 6, method="balanced", homotopy=False, **GIVEN)
     assert found.stable.tolist() == [False]
     assert found.cost_ratio.tolist() == [np.inf]
-    assert found.steps == ("balanced: unstable as cut",)
+    assert found.steps == ("balanced: unstable as truncated",)
     assert found.bound is not None
     assert found.error <= found.bound
     held = reduce_compensator(law, plant, 6, method="balanced", **GIVEN)
@@ -241,7 +241,7 @@ def test_46_states_and_four_unstable_poles(simple, order, method, most_db):
 def test_46_states_to_20_by_a_homotopy(simple):
     plant, law, given = simple
     found = reduce_compensator(law, plant, 20, **given)
-    assert found.steps[0] == "performance: unstable as cut"
+    assert found.steps[0] == "performance: unstable as truncated"
     assert found.stable.tolist() == [True]
     assert 10.0 * np.log10(found.cost_ratio[0]) < 0.5
 

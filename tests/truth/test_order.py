@@ -35,7 +35,7 @@ def test_the_shortest_description_is_chosen_where_there_is_one():
     found = choose(tried((2, 50.0, 0.5), (4, 10.0, 0.1), (6, 18.0, 0.05), (8, 20.0, 0.2)))
     assert found.states == 4
     # The lines kept out are said to disagree, and do not decide.
-    assert "4 states have the shortest" in found.reason
+    assert "4 states have the minimum description length" in found.reason
     assert "8 below the next" in found.reason
     assert "ask for 6" in found.reason
 

@@ -49,7 +49,7 @@ def test_stated_deviations_are_those_of_repeated_records(campaign):
 def test_the_order_is_that_of_the_truth_for_either_noise(noise):
     fitted = fit_record(shaken(3, 200, **noise), sampled=True)
     assert fitted.model.states == 4
-    assert "shortest description" in fitted.order_reason
+    assert "minimum description length" in fitted.order_reason
     assert "held out" in fitted.order_reason
 
 

@@ -86,7 +86,7 @@ def test_a_free_body_is_found_beside_its_modes(kind, entry, states, samples):
 def test_the_order_of_a_free_body_is_that_of_its_flexible_modes():
     fitted = fit_record(moving(0, rigid=FREE["rigid"]), rigid=1, delay=False)
     assert fitted.model.states == 6
-    assert "6 states have the shortest description" in fitted.order_reason
+    assert "6 states have the minimum description length" in fitted.order_reason
     assert np.abs(deviations(fitted)).max() < 4.0
 
 

@@ -259,7 +259,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     left_out = [f"left out     {', '.join(document['left_out'])}"] if document["left_out"] else []
     return [
         f"package      {document['name']}, SHA-256 {document['package']}",
-        f"verdict      {'passed' if document['passed'] else 'REFUSED'}, {len(document['models'])} models",
+        f"verdict      {'passed' if document['passed'] else 'REFUSED'}, models: {len(document['models'])}",
         *left_out,
         Table("steps", ["step", "passed", "what was found"], rows),
     ]

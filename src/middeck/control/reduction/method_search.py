@@ -75,7 +75,7 @@ def _try(
     candidate = find_candidate(system, order, method, loops)
     law = candidate.law
     holds = bool(np.isfinite(_mean_cost(law, loops)))
-    steps = [f"{method}: {'stable' if holds else 'unstable'} as cut"]
+    steps = [f"{method}: {'stable' if holds else 'unstable'} as truncated"]
     if not holds and homotopy:
         end = _withdraw(system, order, candidate, loops)
         holds = end.share == 1.0

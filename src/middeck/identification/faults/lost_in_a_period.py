@@ -22,6 +22,9 @@ MOST, PARTS, UNEVEN = 16, 16, 4.0
 BETTER = 0.5
 # What one leaves of a sample on its side, over what both leave on average; of the other, what is rounding.
 EVEN, ROUNDING = 3.0, 1e-18
+# Free motion foretells itself, so many samples being known: to less than this share of the power that a shift
+# leaves, and to hardly more than that foretells itself. What forces do in so many more samples does not.
+KNOWN, FREE, HARDLY = 12, 0.6, 1.4
 # A shorter shift is as good that leaves no more than so many times what the best leaves.
 AS_GOOD = 1.5
 # Deviations, and fewest samples on each side, by which that is no chance.
@@ -79,6 +82,16 @@ class _Loss:
         # What lasts in the last period only is no different.
         possible = not lasts or period < len(rows) - 1
         self.step = _step(rows[period], lambda m: self.others(m).mean(axis=0)) if possible else None
+        if self.step is not None and self._is_free_motion(*self.step):
+            self.step = None
+
+    def _is_free_motion(self, at: int, shift: int, left: float) -> bool:
+        """Whether the difference to the next period, or of the last to that before, is free motion."""
+        y, others = self.rows[self.period], self.others(shift).mean(axis=0)
+        then = self.rows[self.period + (1 if self.period + 1 < len(self.rows) else -1)]
+        shifted = np.where(np.arange(len(y)) < at, others, np.roll(others, -shift))
+        free = _innovation(y - then)
+        return free < FREE * left / len(y) and free < HARDLY * _innovation(y - shifted)
 
     def others(self, shift: int) -> Float[np.ndarray, "period sample"]:
         """The other periods, by the clock of the first."""
@@ -93,6 +106,13 @@ class _Loss:
         _, shift, own = self.step
         others = self.others(shift)
         return own + float(np.sum((others - others.mean(axis=0)) ** 2))
+
+
+def _innovation(x: Signal) -> float:
+    """Power that samples before leave of a signal."""
+    past = np.lib.stride_tricks.sliding_window_view(x[:-1], KNOWN)
+    told = past @ np.linalg.lstsq(past, x[KNOWN:], rcond=None)[0]
+    return float(np.mean((x[KNOWN:] - told) ** 2))
 
 
 def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] | None:

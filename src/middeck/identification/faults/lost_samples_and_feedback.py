@@ -32,6 +32,8 @@ ALIKE, BETTER = 0.45, 0.2
 MOST_ALIKE = 0.6
 # What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
 SURE, SHARE = 7.0, 0.02
+# Times as much of the past by which feedback is tested again, and samples for each unknown of that.
+LONGER, ROWS = (2, 4, 8), 6
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
@@ -210,7 +212,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         at = _alone(left)
         if at is None and not repeated and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
-            if share is not None:
+            if share is not None and not _is_of_the_past(Y[o : o + 1], U, later, lags):
                 found.append((_fed_back(share), port))
         elif at is not None:
             # As its past foretells it, a spike is gone; after a joint the next samples are wrong, too.
@@ -269,6 +271,24 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
     added, free = len(after), len(x) - len(own) - len(after)
     gain, share = (before - then) / max(then, 1e-300) * free, 1.0 - then / max(before, 1e-300)
     return share if gain > added + SURE * np.sqrt(2.0 * added) and share > SHARE else None
+
+
+def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool:
+    """Whether later inputs tell nothing once more of the past is known.
+
+    Of inputs whose past foretells them, such as sums of sines, later ones tell what far earlier ones were:
+    what modes that ring on make of those is no noise.
+    """
+    for past in (lags * longer for longer in LONGER):
+        span = past, U.shape[1] - past - later
+        if (1 + len(U)) * past > span[1] // ROWS:
+            break
+        after = _beside(U, range(LEADS + 1, later + 1), *span)
+        own = [_beside(y, range(-past, 0), *span), _beside(U, range(-past, LEADS + 1), *span)]
+        own = np.vstack([*own, _tails(after, len(U))])
+        if _told_later(y[0, past : y.shape[1] - later], own, after) is None:
+            return True
+    return False
 
 
 def _fed_back(share: float) -> Found:

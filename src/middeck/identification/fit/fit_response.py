@@ -122,7 +122,7 @@ def fit_response(
             beyond half the rate is taken off by a first fit.
         states: Order of the model without its delays: two for each pair of poles and each rigid mode, one for
             each integrator; with ``full_rank`` the poles, each counted once. By default the order of the
-            shortest description (`order`), which takes longer.
+            minimum description length (`order`), which takes longer.
         sample_hz: Give the sampling rate to fit a sampled model, right when the inputs were held and the band
             comes near half the rate; by default the model is continuous.
         constants: "real": each residue is that of a mode driven by a force and seen as a displacement

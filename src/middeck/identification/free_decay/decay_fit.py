@@ -189,10 +189,10 @@ def _others(
 
 
 def _choose(first: _Fit, data: list[Float[np.ndarray, " sample"]], sample_hz: float) -> tuple[_Fit, _Fit]:
-    """The fit of the shortest description, and the one to tell.
+    """The fit of the minimum description length, and the one to tell.
 
-    That has the next number of coefficients, since the shortest description leaves a bias as large as the
-    noise; but one exponential is told as such. The search ends where two numbers in turn are no shorter.
+    The second has the next number of coefficients, since the first leaves a bias as large as the noise; but one
+    exponential is told as such. The search ends where two numbers in turn are no shorter.
     """
     tried, best = [first], 0
     for count in COEFFICIENTS[1:]:

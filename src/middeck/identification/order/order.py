@@ -96,8 +96,8 @@ def has_met(tried: Sequence[Tried]) -> bool:
 def choose(tried: Sequence[Tried]) -> OrderChoice:
     """One order, with its reason and what lines kept out of the fit say of it.
 
-    Where some order leaves noise alone: the shortest description's, or the smallest of those that are as
-    short, of orders that do not meet the lines kept out clearly worse than smaller ones. Elsewhere, and where
+    Where some order leaves noise alone: that of the minimum description length (MDL), or the smallest of those
+    that are as short, of orders that do not meet the lines kept out clearly worse than smaller ones. Elsewhere, and where
     even the largest order tried shortens it, no order is the true one (a real structure has no end of modes):
     then the smallest that meets the lines kept out of the fit as well as each of the next few larger ones.
     """
@@ -118,7 +118,8 @@ def choose(tried: Sequence[Tried]) -> OrderChoice:
         opinion += f" and ask for {enough.states} ({enough.held_out:.2%})"
     if min(t.length for t in tried) < shortest.length:
         opinion += ", more states clearly worse"
-    reason = f"{found.states} states have the shortest description {_span(tried)}{margin}{_as_well(others)}"
+    length = f"minimum description length (MDL) {_span(tried)}{margin}"
+    reason = f"{found.states} states have the {length}{_as_well(others)}"
     return OrderChoice(found.states, f"{reason}; {opinion}", tuple(tried))
 
 

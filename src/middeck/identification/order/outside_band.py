@@ -57,7 +57,7 @@ class _Rival(NamedTuple):
 
 
 def _take(data: Data, spread: Spread, rivals: Sequence[_Rival]) -> tuple[OrderChoice, FitOptions, Polished]:
-    """The shortest description's; if it leads, the next that does not and meets lines kept out as well."""
+    """The MDL choice; if it leads, the next that does not and meets lines kept out as well."""
     shortest: tuple[OrderChoice, FitOptions, Polished] | None = None
     for choice, options, best in sorted(rivals, key=lambda rival: _judged(rival.choice).length):
         if shortest and _judged(choice).held_out > WORSE * _judged(shortest[0]).held_out:

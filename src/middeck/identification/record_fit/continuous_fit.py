@@ -185,7 +185,7 @@ def _held_out(record: Record, data: Data, best: RecordRun) -> RecordRun:
 def _choose_order(
     record: Record, data: Data, options: FitOptions, past: PastOfRecord, tell: Callable[[str], None]
 ) -> tuple[FitOptions, str]:
-    """The order of the shortest description of the record, its transients counted, and why.
+    """The order of the minimum description length of the record, its transients counted, and why.
 
     Of many outputs, a few are judged: the poles of an article are in all, delays are each its own.
     """

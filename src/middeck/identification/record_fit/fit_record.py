@@ -103,8 +103,8 @@ def fit_record(
             one run of samples. Where it says that its inputs were ``held``, a continuous model is of what is
             behind the hold: that is divided out, and what is folded back from beyond half the rate is taken
             off by a first fit.
-        states: Order of the model without its delays. By default that of the shortest description: of the
-            record, or for a continuous model of a long one, of an estimated response.
+        states: Order of the model without its delays. By default that of the minimum description length:
+            of the record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
             between samples. By default sampled where the inputs drive all frequencies up to half the rate, as
             no band-limited ones do, and neither the band nor an option asks for a continuous model.

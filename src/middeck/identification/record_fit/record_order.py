@@ -90,7 +90,7 @@ def _searched(
     states: int | None,
     tell: Callable[[str], None],
 ) -> tuple[list[RecordRun], str]:
-    """A model with each weighting, of the order asked for or that of the shortest description."""
+    """A model with each weighting, of the order asked for or that of the minimum description length."""
     pasts = pasts_of(record)
     if states is None:
         found, reason = _shortest(record, pasts, data, options, kinds, tell)
@@ -128,7 +128,7 @@ def _from_scout(
         tell(f"{run.layout.states} states, on all lines")
         run = grown_while_shorter(record, data, options, run)
         if run.layout.states > first[0].layout.states:
-            shortest = f"{run.layout.states} states have the shortest description"
+            shortest = f"{run.layout.states} states have the minimum description length (MDL)"
             reason = f"{shortest}; on the lines of a first search {reason}"
     tried: tuple[Weighting, ...] = WEIGHTINGS if kinds == NOISES else ()
     others: list[Weighting] = [w for w in tried if w != run.weighting]
@@ -155,7 +155,7 @@ def _shortest(
     kinds: tuple[Weighting, ...],
     tell: Callable[[str], None],
 ) -> tuple[list[RecordRun], str]:
-    """The models of the order that has the shortest description, and why.
+    """The models of the order that has the minimum description length, and why.
 
     Once an order has not shortened it, the next ones have few starts beside the order before, grown.
     """
@@ -221,16 +221,16 @@ def _models(
 
 
 def shortest_reason(tried: Sequence[tuple[int, float]]) -> str:
-    """One sentence on the order of the shortest description, of orders tried and their lengths.
+    """One sentence on the order of the minimum description length, of orders tried and their lengths.
 
     >>> shortest_reason([(2, 30.0), (4, 10.0), (6, 15.0)])
-    '4 states have the shortest description of 3 orders from 2 to 6, 5 below the next'
+    '4 states have the minimum description length (MDL) of 3 orders from 2 to 6, 5 below the next'
     """
     states, shortest = min(tried, key=lambda t: t[1])
     rivals = [length - shortest for other, length in tried if other != states]
     margin = f", {min(rivals):.0f} below the next" if rivals else ""
     span = f"of {len(tried)} orders from {tried[0][0]} to {tried[-1][0]}"
-    return f"{states} states have the shortest description {span}{margin}"
+    return f"{states} states have the minimum description length (MDL) {span}{margin}"
 
 
 def record_length(data: Data, run: RecordRun) -> float:

@@ -103,7 +103,7 @@ def check_interface(package: ControllerPackage, models: Mapping[str, Plant]) -> 
         if plant.period_s is not None and not same_period(plant.period_s, package.period_s):
             faults.append(f"{name} is sampled at {plant.period_s:g} s, the package at {package.period_s:g} s")
     ports = (
-        f"{len(package.inputs)} inputs and {len(package.outputs)} outputs at {1.0 / package.period_s:g} Hz"
+        f"inputs: {len(package.inputs)}, outputs: {len(package.outputs)}, rate: {1.0 / package.period_s:g} Hz"
     )
     return _step("interface", faults, ports)
 

@@ -190,7 +190,8 @@ def check_shadow_run(package: ControllerPackage, bench: GateRig, trials: GateTri
     if trial.refused or len(wanted) != len(top):
         return _step("shadow run", trial, [], "")
     faults = _beyond(package.outputs, "would get", wanted, top, trials.peak)
-    return _step("shadow run", trial, faults, f"{trials.shadow_s:g} s, up to {np.max(wanted):.3g}")
+    said = f"{trials.shadow_s:g} s, peak {np.max(wanted / top):.1%} of the limit"
+    return _step("shadow run", trial, faults, said)
 
 
 def check_engagement(package: ControllerPackage, bench: GateRig, trials: GateTrials) -> tuple[GateStep, str]:
@@ -202,7 +203,7 @@ def check_engagement(package: ControllerPackage, bench: GateRig, trials: GateTri
         trial = _on(bench, package, stages)
     except NOT_DECIDED as error:
         return GateStep(name="engagement", passed=False, said=f"not decided: {error.what}"), ""
-    said = f"{trials.engage_s:g} s at {trials.share:g} of its authority, then as long at all of it"
+    said = f"{trials.engage_s:g} s at {trials.share:g} of full authority, then as long at full authority"
     return _step("engagement", trial, [], said), trial.trip if trial.blamed else ""
 
 

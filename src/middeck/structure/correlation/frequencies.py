@@ -141,7 +141,7 @@ def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
         other = left[np.argmin(np.abs(np.log(left / hz[j])))]
         said.append(
             f"measured mode {j} of {hz[j]:.4g} Hz: {modes.name[partner[j]]!r} of "
-            f"{modes.frequency_hz[partner[j]]:.4g} Hz is not all that fits: the model has {other:.4g} Hz too"
+            f"{modes.frequency_hz[partner[j]]:.4g} Hz is an ambiguous partner: {other:.4g} Hz fits too"
         )
     said += [f"measured mode {j} of {hz[j]:.4g} Hz has no partner in the model" for j in found.unpaired]
     said += not_measured(modes, found.unmeasured)
