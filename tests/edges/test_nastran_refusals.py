@@ -564,6 +564,8 @@ PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
             r":10: GRDSET: a second GRDSET with .* is GRDSET at .*:9",
         ),
         ("", "BAROR,,,,,0.,1.,0.\nBAROR,,,,,0.,0.,1.\n", r":10: BAROR: a second BAROR with other content"),
+        ("K2GG=K\n", "DMIG,K,0,6,2,0\nDMIG,K,1,1,,1,1,A\n", r"a.dat:11: DMIG K: no grid, component and real"),
+        ("K2GG=K\nM2GG=K\n", "DMIG,K,0,6,2,0\nDMIG,K,1,1,,1,1,A\n", r"a.dat:12: DMIG K: no grid, component"),
         ("", "PARAM,CK1,2.\n", r"PARAM CK1 field 3 \(V1\) = 2.: scales matrices or loads"),
         ("PARAM,CM1,.5\n", "", r":3: PARAM CM1 = .5: scales matrices or loads"),
         ("", "PARAM,CP1,ABC\n", r"PARAM CP1 field 3 \(V1\) = ABC: scales matrices or loads"),

@@ -57,10 +57,7 @@ def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
     if not columns:
         faults.append(entry.fault("has no entries"))
         return None
-    try:
-        grids, scalars, matrix = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
-    except ConfigError as error:
-        raise ConfigError(error.what, where=f"{deck.path}, {alone[0]}", hint=error.hint) from None
+    grids, scalars, matrix = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
     if scalars:
         what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
         faults.append(entry.fault(what, hint="K2GG and M2GG"))
@@ -110,6 +107,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     try:
         return component_of(cards, None, units, NAME, deck.path, names)
     except ConfigError as error:
+        if error.where.rpartition(":")[2].isdigit():  # a line of the deck
+            raise
         raise ConfigError(error.what, where=f"{deck.path}, {', '.join(chosen)}", hint=error.hint) from None
 
 
