@@ -549,3 +549,54 @@ def test_rotors_and_dampers_that_are_passed_over_say_what_an_article_has_for_the
     assert "[[wheel]]" in why["ROTORG"]
     assert "[damping]" in why["CDAMP2"]
     assert why["TABDMP1"] == "no effect on stiffness and mass"
+
+
+PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
+
+
+@pytest.mark.parametrize(
+    ("case", "bulk", "said"),
+    [
+        ("SPC=5\n", "SPC,5,1,3,0.,,1\n", r"SPC 5 field 7 \(C2\) = 1: no grid whose components 1"),
+        (
+            "",
+            "GRDSET,,,,,,,126\nGRDSET,,,,,,,12\n",
+            r":10: GRDSET: a second GRDSET with .* is GRDSET at .*:9",
+        ),
+        ("", "BAROR,,,,,0.,1.,0.\nBAROR,,,,,0.,0.,1.\n", r":10: BAROR: a second BAROR with other content"),
+        ("K2GG=K\n", "DMIG,K,0,6,2,0\nDMIG,K,1,1,,1,1,A\n", r"a.dat:11: DMIG K: no grid, component and real"),
+        ("K2GG=K\nM2GG=K\n", "DMIG,K,0,6,2,0\nDMIG,K,1,1,,1,1,A\n", r"a.dat:12: DMIG K: no grid, component"),
+        ("", "PARAM,CK1,2.\n", r"PARAM CK1 field 3 \(V1\) = 2.: scales matrices or loads"),
+        ("PARAM,CM1,.5\n", "", r":3: PARAM CM1 = .5: scales matrices or loads"),
+        ("", "PARAM,CP1,ABC\n", r"PARAM CP1 field 3 \(V1\) = ABC: scales matrices or loads"),
+    ],
+)
+def test_what_changed_the_model_in_silence_is_refused(tmp_path, case, bulk, said):
+    path = tmp_path / "a.dat"
+    path.write_text(f"SOL 103\nCEND\n{case}BEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
+    with pytest.raises(ConfigError, match=said):
+        convert_deck(read_deck(path), SI, "consistent", "a")
+
+
+def test_parameters_that_nothing_is_made_of_are_named(tmp_path):
+    """A slip in a name, WTMAS for WTMASS, moves every frequency."""
+    path = tmp_path / "a.dat"
+    read = "PARAM,CK1,1.\nPARAM,CM2,2.\nPARAM,COUPMASS,1\n"
+    bulk = f"{PLAIN}{read}PARAM,WTMAS,.00259\nPARAM,POST,-1\nGRDSET,,,,,,,,2\n"
+    path.write_text(f"SOL 103\nCEND\nPARAM,GRDPNT,0\nBEGIN BULK\n{bulk}ENDDATA\n")
+    rows = convert_deck(read_deck(path), SI, "consistent", "a").left_out
+    assert ("PARAM WTMAS, POST, GRDPNT", 3, "not read") in rows
+    assert [row[:2] for row in rows if row[0] == "GRID SEID"] == [("GRID SEID", 2)]
+
+
+def test_sets_that_a_union_lacks_are_named(tmp_path):
+    """Also a union of unions, which holds nothing."""
+    path = tmp_path / "a.dat"
+    bulk = f"{PLAIN}SPCADD,1,8,9,7\nSPC1,8,123,1\nSPCADD,7,8\nMPCADD,2,3\n"
+    path.write_text(f"SOL 103\nCEND\nSPC=1\nMPC=2\nBEGIN BULK\n{bulk}ENDDATA\n")
+    notes = convert_deck(read_deck(path), SI, "consistent", "a").notes
+    assert [note for note in notes if "not there" in note] == [
+        "SPCADD 1 names SPC 7, which is not there",
+        "SPCADD 1 names SPC 9, which is not there",
+        "MPCADD 2 names MPC 3, which is not there",
+    ]

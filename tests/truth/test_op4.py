@@ -8,7 +8,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, read_op4
 from op4_writer import write_op4
 
@@ -93,3 +93,71 @@ def test_exponents_of_three_digits_without_a_letter(tmp_path):
     np.testing.assert_array_equal(
         read_op4(tmp_path / "a.op4")[0].value.toarray().ravel(), [1.23456789e-105, -2.3456789e101]
     )
+
+
+# The bytes of pyNastran 1.4.1 for coo_matrix(...), symmetric in double, rectangular in single precision, and
+# complex: columns in the order in which the entries name them, the length of a column in each of its runs.
+OF_PYNASTRAN = """\
+       3       3       6       2K       1P,3E23.16
+       1       0       5
+  327681
+ 1.0000000000000000E+00
+  327683
+-5.0000000000000000E-01
+       3       0       5
+  327681
+-5.0000000000000000E-01
+  327683
+ 3.0000000000000000E+00
+       2       0       3
+  196610
+ 2.0000000000000000E+00
+       4       1       1
+ 1.0000000000000000E+00
+       6       4       2       1S       1P,3E23.16
+       4       0       7
+  458753
+-1.3031572103500366E+00
+  458755
+ 5.9884619712829590E-01-2.7560290694236755E-01
+       3       0       5
+  327683
+-4.8211932182312012E-01-2.0000000000000000E+00
+       7       1       1
+ 1.0000000000000000E+00
+       2       4       2       4C       1P,3E23.16
+       1       0      13
+  851969
+-1.5000000000000000E+00-2.5000000000000000E+00
+  851971
+ 5.0000000000000000E-01 1.0000000000000000E+00-2.7500000000000000E-01
+-5.5000000000000000E-01
+       3       1       1
+ 1.0000000000000000E+00
+"""
+
+
+def test_sparse_text_of_pynastran(tmp_path):
+    path = tmp_path / "a.op4"
+    path.write_text(OF_PYNASTRAN)
+    K, S, C = (m.value.toarray() for m in read_op4(path))
+    np.testing.assert_array_equal(K, [[1.0, 0.0, -0.5], [0.0, 2.0, 0.0], [-0.5, 0.0, 3.0]])
+    single = np.zeros((4, 6))
+    single[2:, 2], single[[0, 2, 3], 3] = (
+        np.float32([-0.48211932, -2.0]),
+        np.float32([-1.3031572, 0.5988462, -0.2756029]),
+    )
+    np.testing.assert_array_equal(S, single)
+    np.testing.assert_array_equal(C.ravel(), [-1.5 - 2.5j, 0, 0, 0, 0.5 + 1j, 0, -0.275 - 0.55j, 0])
+    lines = OF_PYNASTRAN.splitlines()
+    for cut, said in (
+        (slice(4, 6), "1 numbers in a column of 5 words"),
+        (slice(5, 6), "0 numbers for real entries"),
+        (slice(4, 5), "1 numbers in a column of 5 words|characters for"),
+    ):
+        path.write_text("\n".join(lines[: cut.start] + lines[cut.stop :]))
+        with pytest.raises(DataError, match=said):
+            read_op4(path)
+    path.write_text(OF_PYNASTRAN.replace("\n       2       0       3", "\n       3       0       3"))
+    with pytest.raises(DataError, match="column 3 after column 3"):
+        read_op4(path)

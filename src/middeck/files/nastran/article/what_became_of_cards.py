@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-from middeck.files.nastran.deck.deck import Deck, asked_formulation, given
+from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unread_params
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.formats import DIVIDING
 from middeck.files.nastran.deck.numbers import integer, real
@@ -54,7 +54,8 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     if not parts.scalars and not standing.joined:  # else modal coordinates of components
         rows.append(("SPOINT", len(entries.of("SPOINT")), "no element or mass is at these scalar points"))
     rows += [(name, count, _why_idle(name)) for name, count in sorted(entries.idle.items())]
-    inside = [e for e in entries.of("GRID") if e["seid"]]
+    elsewhere = any(e["seid"] for e in entries.of("GRDSET"))
+    inside = [e for e in entries.of("GRID") if e["seid"] or (elsewhere and e["seid"] is None)]
     rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
     idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
     rows.append(("DMIG", len(idle), NOT_SELECTED))
@@ -66,6 +67,8 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     rows.append(("PBUSH B, GE", len(bushings), "damping of bushings: give it in the article's [damping]"))
     whole = [value for value, _ in given(deck, "G") if value and real(value)]
     rows.append(("PARAM G", len(whole), "damping of the whole: give it in the article's [damping]"))
+    unread = unread_params(deck)
+    rows.append((f"PARAM {', '.join(unread)}", len(unread), "not read"))
     return [row for row in rows if row[1] > 0]
 
 
@@ -94,8 +97,13 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
         _, file, line = deck.unended
         notes.append(f"no ENDDATA: {deck.cards} cards to the last line, {file}:{line}; are these all?")
     for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
-        absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
+        chosen = selection.sets.get(command, frozenset())
+        absent = chosen - {e.id for e in entries.of(*names)}
         notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
+        single = {e.id for e in entries.of(*names[:-1])}
+        for union in (e for e in entries.of(names[-1]) if e.id in chosen):
+            lacks = sorted({n for n in union["sets"] if n} - single)
+            notes += [f"{union.label} names {command} {n}, which is not there" for n in lacks]
     notes += deck.notes
     stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
     if stiff:

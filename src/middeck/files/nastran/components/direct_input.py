@@ -11,7 +11,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, component_of
 from middeck.files.nastran.deck.cards import Card
-from middeck.files.nastran.deck.deck import Deck, given
+from middeck.files.nastran.deck.deck import FACTORS, INPUT_FACTORS, Deck, given
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
@@ -20,8 +20,6 @@ from middeck.structure.model.component import Component
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
 NAME = "direct"
-# Parameters that scale such matrices; WTMASS does not.
-SCALES = ("CK2", "CM2", "CK1", "CM1")
 MANTISSA = re.compile(r"[+-]?(\d*)\.(\d*)")
 
 
@@ -59,10 +57,7 @@ def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
     if not columns:
         faults.append(entry.fault("has no entries"))
         return None
-    try:
-        grids, scalars, matrix = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
-    except ConfigError as error:
-        raise ConfigError(error.what, where=f"{deck.path}, {alone[0]}", hint=error.hint) from None
+    grids, scalars, matrix = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
     if scalars:
         what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
         faults.append(entry.fault(what, hint="K2GG and M2GG"))
@@ -87,8 +82,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
-    other matrices (B2GG, K2PP ...) and sums of matrices. Raises `ConfigError` or `DataError` for matrices
-    that are no component's.
+    other matrices (B2GG, K2PP ...), sums of matrices, and factors on matrices or loads, also on those of the
+    whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
     """
     chosen = deck.selection.matrices
     known = {entry["name"] for entry in deck.entries.of("DMIG")}
@@ -100,8 +95,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
             hint = "one name; a sum or a factor goes into the matrix itself"
             faults.append(_fault(deck, command, f"no DMIG {matrix}", hint))
     faults += [
-        dataclasses.replace(fault, message="scales matrices by direct input: not converted yet")
-        for name in (SCALES if chosen else ())
+        dataclasses.replace(fault, message="scales matrices or loads: not converted yet")
+        for name in (*FACTORS, *(INPUT_FACTORS if chosen else ()))
         for text, fault in given(deck, name)
         if real(text) != 1.0
     ]
@@ -112,6 +107,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     try:
         return component_of(cards, None, units, NAME, deck.path, names)
     except ConfigError as error:
+        if error.where.rpartition(":")[2].isdigit():  # a line of the deck
+            raise
         raise ConfigError(error.what, where=f"{deck.path}, {', '.join(chosen)}", hint=error.hint) from None
 
 

@@ -64,5 +64,7 @@ def _terms(
         return [("grids", grid, entry["c"]) for grid in found]
     if entry["d1"] or entry["d2"]:
         faults.append(entry.fault("a displacement that is not zero is not converted yet", "d1"))
+    if entry["c2"] and entry["g2"] is None:
+        faults.append(entry.fault(f"no grid whose components {entry['c2']} these are", "c2", "G2 beside C2"))
     terms = [(f"g{i}", entry[f"g{i}"], entry[f"c{i}"]) for i in "12"]
     return [term for term in terms if term[1] is not None]

@@ -20,6 +20,10 @@ from middeck.files.toml.faults import Fault
 
 # New objects that are worth to be made old at once.
 MANY = 100_000
+# PARAM that multiply stiffness, mass and loads of a deck, and its matrices by direct input; WTMASS does not.
+FACTORS = ("CK1", "CM1", "CP1")
+INPUT_FACTORS = ("CK2", "CM2")
+READ = (*FACTORS, *INPUT_FACTORS, "WTMASS", "COUPMASS", "G")
 CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 
 
@@ -114,6 +118,13 @@ def weight_factor(deck: Deck) -> float:
         if found <= 0.0:
             raise_some([dataclasses.replace(fault, message="must be a real number > 0")])
     return found
+
+
+def unread_params(deck: Deck) -> list[str]:
+    """Names of the PARAM of bulk data and case control that nothing is made of, each once."""
+    stated = [text.upper().replace(",", " ").split() for text, _, _ in deck.selection.params]
+    names = [entry.id for entry in deck.entries.of("PARAM")] + [words[1] for words in stated if words[1:]]
+    return [name for name in dict.fromkeys(names) if name not in READ]
 
 
 def asked_formulation(deck: Deck) -> str:

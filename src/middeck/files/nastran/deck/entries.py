@@ -34,6 +34,7 @@ LARGEST = 10**15  # no integer of Nastran is
 SAMPLE = 64  # texts of a column that say whether most of them repeat
 EXPONENT = re.compile(r"(?<=[0-9.])[+-]")  # one without its letter
 SHOWN = 20  # faults in one report
+UNNUMBERED = ("GRDSET", "BAROR", "BEAMOR")  # what holds of all grids or bars stands once
 # Names that share one space of numbers. Programs accept masses with the number of another element.
 SPACES = {
     "GRID": "grid",
@@ -49,9 +50,7 @@ SPACES = {
             "MAT1",
             "PMASS",
             "PARAM",
-            "GRDSET",
-            "BAROR",
-            "BEAMOR",
+            *UNNUMBERED,
             "EIGRL",
             "EIGR",
             "SUPORT1",
@@ -91,7 +90,7 @@ class Entry(NamedTuple):
     @property
     def label(self) -> str:
         """The card and its number."""
-        return f"{self.name} {self.id}"
+        return self.name if self.name in UNNUMBERED else f"{self.name} {self.id}"
 
     def fault(self, message: str, key: str = "", hint: str = "") -> Fault:
         """A complaint about the field ``key`` or about the whole card."""
@@ -182,7 +181,8 @@ def _distinct(
     kept: list[Entry] = []
     for entry in entries:
         other = seen.setdefault(entry.id, entry)
-        if other is entry or entry.id is None:  # a number that cannot be read is a fault already
+        # A number that cannot be read is a fault already; defaults have none.
+        if other is entry or (entry.id is None and space not in UNNUMBERED):
             kept.append(entry)
         else:
             faults += _twice(entry, other, space, blank)
@@ -314,10 +314,10 @@ def _twice(entry: Entry, other: Entry, space: str, blank: Sequence[Any]) -> list
     if entry.name == other.name and one == two:
         return []
     line = other.card.line()
+    number = "" if entry.id is None else f" {entry.id}"
     return [
         entry.fault(
-            f"a second {space} {entry.id} with other content; the first is {other.label} "
-            f"at {line[1]}:{line[2]}",
+            f"a second {space}{number} with other content; the first is {other.label} at {line[1]}:{line[2]}",
             hint="leave one of them out",
         )
     ]

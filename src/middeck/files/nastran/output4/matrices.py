@@ -70,11 +70,14 @@ def op4_by_name(path: str | Path) -> dict[str, Op4Matrix]:
 def _matrix(source: Source, head: Head) -> Op4Matrix:
     rows, column, value = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
     last, dense = 0, None
+    seen: set[int] = set()
     while True:
         at, row, words = source.column()
-        if not last < at <= head.columns + 1:
+        anyhow = isinstance(source, TextSource) and source.of_pynastran and row == 0
+        if not (0 if anyhow else last) < at <= head.columns + 1 or at in seen:
             source.fail(f"column {at} after column {last} of {head.columns}")
         last = at
+        seen.add(at)
         if at > head.columns:
             source.end()
             break
@@ -109,11 +112,30 @@ def _strings(source: Source, head: Head, row: int, words: int) -> list[tuple[int
             words -= length + 1
         else:
             length, start = divmod(source.integers(1)[0], BIG)
+            if not found and length == words and isinstance(source, TextSource) and source.of_pynastran:
+                return _strings_of_whole_length(source, head, start, words)
             words -= length
         count, rest = divmod(length - 1, source.words_per_real(head))
         if words < 0 or rest or count <= 0:
             source.fail(f"a run of {length - 1} words in a column with {words + length} words left")
         found.append((start, _numbers(source, head, count)))
+    return found
+
+
+def _strings_of_whole_length(
+    source: TextSource, head: Head, start: int, words: int
+) -> list[tuple[int, np.ndarray]]:
+    """As pyNastran writes a column: each run states the length of all, two words for each number."""
+    found = [(start, _numbers(source, head, source.numbers_ahead()))]
+    while source.integers_ahead():
+        length, start = divmod(source.integers(1)[0], BIG)
+        if length != words:
+            source.fail(f"a run of {length} words in a column of runs of {words}")
+        found.append((start, _numbers(source, head, source.numbers_ahead())))
+    count = sum(len(run) for _, run in found) * (2 if head.kind in COMPLEX else 1)
+    alone = len(found) == 1 and words == count * source.words_per_real(head) + 1
+    if words != 2 * count + 1 and not alone:
+        source.fail(f"{count} numbers in a column of {words} words")
     return found
 
 

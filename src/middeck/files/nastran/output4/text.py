@@ -17,6 +17,7 @@ FORMAT = re.compile(r"(?:1P,?)?(\d+)[ED](\d+)\.(\d+)")
 NUMBER = re.compile(r"([+-]?\d+\.\d*|[+-]?\.\d+)(?:[ED]?([+-]\d+)|[ED](\d+))?")
 INTEGER = re.compile(r" *-?\d+")
 PLAIN = (5, 16)  # of older files, which state no format
+PYNASTRAN = (3, 23)  # of Nastran too, in double precision
 
 
 class TextSource:
@@ -59,6 +60,23 @@ class TextSource:
         head = head_of(numbers, name.replace(" ", "").replace("\0", ""), self.fail)
         self.matrix = head.name
         return head
+
+    @property
+    def of_pynastran(self) -> bool:
+        """Whether pyNastran may have written the matrix: its sparse columns stand in any order."""
+        return self.format == PYNASTRAN
+
+    def numbers_ahead(self) -> int:
+        """Numbers in the lines before the next integers."""
+        width, count, at = self.format[1], 0, self.at
+        while at < len(self.lines) and "." in self.lines[at]:
+            count += len(self.lines[at].rstrip()) // width
+            at += 1
+        return count
+
+    def integers_ahead(self) -> bool:
+        """Whether the next line holds one integer, which begins a run, and not the three of a column."""
+        return self.at < len(self.lines) and len(self.lines[self.at].split()) == 1
 
     def column(self) -> tuple[int, int, int]:
         """Column, first row (0: sparse) and number of words."""
