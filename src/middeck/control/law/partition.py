@@ -18,6 +18,7 @@ from middeck.systems.plants.plant import Plant, name_states, remove_delays, subs
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
+from middeck.systems.poles.state_units import settle_states
 from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -30,13 +31,25 @@ class ModePartition:
     Attributes:
         active: The plant of the other modes: the same transfer functions.
         inert: Names of the modes left out, in the order of the plant.
+        settled: Whether the states are in other units than the plant's.
     """
 
     active: Plant
     inert: tuple[str, ...]
+    settled: bool = False
 
 
 def partition_modes(plant: Plant) -> ModePartition:
+    """`set_inert_aside`, the states in like units (`settle_states`)."""
+    part = set_inert_aside(plant)
+    system = part.active.dynamics
+    settled = settle_states(system) if isinstance(system, StateSpace) else system
+    if settled is system:
+        return part
+    return ModePartition(dataclasses.replace(part.active, dynamics=settled), part.inert, settled=True)
+
+
+def set_inert_aside(plant: Plant) -> ModePartition:
     """Set aside the modes that are neither reachable from any input nor observed by any output.
 
     Modal dynamics use `inert_modes`, of rigid modes combined by `align_rigid`; a state space loses the states

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.partition import set_inert_aside
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.feedback import close_static
@@ -36,10 +36,10 @@ class PDLoops:
 def close_inner_loop(plant: Plant, pd: PDLoops) -> Plant:
     """The plant with ``pd`` closed: same ports, and the states of its modes in their order.
 
-    Modes that are uncontrollable and unobservable are left out (`partition_modes` names them). Raises
+    Modes that are uncontrollable and unobservable are left out (`set_inert_aside` names them). Raises
     `ConfigError` for loops whose ports do not exist.
     """
-    active = partition_modes(plant).active
+    active = set_inert_aside(plant).active
     system = active.system
     columns = active.input_indices(pd.names)
     angles = active.output_indices(pd.names)

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex
 
 from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.partition import set_inert_aside
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, name_states
@@ -48,7 +48,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     the loop through the direct terms has no solution. Warns (`UserWarning`) where rounding leaves its
     stability open, which `decide_stability` refuses.
     """
-    part = partition_modes(plant)
+    part = set_inert_aside(plant)
     active, law = part.active, compensator.system
     w, z = active.input_indices(active.w), active.output_indices(active.z)
     u, y = locate_ports(compensator, active.inputs, active.outputs)

@@ -121,8 +121,8 @@ def _design(
     active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)
     try:
-        # Of mixed states the last digits decide which ones a filter's gain is of.
-        anew = kalman is None or active is not part.active
+        # Of states mixed, or in uneven units, the last digits decide which ones a filter's gain is of.
+        anew = kalman is None or active is not part.active or part.settled
         estimator = filter_of(model, part.inert) if anew else kalman
         regulator, R = design_regulator(model, authority)
     except NotStabilisableError:

@@ -23,6 +23,7 @@ from middeck.control.reduction.weighted_loop import Loop, absorb, pose_loop, pro
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.state_units import settle_states
 from middeck.systems.state_space.statespace import StateSpace, add, series
 from middeck.values import record
 
@@ -103,6 +104,7 @@ def reduce_compensator(
     each = [plants] if isinstance(plants, Plant) else list(plants)
     if not each:
         raise ConfigError("no plant to reduce the compensator for", hint="the plant it was designed for")
+    compensator = dataclasses.replace(compensator, dynamics=settle_states(compensator.system), applied=None)
     whole = [without_delays(plant) for plant in each]
     loops = [pose_loop(plant, compensator, weights, authority) for plant in whole]
     parts = separate_axis(_strictly_proper(compensator))

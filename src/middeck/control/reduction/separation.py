@@ -15,7 +15,7 @@ from jaxtyping import Bool, Complex, Float
 from scipy.linalg import lapack
 
 from middeck.errors import NumericalError
-from middeck.systems.poles.resolvent import balance_states
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.state_space.statespace import StateSpace, add
 from middeck.values import record
 

@@ -19,6 +19,7 @@ from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import all_decay, growth_rates
+from middeck.systems.poles.state_units import settle_states
 from middeck.systems.poles.verdict import may_cross
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.reached_states import reached_states
@@ -118,7 +119,7 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """
-    law = arrange_ports(compensator, held.outputs, held.inputs).sampled
+    law = settle_states(arrange_ports(compensator, held.outputs, held.inputs).sampled)
     if not same_period(law.period_s, held.system.period_s):
         raise ConfigError(
             f"the compensator's period is {law.period_s} s, the plant is held over {held.system.period_s} s",

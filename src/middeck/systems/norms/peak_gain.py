@@ -16,8 +16,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import NumericalError
-from middeck.systems.poles.resolvent import balance_states, entry_sensitivity, evaluate_transfer
+from middeck.systems.poles.resolvent import entry_sensitivity, evaluate_transfer
 from middeck.systems.poles.rounding import EPS, LIGHTEST, is_vague
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record

@@ -25,12 +25,12 @@ from middeck.systems.norms.quadrature import integrate
 from middeck.systems.poles.refined_poles import refine_poles
 from middeck.systems.poles.resolvent import (
     Resolvent,
-    balance_states,
     by_schur_form,
     by_solving,
     entry_sensitivity,
 )
 from middeck.systems.poles.stability import GROWTH_LIMIT, none_grows
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.state_space.statespace import StateSpace, poles
 
 AGREEMENT = 1e-11

@@ -12,8 +12,7 @@ import scipy.linalg as sla
 from jaxtyping import Float, Int
 
 from middeck.systems.poles.integrator_chains import integrating_chains, strictly_upper
-from middeck.systems.poles.resolvent import balance_states
-from middeck.systems.state_space.balancing import balance
+from middeck.systems.poles.state_units import in_units, state_units
 from middeck.systems.state_space.modal_system import (
     ModalSystem,
     modal_to_statespace,
@@ -69,8 +68,8 @@ def part_integrators(system: StateSpace) -> PartedSystem:
             leading=np.zeros(0, dtype=int),
             moving=system,
         )
-    _, unit = balance(system.A)
-    balanced = balance_states(system)
+    unit = state_units(system)
+    balanced = in_units(system, unit)
     turn, sizes = integrating_chains(balanced.A)
     n = sum(sizes)
     if not n:

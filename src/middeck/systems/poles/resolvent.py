@@ -14,8 +14,8 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import NumericalError
 from middeck.systems.poles.refined_poles import PoleForm, refine_poles
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.poles.strong_components import component_schur
-from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.second_order import sum_second_order
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
@@ -46,12 +46,6 @@ def evaluate_transfer(
     if system.period_s is not None:
         return by_poles(form)(points) + system.D
     return on_axis(form, np.imag(points)) + system.D
-
-
-def balance_states(system: System) -> StateSpace:
-    """The same transfer function in states of comparable size (powers of two: exact)."""
-    A, unit = balance(system.A)
-    return StateSpace(A, system.B / unit[:, None], system.C * unit, system.D)
 
 
 def by_solving(system: System) -> Resolvent:

@@ -14,6 +14,7 @@ import scipy.linalg as sla
 from jaxtyping import Complex, Float
 
 from middeck.systems.poles.integrator_chains import NONE, NONE_SAMPLED, integrating_chains, strictly_upper
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import LinearSystem
@@ -53,7 +54,7 @@ def is_vague(system: LinearSystem) -> bool:
     """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
     if not len(system.A):
         return False
-    A, _ = balance(system.A)
+    A = balance_states(system).A
     poles, rounding = poles_with_rounding(A)
     # A double pole moves by the root.
     moved = np.minimum(rounding, np.sqrt(EPS * np.linalg.norm(A) * np.abs(poles)))
@@ -69,7 +70,7 @@ def moving_poles(system: LinearSystem) -> tuple[Poles, list[int]]:
     moves the others far, and is counted with theirs; where some of them are known not to be at rest, nothing
     is known of any.
     """
-    A, _ = balance(system.A)
+    A = balance_states(system).A
     rest, none = (0.0, NONE) if system.period_s is None else (1.0, NONE_SAMPLED)
     turn, sizes = integrating_chains(A - rest * np.eye(len(A)), least=none)
     n = sum(sizes)

@@ -16,8 +16,8 @@ from jaxtyping import Complex, Float
 from scipy.sparse.csgraph import connected_components
 
 from middeck.systems.poles.integrator_chains import NONE, NONE_SAMPLED, integrating_chains
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.poles.strong_components import component_poles
-from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 GROWTH_LIMIT = 1e-8
@@ -60,7 +60,7 @@ def growth_rates(system: StateSpace | SampledStateSpace) -> Complex[np.ndarray, 
     array([-2.])
     """
     period_s = system.period_s
-    rates = _rates(system, _joined(system.A, poles(system), sampled=period_s is not None))
+    rates = _rates(system, _joined(balance_states(system).A, poles(system), sampled=period_s is not None))
     if none_grows(rates, period_s):
         return rates
     # Rounding splits equal light modes of a cascade to both sides of the axis; each component alone is not
@@ -81,23 +81,22 @@ def _rates(system: StateSpace | SampledStateSpace, p: np.ndarray) -> Complex[np.
 
 
 def _joined(A: np.ndarray, values: np.ndarray, *, sampled: bool) -> Complex[np.ndarray, " state"]:
-    """The eigenvalues, with those split by rounding replaced by their mean."""
+    """The eigenvalues of a balanced matrix, with those split by rounding replaced by their mean."""
     if not len(A):
         return values
-    balanced, _ = balance(A)
-    size = float(np.linalg.norm(balanced))
+    size = float(np.linalg.norm(A))
     rest = 1.0 if sampled else 0.0
     if np.sum(np.abs(values - rest) < CROWDED * size) < 2:  # no two that rounding may have split
         return values
     least = NONE_SAMPLED if sampled else NONE
-    turn, sizes = integrating_chains(balanced - rest * np.eye(len(A)), least=least)
+    turn, sizes = integrating_chains(A - rest * np.eye(len(A)), least=least)
     if len(sizes) > 1:  # a chain of integrators, which rounding spreads; one alone is known to rounding
         n = sum(sizes)
-        others = (turn.T @ balanced @ turn)[n:, n:]
+        others = (turn.T @ A @ turn)[n:, n:]
         return np.append(
             np.full(n, rest, dtype=complex), _joined(others, np.linalg.eigvals(others), sampled=sampled)
         )
-    found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(balanced, left=True, right=True))
+    found, left, right = cast("tuple[np.ndarray, ...]", sla.eig(A, left=True, right=True))
     found = found.astype(complex)
     aligned = np.abs(np.sum(np.conj(left) * right, axis=0))
     known = JOINED * np.finfo(float).eps * size / np.maximum(aligned, np.finfo(float).eps)

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague, moving_poles
 from middeck.systems.poles.stability import growth_limits, growth_rates, none_grows
-from middeck.systems.state_space.balancing import balance
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.state_space.statespace import LinearSystem
 
 OPEN = "rounding of the matrices alone may take a root across the axis"
@@ -63,7 +63,7 @@ def may_cross(system: LinearSystem, roundings: float = ROUNDINGS) -> bool:
     near = (size - blur <= limit) & (size + blur > limit)
     if chain:
         return bool(near.any())
-    A, _ = balance(system.A)
+    A = balance_states(system).A
     return any(_is_reached(A, s, roundings) for s in beside[near & (np.imag(poles) >= 0.0)])
 
 

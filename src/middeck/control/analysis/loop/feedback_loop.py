@@ -18,7 +18,8 @@ from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.poles.inert_modes import observed_modes, reached_modes
 from middeck.systems.poles.integrators import part_integrators, rest_once
-from middeck.systems.poles.resolvent import Resolvent, balance_states, by_schur_form
+from middeck.systems.poles.resolvent import Resolvent, by_schur_form
+from middeck.systems.poles.state_units import balance_states, settle_states
 from middeck.systems.state_space.feedback import beside, close_static
 from middeck.systems.state_space.modal_system import (
     ModalSystem,
@@ -93,7 +94,11 @@ def loop_path(plant: Plant, compensator: Compensator) -> Plant:
     """The plant from the commands of ``compensator`` to its measurements, without inert modes."""
     locate_ports(compensator, plant.inputs, plant.outputs)
     inputs, outputs = (tuple(p.name for p in side) for side in (compensator.outputs, compensator.inputs))
-    return select_ports(plant if plant.period_s else partition_modes(plant).active, inputs, outputs)
+    if plant.period_s is not None:
+        active = dataclasses.replace(plant, dynamics=settle_states(plant.sampled))
+    else:
+        active = partition_modes(plant).active
+    return select_ports(active, inputs, outputs)
 
 
 def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
@@ -109,15 +114,16 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
     if period is None:
         if plant.period_s is not None:
             raise ConfigError("a continuous compensator on a sampled plant", hint="emulate(law, period_s)")
-        return FeedbackLoop(path, compensator.system)
+        return FeedbackLoop(path, settle_states(compensator.system))
+    law = settle_states(compensator.sampled)
     if plant.period_s is None:
-        return FeedbackLoop(sample_known(path, compensator.sampled), compensator.sampled)
+        return FeedbackLoop(sample_known(path, law), law)
     if not same_period(period, plant.period_s):
         raise ConfigError(
             f"the compensator's period is {period} s, the plant's {plant.period_s} s",
             hint="the continuous plant, or the compensator at the plant's rate",
         )
-    return FeedbackLoop(path, compensator.sampled)
+    return FeedbackLoop(path, law)
 
 
 def evaluate_halves(loop: FeedbackLoop) -> Halves:
@@ -185,7 +191,7 @@ def resolve(system: LinearSystem) -> Resolvent:
     return by_schur_form(balanced)
 
 
-def _sum_poles(system: StateSpace, values: np.ndarray, vectors: np.ndarray) -> Resolvent:
+def _sum_poles(system: LinearSystem, values: np.ndarray, vectors: np.ndarray) -> Resolvent:
     into, out = np.linalg.solve(vectors.astype(complex), system.B), system.C @ vectors
     residues = (into[:, None, :] * out.T[:, :, None]).reshape(len(values), -1)
 

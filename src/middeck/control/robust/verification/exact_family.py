@@ -31,8 +31,9 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.systems.norms.quadrature import integrate
 from middeck.systems.norms.rms import RESPONSE_TOLERANCE, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.poles.resolvent import Resolvent, balance_states
+from middeck.systems.poles.resolvent import Resolvent
 from middeck.systems.poles.rounding import LIGHTEST, is_vague
+from middeck.systems.poles.state_units import balance_states
 from middeck.systems.state_space.modal_system import ModalSystem, output_rows
 from middeck.values import record
 

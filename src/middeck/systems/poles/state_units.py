@@ -1,0 +1,103 @@
+"""State units of a system: powers of two that even out what drives each state and what reads it.
+
+Within a strongly connected part of A its own entries decide (`balance`). Between parts A fixes no unit, or of
+integrators in chain only their product; there inputs and outputs decide, closed to loops by gains of one over
+the gain of each path, which no unit of a state changes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.systems.poles.strong_components import strong_components
+from middeck.systems.state_space.balancing import balance
+from middeck.systems.state_space.statespace import LinearSystem, System
+
+EVEN = 2.0**16
+"""Ratio of state units up to which no computation loses digits to them; positions and rates of a structure
+stay below."""
+ROUNDING = 1e-13
+"""Share of a part of the states in each path from input to output below which it may be rounding of no share:
+its unit stays as it is, and what drives or reads it is judged in that."""
+
+
+def balance_states(system: System) -> System:
+    """The same transfer function in states of comparable size (powers of two: exact)."""
+    return in_units(system, state_units(system))
+
+
+def in_units(system: System, unit: Float[np.ndarray, " state"]) -> System:
+    """The system in states x / ``unit``."""
+    A, B, C = system.A * unit / unit[:, None], system.B / unit[:, None], system.C * unit
+    return dataclasses.replace(system, A=A, B=B, C=C)
+
+
+def settle_states(system: System) -> System:
+    """`balance_states` of a system whose states are in units beyond `EVEN`; others stay as they are."""
+    unit = state_units(system)
+    return in_units(system, unit) if len(unit) and unit.max() > EVEN * unit.min() else system
+
+
+def state_units(system: LinearSystem) -> Float[np.ndarray, " state"]:
+    """Units t of the states, x = t * x_balanced.
+
+    >>> from middeck.systems.state_space.statespace import StateSpace
+    >>> body = StateSpace([[0.0, 2.0**40], [0.0, 0.0]], [[0.0], [2.0**-60]], [[2.0**20, 0.0]], [[0.0]])
+    >>> balance_states(body).A[0, 1], balance_states(body).B[1, 0]
+    (np.float64(1.0), np.float64(1.0))
+    """
+    parts = strong_components(system.A)
+    inside = [balance(system.A[np.ix_(part, part)]) for part in parts]
+    unit = np.ones(len(system.A))
+    for part, (_, own) in zip(parts, inside, strict=True):
+        unit[part] = own
+    rest = 0.0 if system.period_s is None else 1.0
+    paces = [float(np.linalg.norm(A - rest * np.eye(len(A)))) for A, _ in inside]
+    pace = float(np.exp(np.mean(np.log([each for each in paces if each > 0.0] or [1.0]))))
+    joined = np.zeros((len(parts), len(system.A)))
+    for k, part in enumerate(parts):
+        joined[k, part] = 1.0
+    between = joined @ (np.abs(system.A) * unit / unit[:, None] / pace) @ joined.T
+    np.fill_diagonal(between, 0.0)
+    into = joined @ (np.abs(system.B) / unit[:, None] / pace)
+    out = (np.abs(system.C) * unit) @ joined.T
+    more = _units_between(between, into, out)
+    uneven = len(more) and more.max() > EVEN * more.min()
+    return unit * (more @ joined) if uneven else balance(system.A)[1]
+
+
+def _units_between(between: np.ndarray, into: np.ndarray, out: np.ndarray) -> Float[np.ndarray, " part"]:
+    """Units of parts in triangular order: ``between`` is strictly upper triangular."""
+    n, inputs = into.shape
+    passed = np.linalg.inv(np.eye(n) - between)
+    driven, read = passed @ into, out @ passed
+    gain = out @ driven
+    share = read[:, None, :] * driven.T[None]
+    share = np.divide(share, gain[:, :, None], out=np.zeros_like(share), where=gain[:, :, None] > 0.0)
+    through = share.max(axis=(0, 1), initial=0.0) > ROUNDING
+    reached, seen = driven.any(axis=1), read.any(axis=0)
+    back = np.divide(1.0, gain, out=np.zeros_like(gain), where=gain > 0.0).T
+    whole = np.block(
+        [
+            [between, into, np.zeros((n, len(out)))],
+            [np.zeros((inputs, n + inputs)), back],
+            [out, np.zeros((len(out), inputs + len(out)))],
+        ]
+    )
+    on_path = np.append(through, np.ones(inputs + len(out), dtype=bool))
+    unit = np.ones(len(whole))
+    unit[on_path] = balance(whole[np.ix_(on_path, on_path)])[1]
+    # What is not on a path from an input to an output follows those that are.
+    for k in np.flatnonzero(seen & ~reached):
+        unit[k] = _power(1.0 / np.max(whole[:, k] / unit))
+    for k in np.flatnonzero(~seen)[::-1]:
+        unit[k] = _power(np.max(whole[k] * unit))
+    ports = unit[n:]
+    return unit[:n] / _power(float(np.exp(np.mean(np.log(ports))))) if len(ports) else unit[:n]
+
+
+def _power(size: float) -> float:
+    return float(np.exp2(np.round(np.log2(size)))) if 0.0 < size < np.inf else 1.0
