@@ -41,6 +41,18 @@ ALL_RUNGS = 10.0 ** np.arange(-2.0, 6.01, 0.0625)
 LEAST_DB = -20.0
 # Plants asked of together: a rung that is not stable is known by a few of them.
 AT_ONCE = 10
+BETWEEN = 8  # rungs looked at for the best
+
+
+class Short(NamedTuple):
+    """By how many decibels a promised frontier is below the true one, and what stopping there gives up.
+
+    The last stable rung is on the brink, and the finer the ladder, the worse its decibels: what a promise
+    gives up is against the best rung from the promised one to the last.
+    """
+
+    below: float
+    given_up: float
 
 
 class Came(NamedTuple):
@@ -96,17 +108,17 @@ def frontier_rows(options: Any) -> list[dict[str, Any]]:
     return [*_frontier_rows("one motor", one), *_frontier_rows("five motors", five)]
 
 
-def one_motor_frontiers(truth: Case, _: Any) -> list[float]:
+def one_motor_frontiers(truth: Case, _: Any) -> list[Short]:
     return _frontiers(truth.index, case.plan(RUNGS, ALL_DRAWS))
 
 
-def all_motors_frontiers(truth: Case, _: Any) -> list[float]:
+def all_motors_frontiers(truth: Case, _: Any) -> list[Short]:
     return _frontiers(truth.index, case.with_all_motors(case.plan(ALL_RUNGS, ALL_DRAWS)))
 
 
-def _frontier_rows(name: str, of_truths: Sequence[list[float]]) -> list[dict[str, Any]]:
-    found = [d for of_truth in of_truths for d in of_truth]
-    late = np.array([d for d in found if np.isfinite(d)])
+def _frontier_rows(name: str, of_truths: Sequence[Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
+    found = np.array([both for of_truth in of_truths for both in of_truth])
+    late, given_up = found[np.isfinite(found[:, 0])].T
     title = f"frontier, {name}, {len(found)} ladders of {LADDERS} truths"
     above = int(np.sum(late < 0.0))
     most = 100.0 * probability_interval(above, len(late), 0.9)[1]
@@ -115,12 +127,14 @@ def _frontier_rows(name: str, of_truths: Sequence[list[float]]) -> list[dict[str
         row(title, "promised above the true one", "%", 100.0 * above / len(late), 2.0, note=note),
         row(title, "promised below the true one, median", "dB", np.median(late), 1.0),
         row(title, "the same, largest", "dB", late.max(), 3.0),
+        row(title, "given up against the best stable rung, median", "dB", np.median(given_up)),
+        row(title, "the same, largest", "dB", given_up.max()),
         row(title, "without one rung that is promised", "", len(found) - len(late)),
     ]
 
 
-def _frontiers(seed: int, asked: Plan) -> list[float]:
-    """By how many decibels the promised frontier is below the true one, of both ladders."""
+def _frontiers(seed: int, asked: Plan) -> list[Short]:
+    """Of both ladders."""
     refined = case.refined(seed)
     place = next(iter(asked.environments.values()))
     drawn = draw_plants(
@@ -133,7 +147,7 @@ def _frontiers(seed: int, asked: Plan) -> list[float]:
     return [_distance(modes, drawn, truth, asked) for modes in models]
 
 
-def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> float:
+def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> Short:
     assert asked.ladder is not None
     ladder, count = asked.ladder, len(asked.ladder.authority)
     decade = round(1.0 / np.log10(ladder.authority[1] / ladder.authority[0]))
@@ -152,9 +166,12 @@ def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> fl
     said = _first_not(lambda k: _all_stable(rung(k), worst, asked), count, decade) - 1
     print(f"true frontier {true}, promised {said} of {count}; {came(max(true, 0)):.2f} dB", flush=True)
     if said < 0 or true < 0:
-        return 0.0 if said == true else (np.nan if said < 0 else -np.inf)
+        return Short(0.0 if said == true else (np.nan if said < 0 else -np.inf), 0.0)
+    if said > true:
+        return Short(-1.0, 0.0)
+    between = range(said, true + 1, max(1, (true - said) // BETWEEN))
     # Near the end of a ladder a lower rung may be the better one: its distance counts all the same.
-    return -1.0 if said > true else abs(came(said) - came(true))
+    return Short(abs(came(said) - came(true)), came(said) - min(came(k) for k in (*between, true)))
 
 
 def _first_not(holds: Callable[[int], bool], count: int, stride: int) -> int:

@@ -23,6 +23,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
@@ -322,6 +323,25 @@ def test_measured_damping_goes_with_the_shape():
     assert zeta[3] == pytest.approx(
         modes_of(mast(), clamped()).equilibrium.model.structure.damping.flexible, rel=0.05
     )
+
+
+def test_what_a_suspension_takes_is_not_lost_in_orbit():
+    """An article whose material loses half of what the model says, on a suspension of which that is true.
+
+    Measured ratios are those of its strain energy; in orbit, where all is strain, the material's alone.
+    """
+    article, lab = case.sheet()
+    article = dataclasses.replace(article, damping=dataclasses.replace(article.damping, by_rank=False))
+    modes = modes_of(article, lab)
+    true = dataclasses.replace(article.damping, flexible=0.5 * article.damping.flexible)
+    zeta = estimate_damping(modes, true, count=12).zeta
+    seen = measure_modes(modes, chosen=range(12), noise=case.NOISE, rng=np.random.default_rng(0))
+    damped = dataclasses.replace(seen, damping=zeta, damping_std=case.DAMPING_STD * zeta)
+    found = refine(article, [Survey(name="test", measured=damped, environment=lab)], (MODULUS,))
+    told = predict_modes(found, Environment.orbit(), count=4)
+    error = np.log(told.damping / true.flexible)
+    assert np.all(np.abs(error) < 2.5 * told.damping_std(0.3))
+    assert np.all(error < 0.6 * np.log(zeta[8:12] / true.flexible))
 
 
 def test_what_the_surveys_do_not_see_is_named():

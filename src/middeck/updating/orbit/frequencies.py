@@ -40,11 +40,14 @@ class Prediction:
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
         log_root: Root of their shared covariance, by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
-        damping: What the surveys measured, by what each mode has of the shapes that it saw; of the rest,
-            and where the survey states none, the article's. Where damping was refined: of the refined
-            article's complex modes, with the model's errors of ln zeta as far as the modes share them.
-        damping_seen: Part of each damping that was measured; one where damping was refined.
-        damping_spread: Standard deviation of the logarithm of what was measured, or of what each has alone.
+        damping: What the surveys measured, by what each mode has of the shapes that it saw, less what the
+            article loses on the ground alone (`_carried`); of the rest, and where the survey states none, the
+            article's. Where damping was refined: of the refined article's complex modes, with the model's
+            errors of ln zeta as far as the modes share them.
+        damping_own: Root of the part of the variance of ln zeta that no measured mode has: one of a mode that
+            was not seen, and not zero of one that is made of several; zero where damping was refined.
+        damping_spread: Standard deviation of the logarithm by the noise of the tests, or, where damping was
+            refined, of what each mode has alone.
         damping_root: Root of the shared covariance of the logarithms; zero where damping was not
             refined.
         seen: Part of each shape that the surveys saw.
@@ -58,7 +61,7 @@ class Prediction:
     log_root: Float[np.ndarray, "mode both"]
     log_rest: Float[np.ndarray, " mode"]
     damping: Float[np.ndarray, " mode"]
-    damping_seen: Float[np.ndarray, " mode"]
+    damping_own: Float[np.ndarray, " mode"]
     damping_spread: Float[np.ndarray, " mode"]
     damping_root: Float[np.ndarray, "mode both"]
     seen: Float[np.ndarray, " mode"]
@@ -66,7 +69,7 @@ class Prediction:
 
     def damping_alone(self, unseen: float) -> Float[np.ndarray, " mode"]:
         """Deviations of ln zeta beside what is shared; ``unseen`` is that of what was not measured."""
-        return np.hypot(self.damping_seen * self.damping_spread, (1.0 - self.damping_seen) * unseen)
+        return np.hypot(self.damping_spread, self.damping_own * unseen)
 
     def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
         """Deviations of ln zeta, all told; ``unseen`` as in `damping_alone`."""
@@ -185,23 +188,46 @@ def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequen
 def _damping(
     refined: Refined, modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None
 ) -> dict[str, np.ndarray]:
-    """Damping ratios by shape, not by rank: losses of a cycle add up over the parts of a shape."""
+    """Damping ratios by shape, not by rank: losses of a cycle add up over the parts of a shape.
+
+    As with frequencies, what measured modes lose beyond the model is shared by shape, and how it joins in a
+    mode that is made of several is not known: their shares in squares are sure, the rest is its own.
+    """
     own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
     root, nothing = np.zeros((len(index), refined.estimate.root.shape[1])), np.zeros(len(index))
     if errors is None:
-        return {"damping": own, "damping_seen": nothing, "damping_spread": nothing, "damping_root": root}
-    zeta, std = _measured_damping(errors, refined.compared)
+        alone = np.ones(len(index))
+        return {"damping": own, "damping_own": alone, "damping_spread": nothing, "damping_root": root}
+    zeta, std, model = _measured_damping(errors, refined.compared)
     # A ratio of zero is none: files of modes have no other way to say so.
     there = zeta > 0.0
     relative = np.divide(std, zeta, out=np.full(len(zeta), DAMPING_STD), where=there & np.isfinite(std))
     known = share * there
-    seen = np.minimum(known.sum(axis=1), 1.0)
+    carried, open_part = _carried(own[:, None], np.where(there, zeta, 1.0), model)
     return {
-        "damping": known @ np.where(there, zeta, 0.0) + (1.0 - seen) * own,
-        "damping_seen": seen,
-        "damping_spread": known @ relative / np.where(seen > 0.0, known.sum(axis=1), 1.0),
+        "damping": np.sum(known * carried, axis=1) + np.maximum(1.0 - known.sum(axis=1), 0.0) * own,
+        "damping_own": np.hypot(
+            np.sqrt(np.maximum(1.0 - np.sum(known**2, axis=1), 0.0)), np.sum(known * open_part, axis=1)
+        ),
+        "damping_spread": known @ relative,
         "damping_root": root,
     }
+
+
+def _carried(own: np.ndarray, zeta: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ratios ``zeta`` measured where the article has ``model``, for modes where it has ``own``.
+
+    Where the article loses less, the rest (of a suspension, say) is not lost there. Kept part and rest differ
+    from the model by unknown factors, as likely before, and only their sum was measured: ln factor of the
+    kept part w is w / (w^2 + (1 - w)^2) of the sum's. Second, how much of its spread stays open. What the
+    article loses beside is added. One that loses nothing there knows nothing of damping: ``zeta`` stays.
+    """
+    known = (own > 0.0) & (model > 0.0)
+    kept = np.divide(own, model, out=np.ones(known.shape), where=known & (model > own))
+    size = np.hypot(kept, 1.0 - kept)
+    factor = np.divide(zeta, model, out=np.ones(known.shape), where=known) ** (kept / size**2)
+    carried = np.where(known, kept * model * factor, zeta) + np.maximum(own - model, 0.0)
+    return carried, (1.0 - kept) / size
 
 
 def _refined_damping(
@@ -215,18 +241,18 @@ def _refined_damping(
     alone = np.sqrt(np.maximum(1.0 - np.sum(share**2, axis=1), 0.0))
     return {
         "damping": roots.zeta[index] * np.exp(share @ found.d[own]),
-        "damping_seen": np.ones(len(index)),
+        "damping_own": np.zeros(len(index)),
         "damping_spread": alone * refined.unseen[-1],
         "damping_root": slope @ found.root[: slope.shape[1]] + share @ rows,
     }
 
 
-def _measured_damping(errors: OwnErrors, compared: Sequence[Compared]) -> tuple[np.ndarray, np.ndarray]:
-    """Ratios of the modes that have errors of their own, and deviations, NaN where a survey states none."""
+def _measured_damping(errors: OwnErrors, compared: Sequence[Compared]) -> np.ndarray:
+    """Ratios of modes with errors of their own, deviations (NaN where not stated), the article's ratios."""
+    model = [estimate_damping(one.modes).zeta for one in compared]
     found = []
     for s, p in zip(errors.survey, errors.pair, strict=True):
-        measured, at = compared[s].survey.measured, compared[s].pairs[p, 1]
+        measured, (mode, at) = compared[s].survey.measured, compared[s].pairs[p]
         stated = measured.damping_std
-        found.append((measured.damping[at], np.nan if stated is None else stated[at]))
-    zeta, std = np.array(found).reshape(-1, 2).T
-    return zeta, std
+        found.append((measured.damping[at], np.nan if stated is None else stated[at], model[s][mode]))
+    return np.array(found).reshape(-1, 3).T
