@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from middeck import FrequencyResponse, Port, Record, fit_record, fit_response
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from repeats import repeats
 
 RATE, SAMPLES = 100.0, 500
@@ -96,3 +97,38 @@ def test_equal_clocks_are_not_doubted(route, seed):
     fit = _fit(route, seed, 0.0)
     assert fit.warnings == ()
     assert np.all(np.abs(fit.model.delay_s - DELAY_S) < 4.0 * fit.uncertainty.delay_s)
+
+
+WIDE_HZ = np.array([2.1, 4.0, 9.0, 17.0, 31.0])
+
+
+def _wide(seed, late_s):
+    """A fit of five modes by two inputs and outputs; one path is later than the others."""
+    rng, f = np.random.default_rng(seed), np.arange(1.0, 40.0, 0.1)
+    s, w = 2j * np.pi * f[:, None, None], 2.0 * np.pi * WIDE_HZ
+    shape, driven = rng.uniform(0.5, 1.5, (2, 2, 5)) * rng.choice([-1.0, 1.0], (2, 2, 5))
+    H = np.einsum("om,klm,im->koi", shape * w**1.5, 1.0 / (s**2 + 0.03 * w * s + w**2), driven)
+    H = H * np.exp(-s * (DELAY_S[:, None] + np.array([[0.0, 0.0], [late_s, 0.0]])))
+    size = np.sqrt(np.mean(np.abs(H) ** 2, axis=(0, 2)))[:, None] * np.full(2, 0.01)
+    error = (rng.standard_normal((2, *H.shape)).T @ np.array([1.0, 1.0j])).T * np.sqrt(0.5) * size
+    variance = np.broadcast_to(size**2, H.shape).copy()
+    return fit_response(
+        FrequencyResponse(frequency_hz=f, H=H + error, inputs=INPUTS, outputs=OUTPUTS, variance=variance),
+        states=10,
+    )
+
+
+def test_only_modes_that_the_delay_moves_are_doubted():
+    """A delay that is told moves what it moves: what is known of the other modes holds."""
+    sound = 0
+    for seed in range(4):
+        fit = _wide(seed, 0.1e-3)
+        assert any("than to the others" in w for w in fit.warnings)
+        assert "doubtful" in fit.standing
+        hz, zeta, std = natural_hz(fit.model), damping_ratio(fit.model), fit.uncertainty
+        for m in (m for m, standing in enumerate(fit.standing) if standing == "sound"):
+            truth = WIDE_HZ[np.argmin(np.abs(WIDE_HZ - hz[m]))]
+            assert abs(hz[m] - truth) < 4.0 * std.natural_hz[m]
+            assert abs(zeta[m] - 0.015) < 4.0 * std.damping[m]
+            sound += 1
+    assert sound >= 6

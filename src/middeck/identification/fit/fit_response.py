@@ -49,7 +49,7 @@ from middeck.identification.spectra.excess_variance import (
     spread_of,
 )
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
-from middeck.identification.uncertainty.lacking_terms import response_doubts
+from middeck.identification.uncertainty.lacking_terms import NOTHING, Lacking, response_lacks
 from middeck.identification.uncertainty.parameter_deviations import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
@@ -308,18 +308,18 @@ def _result(run: _Searched) -> FitResult:
     warnings += doubts_of_record(measured)
     excess = model_error(best, spread)
     lacks = _lacks(run, covariance)
-    doubts = doubts_of_model(measured, error, excess, residual)
+    of_model = doubts_of_model(measured, error, excess, residual)
     doubts = [
-        *lacks,
-        *(doubts if not lacks or np.any(error > LEFT) else []),
+        *lacks.said,
+        *(of_model if not lacks.said or np.any(error > LEFT) else []),
     ]  # modes are what it does not lack
-    warnings += doubts if lacks else name_missing_delay(doubts, measured, covariance, error)
+    warnings += doubts if lacks.said else name_missing_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
-    standing = standing_of(measured, covariance, holds=not doubts, phase=phase[0])
+    standing = standing_of(measured, covariance, holds=not of_model, doubted=[*phase[0], *lacks.modes])
     poles = _poles_for_a_delay(measured, data, best, followed, covariance, standing)
     if poles is not None and poles.shorter:
-        standing = standing_of(measured, covariance, holds=False, phase=phase[0])
+        standing = standing_of(measured, covariance, holds=False, doubted=phase[0])
     # What all lines lack alike looks like a delay before it is most of what is left.
     noise = not doubts and (measured.variance is None or leaves_noise(best, spread))
     of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
@@ -343,11 +343,11 @@ def _result(run: _Searched) -> FitResult:
     )
 
 
-def _lacks(run: _Searched, covariance: ModelCovariance) -> list[str]:
-    """Warnings for a delay or a filter that the model lacks; only least squares have scores."""
+def _lacks(run: _Searched, covariance: ModelCovariance) -> Lacking:
+    """A delay or a filter that the model lacks; only least squares have scores."""
     if run.cost != "weighted" or covariance.model.sample_hz is not None:
-        return []
-    return response_doubts(covariance, run.measured, run.followed.at(run.best.share))
+        return NOTHING
+    return response_lacks(covariance, run.measured, run.followed.at(run.best.share))
 
 
 def _pairs_for_a_delay(

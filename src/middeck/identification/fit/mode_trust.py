@@ -59,9 +59,9 @@ def standing_of(
     covariance: ModelCovariance,
     *,
     holds: bool,
-    phase: Iterable[int] = (),
+    doubted: Iterable[int] = (),
 ) -> tuple[Standing, ...]:
-    """The standing of each mode. ``holds``: the residual is noise; ``phase``: modes standing for a delay."""
+    """The standing of each mode. ``holds``: the residual is noise; ``doubted``: modes doubted in any case."""
     model, lines = covariance.model, measured.frequency_hz
     significance = mode_significance(covariance)
     of = uncertainty_of(covariance)
@@ -74,7 +74,7 @@ def standing_of(
         elif close[m]:
             found.append("unresolved")
         else:
-            found.append("sound" if holds and clear[m] and m not in phase else "doubtful")
+            found.append("sound" if holds and clear[m] and m not in doubted else "doubtful")
     return tuple(found)
 
 

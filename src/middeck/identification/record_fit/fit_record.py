@@ -46,7 +46,7 @@ from middeck.identification.record_fit.record_spectra import (
     without_drift,
     without_trend,
 )
-from middeck.identification.record_fit.record_terms import record_doubts
+from middeck.identification.record_fit.record_terms import record_lacks
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
@@ -54,6 +54,7 @@ from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay
 from middeck.identification.spectra.estimate import as_periods, estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.lacking_terms import NOTHING
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.excitation.driven_band import driven_band, floor_variance, folded_power
 from middeck.signals.record import Record
@@ -324,8 +325,8 @@ def _result(
     ]
     said += doubts_of_deviations(lines, covariance, of_samples=True)
     lacking = fitted.sample_hz is None and input_noise is None
-    wrong = record_doubts(run, data, covariance) if lacking else []
-    wrong += [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    lacks = record_lacks(run, data, covariance) if lacking else NOTHING
+    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
     if model.sample_hz is None:
         wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
@@ -333,15 +334,21 @@ def _result(
     phase = _pairs_for_a_delay(model, covariance, data, run)
     late = bool(len(phase[0]))
     wrong += residual_tests.causes_of(measured, data, run, lead, error, heard, late=late)
-    said += [*wrong, *residual_tests.doubts_of_level(measured, data, run, heard), *doubts_of_lines(fit.lines)]
+    said += [
+        *lacks.said,
+        *wrong,
+        *residual_tests.doubts_of_level(measured, data, run, heard),
+        *doubts_of_lines(fit.lines),
+    ]
     alone, standing = (
-        standing_of(lines, covariance, holds=holds, phase=phase[0]) for holds in (True, not wrong)
+        standing_of(lines, covariance, holds=holds, doubted=doubted)
+        for holds, doubted in ((True, phase[0]), (not wrong, [*phase[0], *lacks.modes]))
     )
     poles = poles_instead(data, run, fitted, alone) if covariance.structure.with_delay else None
     if poles is not None:
         said.append(poles.doubt())
         if poles.shorter:
-            standing = standing_of(lines, covariance, holds=False, phase=phase[0])
+            standing = standing_of(lines, covariance, holds=False, doubted=phase[0])
     said += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,
@@ -355,7 +362,9 @@ def _result(
         warnings=tuple(said),
         standing=standing,
         lines=fit.lines,
-        delay_standing=standing_of_delays(lines, covariance, holds=not wrong and poles is None),
+        delay_standing=standing_of_delays(
+            lines, covariance, holds=not (wrong or lacks.said) and poles is None
+        ),
     )
 
 

@@ -11,15 +11,22 @@ from middeck.identification.problem.data import Data
 from middeck.identification.record_fit.record_covariance import Rows
 from middeck.identification.record_fit.refine_record import RecordRun
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.lacking_terms import TermRows, doubts_of_terms, term_scores, terms_of
+from middeck.identification.uncertainty.lacking_terms import (
+    NOTHING,
+    Lacking,
+    TermRows,
+    lacking_of,
+    term_scores,
+    terms_of,
+)
 
 
-def record_doubts(run: RecordRun, data: Data, covariance: ModelCovariance) -> list[str]:
-    """Warnings for the kind of term that is most clearly lacking."""
+def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lacking:
+    """The kind of term that is most clearly lacking."""
     model, structure = covariance.model, covariance.structure
     terms = terms_of(*model.direct.shape, structure)
     if not terms:
-        return []
+        return NOTHING
     each, residual = Rows(run, data, model, structure), run.residual(data)
     H = model_response(model, data.omega / (2.0 * np.pi))
     _, lines, columns = residual.shape
@@ -34,4 +41,4 @@ def record_doubts(run: RecordRun, data: Data, covariance: ModelCovariance) -> li
             slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
             yield TermRows(place, slopes, by_terms, rest, line)
 
-    return doubts_of_terms(terms, term_scores(rows, covariance), model)
+    return lacking_of(terms, term_scores(rows, covariance), model)

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, ties
@@ -101,13 +101,28 @@ class TermRows(NamedTuple):
 class TermScores(NamedTuple):
     """Of each term the deviations by which it is not zero and its likeliest value.
 
-    ``moves``: by how many of its deviations that moves the unknown that it moves most; terms beyond the band,
-    which stand for anything there, do not count. All are zero where a term cannot be told from the unknowns.
+    ``moves``: by how many of its deviations that moves the unknown that it moves most, ``of_modes`` the same
+    of each mode; terms beyond the band, which stand for anything there, do not count. All are zero where a
+    term cannot be told from the unknowns.
     """
 
     z: Float[np.ndarray, " term"]
     value: Float[np.ndarray, " term"]
     moves: Float[np.ndarray, " term"]
+    of_modes: Float[np.ndarray, "mode term"]
+
+
+class Lacking(NamedTuple):
+    """What a model lacks, in words, and the modes that this moves by more than their deviations.
+
+    The deviations of the other modes hold: to first order what is lacking changes them by less.
+    """
+
+    said: list[str]
+    modes: Int[np.ndarray, " mode"]
+
+
+NOTHING = Lacking([], np.array([], dtype=int))
 
 
 def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovariance) -> TermScores:
@@ -137,10 +152,14 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     z = np.divide(value * power, spread, out=np.zeros(count), where=told)
     known = np.linalg.norm(covariance.root, axis=1, keepdims=True)
     moves = np.abs(follow * value) / np.maximum(known, np.finfo(float).tiny)
-    at, inner = covariance.at, np.zeros(size, bool)
-    for place in (at.sigma, at.omega, at.b, at.c, at.delay, at.path):
-        inner[place[place >= 0]] = True
-    return TermScores(z, value, moves[inner].max(axis=0, initial=0.0))
+    at = covariance.at
+    of_modes = np.zeros((len(at.sigma), count))
+    for m in range(len(at.sigma)):
+        own = np.concatenate([at.sigma[[m]], at.omega[[m]], at.b[m].ravel(), at.c[:, m].ravel()])
+        of_modes[m] = moves[own[own >= 0]].max(axis=0, initial=0.0)
+    late = np.concatenate([at.delay, at.path.ravel()])
+    most = np.vstack([of_modes, moves[late[late >= 0]]]).max(axis=0, initial=0.0)
+    return TermScores(z, value, most, of_modes)
 
 
 def _by_line(r: TermRows, numbers: Float[np.ndarray, "term number"]) -> Float[np.ndarray, "term line"]:
@@ -153,16 +172,17 @@ def _placed(r: TermRows, size: int) -> Float[np.ndarray, "number unknown"]:
     return found
 
 
-def doubts_of_terms(terms: list[Term], found: TermScores, model: MeasurementModel) -> list[str]:
-    """Warnings for the kind of term that is most clearly lacking: what is left follows others, too."""
+def lacking_of(terms: list[Term], found: TermScores, model: MeasurementModel) -> Lacking:
+    """The kind of term that is most clearly lacking: what is left follows others, too."""
     z = np.where(found.moves > MOVED, np.abs(found.z), 0.0)
     order = sorted(range(len(z)), key=lambda k: (-round(z[k], 6), found.value[k]))
-    if z[order[0]] <= TOLD:
-        return []
+    told = [k for k in order if terms[k].kind == terms[order[0]].kind and z[k] > TOLD]
+    if not told:
+        return NOTHING
     said: dict[int, str] = {}
-    for k in order:
+    for k in told:
         term = terms[k]
-        if term.kind != terms[order[0]].kind or z[k] <= TOLD or term.output in said:
+        if term.output in said:
             continue
         late = found.value[k] * (-1.0 if term.kind == "input" else 1.0)  # late inputs make outputs early
         said[term.output] = SAID[term.kind].format(
@@ -172,18 +192,21 @@ def doubts_of_terms(terms: list[Term], found: TermScores, model: MeasurementMode
             later="later" if late > 0.0 else "earlier",
             z=z[k],
         )
-    return list(said.values())
+    modes = np.flatnonzero(found.of_modes[:, told].sum(axis=1) > MOVED)
+    f = ", ".join(f"{hz:.4g}" for hz in np.unique(natural_hz(model)[modes]))
+    which = [f"modes at {f} Hz: doubtful, what the model lacks moves them by more than their deviations"]
+    return Lacking([*said.values(), *(which if len(modes) else [])], modes)
 
 
-def response_doubts(
+def response_lacks(
     covariance: ModelCovariance, measured: FrequencyResponse, assumed: Float[np.ndarray, "output line input"]
-) -> list[str]:
-    """Warnings for what a fit of a response lacks, weighted by the ``assumed`` variance."""
+) -> Lacking:
+    """What a fit of a response lacks, weighted by the ``assumed`` variance."""
     model, structure = covariance.model, covariance.structure
     s, (outputs, inputs) = 2j * np.pi * measured.frequency_hz, model.direct.shape
     terms = terms_of(outputs, inputs, structure)
     if not terms:
-        return []
+        return NOTHING
     line = np.repeat(np.arange(len(s)), 2)
 
     def rows() -> Iterator[TermRows]:
@@ -195,4 +218,4 @@ def response_doubts(
             left = measured.H[:, o, i] - entry.H
             yield TermRows(entry.place, *((x / size).view(float) for x in (entry.by, each, left)), line)
 
-    return doubts_of_terms(terms, term_scores(rows, covariance), model)
+    return lacking_of(terms, term_scores(rows, covariance), model)
