@@ -28,6 +28,7 @@ from middeck import (
 from middeck.control.law.partition import partition_modes
 from middeck.control.robust.problem.directions import shift_directions
 from middeck.control.sampled.aliases import filter_measurements
+from middeck.control.sampled.design import Form
 from middeck.errors import ConfigError
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.state_units import in_units, state_units
@@ -120,6 +121,23 @@ def test_filter_and_law_have_the_units_of_the_plant() -> None:
     stranger = dataclasses.replace(other, dynamics=dataclasses.replace(other.system, C=2.0 * other.system.C))
     with pytest.raises(ConfigError, match="another plant"):
         design_lqg(stranger, WEIGHTS, 10.0, kalman=two)
+
+
+@pytest.mark.parametrize("form", ["predictor", "current"])
+def test_sampled_laws_have_the_units_of_the_plant(form: Form) -> None:
+    """Before, their gains and covariances were of other states, in silence."""
+    rng = np.random.default_rng([118, 8])
+    plant = _plant(rng)
+    t = np.exp2(rng.integers(-20, 21, 8))
+    other = dataclasses.replace(plant, dynamics=in_units(plant.system, t))
+    law, its = (design_sampled_lqg(each, WEIGHTS, 10.0, 0.02, form) for each in (plant, other))
+    _same(its.regulator.gain / t, law.regulator.gain)
+    _same(its.estimator.X * t * t[:, None], law.estimator.X)
+    _same(its.estimator.gain * t, law.estimator.gain)
+    _same(its.sampled.B * t[:, None], law.sampled.B)
+    assert its.applied is not None
+    assert law.applied is not None
+    _same(its.applied * t[:, None], law.applied)
 
 
 def test_directions_have_the_units_of_the_plant_with_its_filters() -> None:
