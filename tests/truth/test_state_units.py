@@ -12,18 +12,27 @@ import scipy.linalg as sla
 from middeck import (
     Compensator,
     LQGWeights,
+    ModeShift,
     Plant,
+    Uncertainty,
     approximate_delays,
     decide_stability,
     delay_plant,
+    design_filter,
     design_lqg,
     design_sampled_lqg,
     emulate,
     make_plant,
     measure_noise_rms,
 )
+from middeck.control.law.partition import partition_modes
+from middeck.control.robust.problem.directions import shift_directions
+from middeck.control.sampled.aliases import filter_measurements
+from middeck.control.sampled.design import Form
+from middeck.errors import ConfigError
 from middeck.systems.plants.response import statespace_response
-from middeck.systems.state_space.statespace import System
+from middeck.systems.poles.state_units import in_units, state_units
+from middeck.systems.state_space.statespace import StateSpace, System
 
 OMEGA = np.geomspace(0.05, 50.0, 30)
 WEIGHTS = LQGWeights(
@@ -88,3 +97,93 @@ def test_nothing_hangs_on_the_units_of_the_states(asked: str) -> None:
         one, two = (np.abs(ASKED[asked](*halves)) for halves in ((plant, law), (other, its_law)))
         assert np.isfinite(one).all()
         assert np.all(np.abs(one - two) <= 1e-6 * np.max(np.abs(one), axis=0))
+
+
+def test_filter_and_law_have_the_units_of_the_plant() -> None:
+    """Before, the gain was of states in other units than the plant's: A - L C was another, in silence."""
+    rng = np.random.default_rng([118, 7])
+    plant = _plant(rng)
+    t = np.exp2(rng.integers(-20, 21, 8))
+    other = dataclasses.replace(plant, dynamics=in_units(plant.system, t))
+    one, two = (design_filter(each, WEIGHTS) for each in (plant, other))
+    for name in "AC":
+        assert np.array_equal(getattr(two.model, name), getattr(other.system, name))
+    assert np.array_equal(two.model.B, np.hstack([other.system.B, other.system.B]))
+    _same(two.gain * t[:, None], one.gain)
+    _same(two.solution.X * t * t[:, None], one.solution.X)
+    law, its = design_lqg(plant, WEIGHTS, 10.0), design_lqg(other, WEIGHTS, 10.0, kalman=two)
+    _same(its.regulator.gain / t, law.regulator.gain)
+    _same(its.estimator.X * t * t[:, None], law.estimator.X)
+    _same(its.system.A * t[:, None] / t, law.system.A)
+    assert its.applied is not None
+    assert law.applied is not None
+    _same(its.applied * t[:, None], law.applied)
+    stranger = dataclasses.replace(other, dynamics=dataclasses.replace(other.system, C=2.0 * other.system.C))
+    with pytest.raises(ConfigError, match="another plant"):
+        design_lqg(stranger, WEIGHTS, 10.0, kalman=two)
+
+
+@pytest.mark.parametrize("form", ["predictor", "current"])
+def test_sampled_laws_have_the_units_of_the_plant(form: Form) -> None:
+    """Before, their gains and covariances were of other states, in silence."""
+    rng = np.random.default_rng([118, 8])
+    plant = _plant(rng)
+    t = np.exp2(rng.integers(-20, 21, 8))
+    other = dataclasses.replace(plant, dynamics=in_units(plant.system, t))
+    law, its = (design_sampled_lqg(each, WEIGHTS, 10.0, 0.02, form) for each in (plant, other))
+    _same(its.regulator.gain / t, law.regulator.gain)
+    _same(its.estimator.X * t * t[:, None], law.estimator.X)
+    _same(its.estimator.gain * t, law.estimator.gain)
+    _same(its.sampled.B * t[:, None], law.sampled.B)
+    assert its.applied is not None
+    assert law.applied is not None
+    _same(its.applied * t[:, None], law.applied)
+
+
+def test_directions_have_the_units_of_the_plant_with_its_filters() -> None:
+    """Before, those of the plant went to a filtered one in other units, 32 times off: shifts were refused."""
+    A, B = (
+        sla.block_diag([[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0], [-900.0, -0.6]]),
+        [[0.0], [2e-3], [0.0], [1.0]],
+    )
+    ports = {"w": ["u1"], "u": ["u1"], "z": ["y1"], "y": ["y1"]}
+    plant = make_plant(A, B, [[1.0, 0.0, 1.0, 0.0]], state_names=["body", "body", "bend", "bend"], **ports)
+    fast = StateSpace([[0.0, 1.0], [-4e6, -2800.0]], [[0.0], [4e6]], [[1.0, 0.0]], [[0.0]])
+
+    def finish(each: Plant) -> Plant:
+        return filter_measurements(each, fast)
+
+    shifts = (ModeShift(modes=("bend",), half_width=0.1),)
+    found = shift_directions(plant, finish(plant), Uncertainty(shifts=shifts, finish=finish))
+    active = partition_modes(finish(plant)).active.system
+    moved = np.abs(np.linalg.eigvals(active.A + found.into @ (found.high[:, None] * found.out)))
+    assert np.any(np.abs(moved / 33.0 - 1.0) < 1e-6)
+
+
+def _same(one: np.ndarray, two: np.ndarray) -> None:
+    assert np.all(np.abs(one - two) <= 1e-6 * np.max(np.abs(two)))
+
+
+EXTREME = {
+    "chain beyond range": (np.diag(np.full(39, 1e10), 1), np.eye(40)[:, -1:], np.eye(40)[:1]),
+    "huge entries": (
+        [[0.0, 1e300, 0.0], [0.0, 0.0, 1e300], [0.0, 0.0, 0.0]],
+        [[0.0], [0.0], [1.0]],
+        [[1.0, 0.0, 0.0]],
+    ),
+    "huge ports": ([[0.0, 1.0], [0.0, 0.0]], [[1e300], [1e300]], [[1e300, 1e300]]),
+    "least entry": ([[0.0, 5e-324], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]),
+    "no input": (np.diag([1.0, 1.0], 1), np.zeros((3, 0)), np.ones((1, 3))),
+    "no ports": (np.diag([1.0, 1.0], 1), np.zeros((3, 0)), np.zeros((0, 3))),
+    "nothing driven": (np.diag([1.0, 1.0], 1), np.zeros((3, 1)), np.ones((1, 3))),
+    "no state": (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))),
+}
+
+
+@pytest.mark.parametrize("system", EXTREME)
+@pytest.mark.filterwarnings("error")
+def test_units_of_extreme_systems_are_finite(system: str) -> None:
+    A, B, C = (np.asarray(M, dtype=float) for M in EXTREME[system])
+    unit = state_units(StateSpace(A, B, C, np.zeros((len(C), B.shape[1]))))
+    assert unit.shape == (len(A),)
+    assert np.all(np.isfinite(unit) & (np.frexp(unit)[0] == 0.5))

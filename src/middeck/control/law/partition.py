@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from middeck.control.law.stabilisability import require_reachable
 from middeck.systems.plants.mode_blocks import unmix_states
@@ -18,7 +18,7 @@ from middeck.systems.plants.plant import Plant, name_states, remove_delays, subs
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
-from middeck.systems.poles.state_units import settle_states
+from middeck.systems.poles.state_units import in_units, uneven_units
 from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -31,22 +31,21 @@ class ModePartition:
     Attributes:
         active: The plant of the other modes: the same transfer functions.
         inert: Names of the modes left out, in the order of the plant.
-        settled: Whether the states are in other units than the plant's.
+        unit: Units of the states of ``active``, x = unit * x_active; None where they are the plant's.
     """
 
     active: Plant
     inert: tuple[str, ...]
-    settled: bool = False
+    unit: Float[np.ndarray, " state"] | None = None
 
 
 def partition_modes(plant: Plant) -> ModePartition:
     """`set_inert_aside`, the states in like units (`settle_states`)."""
     part = set_inert_aside(plant)
     system = part.active.dynamics
-    settled = settle_states(system) if isinstance(system, StateSpace) else system
-    if settled is system:
+    if not isinstance(system, StateSpace) or (unit := uneven_units(system)) is None:
         return part
-    return ModePartition(dataclasses.replace(part.active, dynamics=settled), part.inert, settled=True)
+    return ModePartition(dataclasses.replace(part.active, dynamics=in_units(system, unit)), part.inert, unit)
 
 
 def set_inert_aside(plant: Plant) -> ModePartition:

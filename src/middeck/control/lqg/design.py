@@ -13,15 +13,17 @@ from middeck.control.lqg.design_model import (
     append_integrals,
     join_estimator,
     moves_estimate,
+    own_units,
     pose_problem,
     require_finite_cost,
     weigh_effort,
 )
-from middeck.control.lqg.estimator import KalmanFilter, filter_of, observed_model
+from middeck.control.lqg.estimator import KalmanFilter, filter_in_units, filter_of, observed_model
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.state_units import in_units
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
@@ -121,34 +123,38 @@ def _design(
     active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)
     try:
-        # Of states mixed, or in uneven units, the last digits decide which ones a filter's gain is of.
-        anew = kalman is None or active is not part.active or part.settled
-        estimator = filter_of(model, part.inert) if anew else kalman
+        # Of mixed states the last digits decide which ones a filter's gain is of.
+        mixed = active != part.active
+        unit = own_units(model, None if mixed else part.unit, shaping)
+        if kalman is not None:
+            _require_fit(kalman, model)
+            if not mixed:
+                _require_model(kalman, in_units(observed_model(model), 1.0 / unit))
+        anew = kalman is None or mixed
+        estimator = filter_of(model, part.inert) if anew else filter_in_units(kalman, unit)
         regulator, R = design_regulator(model, authority)
     except NotStabilisableError:
         _require_ports(model)
         raise
-    if kalman is not None:
-        _require_fit(kalman, model)
-        if not anew:
-            _require_model(kalman, model)
     inside = StateSpace(model.A, model.control, model.C2, model.D22)
     moved = moves_estimate(inside, estimator.gain)
     law = join_estimator(inside, regulator.gain, estimator.gain, model.integral)
     cost = _cost(model, regulator, R, estimator.solution.X)
+    integrals = np.ones(len(model.integral))
+    whole = 1.0 / np.append(unit, integrals)  # back in the plant's units
     ports = measured_ports(active), driven_ports(active)
     names = (*model.names, *model.integral_names)
     return LQGCompensator(
-        dynamics=law,
+        dynamics=in_units(law, whole),
         inputs=ports[0],
         outputs=ports[1],
         authority=authority,
-        regulator=regulator,
-        estimator=estimator.solution,
+        regulator=regulator.in_units(whole),
+        estimator=estimator.solution.in_units(unit),
         cost=cost,
         inert=part.inert,
         state_names=names,
-        applied=np.vstack([moved, np.zeros((len(model.integral), moved.shape[1]))]),
+        applied=np.vstack([moved, np.zeros((len(model.integral), moved.shape[1]))]) / whole[:, None],
     )
 
 
@@ -165,9 +171,8 @@ def _require_fit(kalman: KalmanFilter, model: LQGProblem) -> None:
         )
 
 
-def _require_model(kalman: KalmanFilter, model: LQGProblem) -> None:
+def _require_model(kalman: KalmanFilter, here: StateSpace) -> None:
     """Refuse a filter of another plant; rounding of the entries, which `design_known` tries, is none."""
-    here = observed_model(model)
     for name in "ABCD":
         one, other = getattr(kalman.model, name), getattr(here, name)
         rounding = ROUNDING * np.abs(other).max(initial=0.0)

@@ -95,6 +95,17 @@ def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProb
     )  # fmt: skip
 
 
+def own_units(
+    model: LQGProblem, unit: Float[np.ndarray, " state"] | None, shaping: Shaping
+) -> Float[np.ndarray, " x"]:
+    """Units of the states of ``model``: ``unit`` of the plant's, 1 for those of colours and weights."""
+    whole = np.ones(len(model.A))
+    if unit is not None:
+        first = sum(len(colour.A) for _, colour in shaping.colours)
+        whole[first : first + len(unit)] = unit
+    return whole
+
+
 def require_finite_cost(model: LQGProblem) -> None:
     """Raise `ConfigError` where process noise reaches z directly."""
     if np.any(model.D11):

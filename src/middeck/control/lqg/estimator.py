@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.known_design import is_mixed
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.rounding_of_results import measure_known
-from middeck.control.lqg.design_model import LQGProblem, pose_problem
+from middeck.control.lqg.design_model import LQGProblem, own_units, pose_problem
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.state_units import in_units
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
@@ -22,9 +25,10 @@ class KalmanFilter:
 
     ``gain`` is L in xhat' = A xhat + B u + L (y - C xhat - D u). ``model`` has these matrices, from the
     disturbances and then u, to y: the plant without its inert modes, in states that are not mixed
-    (`unmix_states`), with those of colours and weights; ``state_names`` says which is which. ``solution`` is
-    that of the dual Riccati equation (its X is the error covariance), ``inert`` names the modes left out of
-    the design. ``process``, ``sensor`` and ``cross`` are the intensities that it expects.
+    (`unmix_states`), with those of colours and weights; ``state_names`` says which is which. States that were
+    not mixed are the plant's own, in its units. ``solution`` is that of the dual Riccati equation (its X is
+    the error covariance), ``inert`` names the modes left out of the design. ``process``, ``sensor`` and
+    ``cross`` are the intensities that it expects.
     """
 
     gain: Float[np.ndarray, "state y"]
@@ -60,8 +64,24 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
 def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
     """The filter and what it was posed as; as `design_filter`, rounding apart."""
     part = partition_modes(plant)
-    model = pose_problem(pose_states(part.active, driven=False), weights, shaping)
-    return filter_of(model, part.inert), model
+    posed = pose_states(part.active, driven=False)
+    model = pose_problem(posed, weights, shaping)
+    kalman = filter_of(model, part.inert)
+    if part.unit is None or posed != part.active:
+        return kalman, model
+    unit = own_units(model, part.unit, shaping)
+    back = dataclasses.replace(model, C1=model.C1 / unit)
+    return filter_in_units(kalman, 1.0 / unit), back
+
+
+def filter_in_units(kalman: KalmanFilter, unit: Float[np.ndarray, " state"]) -> KalmanFilter:
+    """The filter of the states x / ``unit``."""
+    return dataclasses.replace(
+        kalman,
+        gain=kalman.gain / unit[:, None],
+        model=in_units(kalman.model, unit),
+        solution=kalman.solution.in_units(1.0 / unit),
+    )
 
 
 def filter_of(model: LQGProblem, inert: tuple[str, ...]) -> KalmanFilter:

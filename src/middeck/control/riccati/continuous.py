@@ -10,6 +10,7 @@ coordinates where X has a unit diagonal.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,6 +52,10 @@ class RiccatiSolution:
     gain: Float[np.ndarray, "input state"]
     poles: Complex[np.ndarray, " state"]
     residual: float
+
+    def in_units(self, unit: Float[np.ndarray, " state"]) -> RiccatiSolution:
+        """The solution of the states x / ``unit``, its residual that of the former units."""
+        return dataclasses.replace(self, X=self.X * unit * unit[:, None], gain=self.gain * unit)
 
 
 def solve_riccati(

@@ -23,6 +23,7 @@ from middeck.control.sampled.held_plant import HeldPlant, hold_plant
 from middeck.control.sampled.quadratic_integrals import integrate_along
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
+from middeck.systems.poles.state_units import in_units
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
@@ -119,7 +120,7 @@ def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float
     """As `design_sampled_lqg`, rounding apart."""
     part = partition_modes(plant)
     posed = pose_states(part.active)
-    held = hold_plant(plant if posed is part.active else posed, weights, period_s)
+    held = hold_plant(plant if posed == part.active else posed, weights, period_s)
     system = held.system
     _require_no_loop(system, form)
     price = sample_cost(held, weights, authority)
@@ -139,19 +140,20 @@ def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float
     law, error = _join(system, regulator.gain, estimator, sensor, form)
     weight = price.R + system.B.T @ regulator.X @ system.B
     cost = np.sum(regulator.X * held.noise) + np.sum((regulator.gain @ error) * (weight @ regulator.gain))
+    unit = held.unit  # back in the plant's
     return SampledLQG(
-        dynamics=law,
+        dynamics=in_units(law, 1.0 / unit),
         inputs=held.outputs,
         outputs=held.inputs,
         authority=authority,
         form=form,
-        regulator=regulator,
-        estimator=estimator,
+        regulator=regulator.in_units(1.0 / unit),
+        estimator=estimator.in_units(unit),
         cost=float(cost) + price.noise,
         noise_cost=price.noise,
         inert=held.inert or part.inert,
         method=f"direct, {form}",
-        applied=system.B - estimator.gain.T @ system.D if form == "predictor" else system.B,
+        applied=unit[:, None] * (system.B - estimator.gain.T @ system.D if form == "predictor" else system.B),
     )
 
 

@@ -40,6 +40,7 @@ class HeldPlant:
         dwell: Mean covariance of x within the period due to the noise of this period alone.
         inputs, outputs, z: Ports u, y and z.
         state_names: Mode or part of each state of ``system``.
+        unit: Units of the states of ``system``: in those of the plant they are unit * x.
         inert: Uncontrollable and unobservable modes, left out.
     """
 
@@ -54,6 +55,7 @@ class HeldPlant:
     outputs: tuple[Port, ...]
     z: tuple[Port, ...]
     state_names: tuple[str, ...]
+    unit: Float[np.ndarray, " state"]
     inert: tuple[str, ...]
 
 
@@ -90,6 +92,9 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     m = control.B.shape[1]
     generator = np.vstack([np.hstack([control.A, control.B]), np.zeros((m, len(names) + m))])
     nz = len(active.z)
+    unit = np.ones(len(system.A))
+    if part.unit is not None:
+        unit[: len(names)] = part.unit
     return HeldPlant(
         system=system,
         noise=added,
@@ -102,6 +107,7 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
         outputs=measured_ports(active),
         z=tuple(active.outputs[i] for i in active.output_indices(active.z)),
         state_names=(*names, *("delay",) * (len(system.A) - len(names))),
+        unit=unit,
         inert=part.inert,
     )
 

@@ -8,6 +8,7 @@ the gain of each path, which no unit of a state changes.
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +23,8 @@ stay below."""
 ROUNDING = 1e-13
 """Share of a part of the states in each path from input to output below which it may be rounding of no share:
 its unit stays as it is, and what drives or reads it is judged in that."""
+KEPT = 8
+"""Systems of which `state_units` keeps what it found: one answer asks for a plant's and a law's often."""
 
 
 def balance_states(system: System) -> System:
@@ -37,19 +40,37 @@ def in_units(system: System, unit: Float[np.ndarray, " state"]) -> System:
 
 def settle_states(system: System) -> System:
     """`balance_states` of a system whose states are in units beyond `EVEN`; others stay as they are."""
+    unit = uneven_units(system)
+    return system if unit is None else in_units(system, unit)
+
+
+def uneven_units(system: LinearSystem) -> Float[np.ndarray, " state"] | None:
+    """`state_units` of a system whose states are in units beyond `EVEN`; None for others."""
     unit = state_units(system)
-    return in_units(system, unit) if len(unit) and unit.max() > EVEN * unit.min() else system
+    return unit if len(unit) and unit.max() > EVEN * unit.min() else None
 
 
+@functools.lru_cache(maxsize=KEPT)
 def state_units(system: LinearSystem) -> Float[np.ndarray, " state"]:
-    """Units t of the states, x = t * x_balanced.
+    """Units t of the states, x = t * x_balanced; those of A alone where paths are beyond floating point.
 
     >>> from middeck.systems.state_space.statespace import StateSpace
     >>> body = StateSpace([[0.0, 2.0**40], [0.0, 0.0]], [[0.0], [2.0**-60]], [[2.0**20, 0.0]], [[0.0]])
     >>> balance_states(body).A[0, 1], balance_states(body).B[1, 0]
     (np.float64(1.0), np.float64(1.0))
     """
+    with np.errstate(all="ignore"):
+        unit = _whole_units(system)
+    unit = balance(system.A)[1] if unit is None else unit
+    unit.setflags(write=False)
+    return unit
+
+
+def _whole_units(system: LinearSystem) -> Float[np.ndarray, " state"] | None:
+    """`state_units` of inputs and outputs too; None where those of A alone are even or all that is known."""
     parts = strong_components(system.A)
+    if len(parts) < 2:
+        return None
     inside = [balance(system.A[np.ix_(part, part)]) for part in parts]
     unit = np.ones(len(system.A))
     for part, (_, own) in zip(parts, inside, strict=True):
@@ -65,12 +86,16 @@ def state_units(system: LinearSystem) -> Float[np.ndarray, " state"]:
     into = joined @ (np.abs(system.B) / unit[:, None] / pace)
     out = (np.abs(system.C) * unit) @ joined.T
     more = _units_between(between, into, out)
-    uneven = len(more) and more.max() > EVEN * more.min()
-    return unit * (more @ joined) if uneven else balance(system.A)[1]
+    if more is None or not len(more) or more.max() <= EVEN * more.min():
+        return None
+    unit = unit * (more @ joined)
+    return unit if np.all(np.isfinite(unit) & (unit > 0.0)) else None
 
 
-def _units_between(between: np.ndarray, into: np.ndarray, out: np.ndarray) -> Float[np.ndarray, " part"]:
-    """Units of parts in triangular order: ``between`` is strictly upper triangular."""
+def _units_between(
+    between: np.ndarray, into: np.ndarray, out: np.ndarray
+) -> Float[np.ndarray, " part"] | None:
+    """Units of parts in triangular order (``between`` is strictly upper triangular); None beyond range."""
     n, inputs = into.shape
     passed = np.linalg.inv(np.eye(n) - between)
     driven, read = passed @ into, out @ passed
@@ -87,6 +112,8 @@ def _units_between(between: np.ndarray, into: np.ndarray, out: np.ndarray) -> Fl
             [out, np.zeros((len(out), inputs + len(out)))],
         ]
     )
+    if not (np.isfinite(whole).all() and np.isfinite(gain).all()):
+        return None
     on_path = np.append(through, np.ones(inputs + len(out), dtype=bool))
     unit = np.ones(len(whole))
     unit[on_path] = balance(whole[np.ix_(on_path, on_path)])[1]

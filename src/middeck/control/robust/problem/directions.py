@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.control.law.partition import partition_modes
+from middeck.control.law.partition import partition_modes, set_inert_aside
 from middeck.control.law.uncertainty import Uncertainty, finished_plants, without_delays
 from middeck.errors import ConfigError
 from middeck.systems.plants.mode_blocks import unmix_states
@@ -72,8 +72,9 @@ def shift_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) ->
 def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damped: bool) -> Directions:
     if not uncertainty.shifts:
         raise ConfigError("no mode is uncertain: this method needs shifts", hint="Uncertainty(shifts=...)")
-    bare = remove_delays(partition_modes(plant).active)
-    active = partition_modes(finished).active
+    # Plant and finished plant may be computed in other units.
+    bare, part = remove_delays(set_inert_aside(plant).active), partition_modes(finished)
+    active = part.active
     if unmix_states(active)[1] > MIXED:
         raise ConfigError(
             "the plant's states are mixed: those that bear a mode's name are not its coordinates",
@@ -94,9 +95,10 @@ def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damp
                 dampings.append((into, -2.0 * at.zeta * at.omega * rate, -h, h, group))
     columns, out, low, high, group = zip(*rows, *dampings, strict=True)
     stiff = np.arange(len(group)) < len(rows)
+    unit = np.ones(len(after)) if part.unit is None else part.unit
     return Directions(
-        into=np.array(columns).T,
-        out=np.array(out),
+        into=np.array(columns).T / unit[:, None],
+        out=np.array(out) * unit,
         low=np.array(low),
         high=np.array(high),
         group=group,
