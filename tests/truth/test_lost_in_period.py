@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 import middeck as md
 from middeck.identification.faults.detect import detect_faults
@@ -144,3 +144,19 @@ def test_no_samples_are_lost_in_clean_periods(campaign) -> None:
     for seed in campaign(200):
         record, _ = steady(seed)
         assert not any(f.kind == "shift" for f in detect_faults(record))
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_a_loss_is_no_free_motion_where_noise_foretells_itself(lost) -> None:
+    """Slow signals in slow noise: the difference to the next period is as smooth as free motion."""
+    told, samples, periods = 0, 1024, 2
+    for seed in range(20):
+        rng = np.random.default_rng([69, seed])
+        lines = np.zeros(samples // 2 + 1, complex)
+        lines[1:51] = np.exp(2j * np.pi * rng.random(50))
+        y = np.tile(np.fft.irfft(lines), (periods, 1))
+        at, period = int(rng.integers(128, 896)), int(rng.integers(periods))
+        y[period, at:] = np.roll(y[period], -lost)[at:]
+        noise = lfilter(*butter(2, 0.05), rng.standard_normal(y.size))
+        told += find_lost_in_period(y.ravel() + 0.05 * y.std() * noise / noise.std(), samples) != []
+    assert told >= 19

@@ -25,6 +25,8 @@ EVEN, ROUNDING = 3.0, 1e-18
 # Free motion foretells itself, so many samples being known: to less than this share of the power that a shift
 # leaves, and to hardly more than that foretells itself. What forces do in so many more samples does not.
 KNOWN, FREE, HARDLY = 12, 0.6, 1.4
+# Nor is a sample near the loss foretold so badly: times the rms.
+LEAP = 4.5
 # A shorter shift is as good that leaves no more than so many times what the best leaves.
 AS_GOOD = 1.5
 # Deviations, and fewest samples on each side, by which that is no chance.
@@ -90,8 +92,14 @@ class _Loss:
         y, others = self.rows[self.period], self.others(shift).mean(axis=0)
         then = self.rows[self.period + (1 if self.period + 1 < len(self.rows) else -1)]
         shifted = np.where(np.arange(len(y)) < at, others, np.roll(others, -shift))
-        free = _innovation(y - then)
-        return free < FREE * left / len(y) and free < HARDLY * _innovation(y - shifted)
+        own = _innovation(y - then)
+        free, near = np.mean(own**2), own[max(at - 2 * KNOWN, 0) : at + KNOWN]
+        leaps = np.max(np.abs(near), initial=0.0) > LEAP * np.sqrt(free)
+        return bool(
+            free < FREE * left / len(y)
+            and free < HARDLY * np.mean(_innovation(y - shifted) ** 2)
+            and not leaps
+        )
 
     def others(self, shift: int) -> Float[np.ndarray, "period sample"]:
         """The other periods, by the clock of the first."""
@@ -108,11 +116,10 @@ class _Loss:
         return own + float(np.sum((others - others.mean(axis=0)) ** 2))
 
 
-def _innovation(x: Signal) -> float:
-    """Power that samples before leave of a signal."""
+def _innovation(x: Signal) -> Signal:
+    """What ``KNOWN`` samples before leave of each sample of a signal behind them."""
     past = np.lib.stride_tricks.sliding_window_view(x[:-1], KNOWN)
-    told = past @ np.linalg.lstsq(past, x[KNOWN:], rcond=None)[0]
-    return float(np.mean((x[KNOWN:] - told) ** 2))
+    return x[KNOWN:] - past @ np.linalg.lstsq(past, x[KNOWN:], rcond=None)[0]
 
 
 def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] | None:

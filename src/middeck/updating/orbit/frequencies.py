@@ -219,14 +219,16 @@ def _carried(own: np.ndarray, zeta: np.ndarray, model: np.ndarray) -> tuple[np.n
 
     Where the article loses less, the rest (of a suspension, say) is not lost there. Kept part and rest differ
     from the model by unknown factors, as likely before, and only their sum was measured: ln factor of the
-    kept part w is w / (w^2 + (1 - w)^2) of the sum's. Second, how much of its spread stays open. What the
-    article loses beside is added. One that loses nothing there knows nothing of damping: ``zeta`` stays.
+    kept part w is w / (w^2 + (1 - w)^2) of the sum's, for small factors; a part is never more than was
+    measured. Second, how much of its spread stays open. What the article loses beside is added. One that
+    loses nothing there knows nothing of damping: ``zeta`` stays.
     """
     known = (own > 0.0) & (model > 0.0)
     kept = np.divide(own, model, out=np.ones(known.shape), where=known & (model > own))
     size = np.hypot(kept, 1.0 - kept)
     factor = np.divide(zeta, model, out=np.ones(known.shape), where=known) ** (kept / size**2)
-    carried = np.where(known, kept * model * factor, zeta) + np.maximum(own - model, 0.0)
+    part = np.minimum(kept * model * factor, zeta)
+    carried = np.where(known, part, zeta) + np.maximum(own - model, 0.0)
     return carried, (1.0 - kept) / size
 
 
