@@ -32,8 +32,9 @@ ALIKE, BETTER = 0.45, 0.2
 MOST_ALIKE = 0.6
 # What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
 SURE, SHARE = 7.0, 0.02
-# Times as much of the past by which feedback is tested again, and samples for each unknown of that.
-LONGER, ROWS = (2, 4, 8), 6
+# Times as much of the past by which feedback is tested again, and samples for each unknown of that; of more
+# than so many samples some, evenly spread, tell as much.
+LONGER, ROWS, ENOUGH = (2, 4, 8), 6, 20_000
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
@@ -280,13 +281,14 @@ def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool
     what modes that ring on make of those is no noise.
     """
     for past in (lags * longer for longer in LONGER):
-        span = past, U.shape[1] - past - later
-        if (1 + len(U)) * past > span[1] // ROWS:
+        count = U.shape[1] - past - later
+        if (1 + len(U)) * past > count // ROWS:
             break
+        span = past, count, 1 + count // ENOUGH
         after = _beside(U, range(LEADS + 1, later + 1), *span)
         own = [_beside(y, range(-past, 0), *span), _beside(U, range(-past, LEADS + 1), *span)]
         own = np.vstack([*own, _tails(after, len(U))])
-        if _told_later(y[0, past : y.shape[1] - later], own, after) is None:
+        if _told_later(_beside(y, range(1), *span)[0], own, after) is None:
             return True
     return False
 
@@ -306,10 +308,10 @@ def _fed_back(share: float) -> Found:
 
 
 def _beside(
-    x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int
+    x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int, every: int = 1
 ) -> Float[np.ndarray, "row sample"]:
-    """``count`` samples from ``first`` on, shifted by each of ``shifts``."""
-    return np.vstack([x[:, first + k : first + k + count] for k in shifts])
+    """Of ``count`` samples from ``first`` on each ``every``-th, shifted by each of ``shifts``."""
+    return np.vstack([x[:, first + k : first + k + count : every] for k in shifts])
 
 
 def _left(x: Signal, rows: Float[np.ndarray, "row sample"]) -> Signal:
