@@ -1,7 +1,5 @@
 """A fault of a record, as a value."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from middeck.values import record

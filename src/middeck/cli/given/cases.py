@@ -1,7 +1,5 @@
 """An article in an environment, from the names that were typed."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Mass, size and attitude of an article, as numbers and as lines of text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

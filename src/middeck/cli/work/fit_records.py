@@ -1,7 +1,5 @@
 """From record files to a fitted model."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings as python_warnings
 from collections.abc import Callable, Sequence

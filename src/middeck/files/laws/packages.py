@@ -1,7 +1,5 @@
 """Controller packages on disk: the binary, its JSON twin, and C."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NoReturn, cast
 

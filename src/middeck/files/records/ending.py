@@ -5,8 +5,6 @@ is refused when it is read; one whose last number lost digits reads like any oth
 (1.5e-0 of 1.5e-03). Writers end each line, and print equally many digits in each.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The package's own layout, the same names in NPZ, HDF5 and MAT files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

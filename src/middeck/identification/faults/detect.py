@@ -1,7 +1,5 @@
 """All faults of a record."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

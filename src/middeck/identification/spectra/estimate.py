@@ -1,7 +1,5 @@
 """The one entry: a response from a record, by the method that suits it."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 from typing import Literal, get_args

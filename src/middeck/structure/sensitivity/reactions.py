@@ -8,8 +8,6 @@ derivatives of q and f solve
 with the same matrices as the last Newton step of `pinned`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Warnings about the supports of an article and about its attitude."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Continuation to a law that stabilises all models: by authority, discount and size of perturbation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a deck to the document of an article: nodes, members, bodies and rigid links, in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """What engine and supervisor share, read from the header that the engine is compiled with."""
 
-from __future__ import annotations
-
 import functools
 import re
 from importlib import resources

@@ -1,7 +1,5 @@
 """The engine's program, compiled by the C compiler of this machine."""
 
-from __future__ import annotations
-
 import functools
 from importlib import resources
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a rig answers to an engine's datagrams: ``source/rig_udp.c`` from the other side."""
 
-from __future__ import annotations
-
 import math
 import secrets
 import struct
