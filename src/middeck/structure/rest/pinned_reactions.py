@@ -27,9 +27,9 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# What swings farther under its weight (by some 35 degrees) is taken for a mechanism. Before supports carry an
+# What moves farther under its weight, all steps told, is taken for a mechanism (m, rad). Before supports carry an
 # article nothing may hold it back from swinging: this does while they are first found, in g per metre.
-SWING, HOLD_FIRST = 1.0, 10.0
+SWING, HOLD_FIRST = 1.2, 10.0
 # Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
 # then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
@@ -124,10 +124,10 @@ def _settle_pinned(
     """Newton's method from ``config`` and ``force``; None where it does not settle.
 
     Or where its steps do not ``contract``: it is then on its way to some other branch. ``carried_first``:
-    the first step finds support forces alone, and none is longer than `SWING`.
+    the first step finds support forces alone, and all others add up to no more than `SWING`.
     """
     scale = imbalance_scale(model, loads)
-    size = np.inf
+    size, swung = np.inf, 0.0
     for _ in range(MAX_ITERATIONS):
         free = static_freedom(model, config)
         first = carried_first and not np.any(force)
@@ -158,8 +158,11 @@ def _settle_pinned(
             )
         if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
             return None
-        if carried_first and not size <= SWING:
-            return None
+        if carried_first:
+            q *= LONGEST_STEP / max(size, LONGEST_STEP)
+            swung += float(np.abs(q).max(initial=0.0))
+            if not swung <= SWING:
+                return None
         moved = closed(model, move_carried(model.tree, config, free.spread(q)))
         if moved is None:
             return None
