@@ -27,8 +27,8 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# What moves farther under its weight, all steps told, is taken for a mechanism (m, rad). Before supports carry an
-# article nothing may hold it back from swinging: this does while they are first found, in g per metre.
+# What moves farther under its weight, all steps told, is taken for a mechanism (m, rad). Before supports
+# carry an article nothing may hold it back from swinging: this does at first, in g per metre.
 SWING, HOLD_FIRST = 1.2, 10.0
 # Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
 # then leaves the share of each support open, and they share equally.
