@@ -27,9 +27,9 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# What moves farther under its weight, all steps told, is taken for a mechanism (m, rad). Before supports
-# carry an article nothing may hold it back from swinging: this does at first, in g per metre.
-SWING, HOLD_FIRST = 1.2, 10.0
+# What moves farther under its weight is taken for a mechanism (m, rad). Before supports carry an article
+# nothing may hold it back from swinging: this does at first, in g per metre.
+SWING, HOLD_FIRST = 0.8, 10.0
 # Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
 # then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
@@ -127,7 +127,7 @@ def _settle_pinned(
     the first step finds support forces alone, and all others add up to no more than `SWING`.
     """
     scale = imbalance_scale(model, loads)
-    size, swung = np.inf, 0.0
+    size, swung = np.inf, np.zeros(1)
     for _ in range(MAX_ITERATIONS):
         free = static_freedom(model, config)
         first = carried_first and not np.any(force)
@@ -160,8 +160,8 @@ def _settle_pinned(
             return None
         if carried_first:
             q *= LONGEST_STEP / max(size, LONGEST_STEP)
-            swung += float(np.abs(q).max(initial=0.0))
-            if not swung <= SWING:
+            swung = swung + free.spread(q)
+            if not np.abs(swung).max() <= SWING:
                 return None
         moved = closed(model, move_carried(model.tree, config, free.spread(q)))
         if moved is None:
