@@ -307,7 +307,9 @@ def _indefinite(component: Component) -> Iterator[str]:
         return
     with np.errstate(divide="ignore"):
         squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
-    elastic = squared[squared > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
+    # The six lowest are rigid: of them printed digits may leave more than a small part of a soft elastic one.
+    elastic = np.sort(squared)[6:]
+    elastic = elastic[elastic > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
     lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
     # Where a soft motion moves stiff parts as one, the terms that cancel in it have a rounding of their own.
     moved = np.abs(shapes / size[:, None])
@@ -316,8 +318,13 @@ def _indefinite(component: Component) -> Iterator[str]:
         squared + NEGATIVE * lowest + np.divide(CANCELS * terms, share, out=0.0 * share, where=share > 0.0)
     )
     if beyond.min() < 0.0:
-        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, np.argmin(beyond)]))]))
-        yield f"its stiffness is indefinite: a motion, most of it {worst}, has a negative stiffness"
+        least = int(np.argmin(beyond))
+        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, least]))]))
+        yield (
+            f"its stiffness is indefinite: a motion, most of it {worst}, has a negative stiffness, an "
+            f"omega^2 of {squared[least] / lowest:.2g} times the lowest elastic one ({-NEGATIVE:g} is "
+            "allowed: near that the matrices need more digits)"
+        )
         return
     yield from _resists(component, K, M, there, lowest)
 
