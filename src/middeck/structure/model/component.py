@@ -183,15 +183,16 @@ def component_faults(component: Component) -> Iterator[str]:
 
 
 def component_doubts(component: Component) -> Iterator[str]:
-    """Warnings for unusual components: modal masses other than one, a frequency beyond all others."""
+    """Warnings for unusual components: a modal mass unlike the others, a frequency beyond all others."""
     first = 6 * len(component.grids)
     k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
-    off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
+    usual = float(np.median(m)) if len(m) else 1.0  # one in units of the file
+    off = np.flatnonzero((np.abs(m - usual) > BODY * usual) & (k > m))  # else the angle of a free joint
     if 0 < len(off) <= FEW * component.modal:
         at = coordinate_name(component, first + int(off[0]))
         yield (
-            f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of 1 at nearly "
-            "all others: is its file damaged?"
+            f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of {usual:.6g} "
+            "at nearly all others: is its file damaged?"
         )
     square = np.divide(k, m, out=np.zeros(len(k)), where=m > NEGATIVE_MASS * m.max(initial=0.0))
     rank = np.argsort(square)
