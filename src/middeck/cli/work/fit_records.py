@@ -240,7 +240,8 @@ def load_periods(
             dying = f"the first {found.steady_from} of its periods contain a transient"
             return taken, (*mended, f"not cut into periods: {found.what}, but {dying}; --periods cuts it")
         cut = cut_periods(taken, found)
-        return cut, (f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}",)
+        how = f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}"
+        return cut, (*mended, how)
 
 
 def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovariance | None) -> FitSettings:

@@ -27,6 +27,12 @@ class Header:
     divisor_unit: str = ""
 
 
+def write_count(stream: IO[bytes], functions: int) -> None:
+    """A data set 151 that states how many data sets 58 follow: a file cut between two would look whole."""
+    lines = (b"   151", b"", f"{functions} functions".encode(), b"middeck", b"", b"", b"middeck", b"")
+    stream.write(b"\n".join((MARK, *lines, MARK, b"")))
+
+
 def write_58(
     stream: IO[bytes], header: Header, first: float, step: float | None, values: np.ndarray, *, binary: bool
 ) -> None:

@@ -172,7 +172,7 @@ def _channel_faults(
 def _check_size(record: Record) -> None:
     for ports, x in ((record.inputs, record.u), (record.outputs, record.y)):
         for port, channel in zip(ports, np.moveaxis(x, 3, 0), strict=True):
-            size = float(np.nanmax(np.abs(channel), initial=0.0))
+            size = float(np.abs(channel[np.isfinite(channel)]).max(initial=0.0))
             if size != 0.0 and not LEAST < size < MOST:
                 raise DataError(
                     f"samples of no more than {size:.3g}" if size < 1.0 else f"samples of up to {size:.3g}",
