@@ -12,14 +12,14 @@ from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.setups import load_setup
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.hanging.attitude import estimate_attitude
+from middeck.structure.hanging.levelling import LEVEL, level
+from middeck.structure.hanging.support_warnings import doubt_attitude, sag
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Device, Environment, GroundBushing
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.motion_as_a_whole import fit_rotation, split_rotation
-from middeck.structure.suspension.attitude import estimate_attitude
-from middeck.structure.suspension.hanging import doubt_attitude, sag
-from middeck.structure.suspension.levelling import LEVEL, level
 from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, on_cables, springs_above, structure
 

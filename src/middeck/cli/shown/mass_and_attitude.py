@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from middeck.structure.hanging.attitude import Attitude
 from middeck.structure.summary.summary import Summary
-from middeck.structure.suspension.attitude import Attitude
 
 # What is left where the terms of a sum cancel is printed as the zero that it stands for.
 ROUNDING = 1e-12

@@ -14,7 +14,7 @@ from middeck.structure.assembly.linked import closed, static_freedom
 from middeck.structure.assembly.mass import carried_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
-from middeck.structure.elements.frames import Configuration, frame_poses, move_carried, points_in_world
+from middeck.structure.elements.frames import Configuration, move_carried, points_in_world
 from middeck.structure.elements.motion_since_drawn import uncarried
 from middeck.structure.rest.damped_descent import MAX_ITERATIONS
 from middeck.structure.rest.followed_branch import CONTRACTION
@@ -101,13 +101,6 @@ def find_supports(model: Model, pinned: PinnedPoints) -> Supports:
     held = [(i, p, "xyz".index(c)) for i, p in enumerate(pinned.point) for c in pinned.held[i]]
     row, pose, axis = np.array(held, dtype=int).reshape(-1, 3).T
     return Supports(row, pose, axis, points_in_world(model.points, model.drawn)[pose, axis])
-
-
-def support_coordinates(
-    model: Model, config: Configuration, pose: np.ndarray, axis: np.ndarray
-) -> np.ndarray:
-    """World coordinates of poses, each along one axis; analytic."""
-    return points_in_world(model.points, frame_poses(model.tree, config))[pose, axis]
 
 
 def _settle_pinned(

@@ -86,11 +86,6 @@ def layout_check() -> int:
     return checksum(words + bytes(-len(words) % 8)) >> 1
 
 
-def layout_source() -> str:
-    """The header that tells the engine."""
-    return f"#define LAYOUT INT64_C({layout_check()})\n"
-
-
 @functools.cache
 def _header() -> str:
     return re.sub(r"/\*.*?\*/", "", source_text("shared.h"), flags=re.DOTALL)

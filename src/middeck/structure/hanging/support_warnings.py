@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from middeck.structure.hanging.attitude import Attitude
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.suspension.attitude import Attitude
 
 # A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
 LARGE_TILT = np.radians(1.0)
