@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import promise_case as case
 import pytest
+import scipy.linalg as sla
 from scipy.signal import tf2ss
 from scipy.stats import binomtest
 from updating_case import DAMPING_STD, sheet, true_damping, true_modes
@@ -25,6 +26,7 @@ from middeck.control.robust.verification.monte_carlo import noise_on, which_deca
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.structure.model.environment import Environment
+from middeck.structure.modes.solve import Modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.plants.plant_from_matrices import make_plant
@@ -33,8 +35,9 @@ from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise import blocks_of_draws
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
+from middeck.updating.promise.left_out_modes import find_left_out
 from middeck.updating.promise.performance_bound import bound_db, bound_worst
-from middeck.updating.promise.plan import Ladder, close_inner, group_loop, plant_of, weights_of
+from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.promise import design_ladder, promise, set_sites
 from middeck.updating.promise.robustness_sweep import sweep_plants, try_sweep
 from middeck.updating.promise.stability_probability import (
@@ -391,6 +394,56 @@ def test_a_performance_without_an_rms_has_no_decibels(refined: Refined):
     )  # fmt: skip
     with pytest.raises((ConfigError, NotStabilisableError), match=r"no rms|does not decay"):
         promise(refined, asked)
+
+
+def test_modes_that_the_plants_lack_are_told_by_what_they_change(refined: Refined):
+    """Ten modes in place of thirty: decibels move as by Lyapunov's equation on both loops, written out."""
+    asked = dataclasses.replace(case.plan([1e1, 1e5], 1), modes=10, loop=LoopSpread())
+    site = set_sites(refined, asked)["orbit"]
+    narrow = [
+        Outlook(
+            name=name,
+            stable=np.ones(2, dtype=bool),
+            db=np.array([-9.0, -9.001]),
+            control_rms=np.ones(2),
+            unstable_mode="",
+            risk=("", 0.0),
+        )
+        for name in site.laws
+    ]
+    found = find_left_out(site, narrow)
+    assert found.modes == 30
+    assert "LQG 5" in found.shift_db
+    for name, law in site.laws.items():
+        few, many = (
+            _decibels_by_hand(dataclasses.replace(asked, modes=n), site.predicted.modes, law)
+            for n in (10, 30)
+        )
+        assert found.shift_db.get(name, 0.0) == pytest.approx(many - few, rel=1e-5, abs=6e-4)
+    wide = [dataclasses.replace(o, db=np.array([-99.0, 99.0])) for o in narrow]
+    assert not find_left_out(site, wide).shift_db
+
+
+def _decibels_by_hand(asked: Plan, modes: Modes, law: Compensator) -> float:
+    plant = plant_of(asked, modes)
+    modal = require_modal(plant)
+    modal = select_modes(modal, np.array(["translation" not in name for name in modal.names]))
+    n, system = len(modal.omega), law.system
+    rows = [plant.output_indices([name])[0] for name in case.PD.names]
+    columns = [plant.input_indices([name])[0] for name in case.PD.names]
+    stiff = np.diag(modal.omega**2) + modal.psi[:, columns] @ (case.PD.kp[:, None] * modal.phi[rows])
+    drag = np.diag(2 * modal.zeta * modal.omega) + modal.psi[:, columns] @ (
+        case.PD.kd[:, None] * modal.phi[rows]
+    )
+    free = np.block([[np.zeros((n, n)), np.eye(n)], [-stiff, -drag]])
+    push = np.concatenate([np.zeros(n), modal.psi[:, plant.input_indices([case.INPUT])[0]]])[:, None]
+    read = np.concatenate([modal.phi[plant.output_indices([case.OUTPUT])[0]], np.zeros(n)])[None]
+    whole = np.block([[free, push @ system.C], [system.B @ read, system.A]])
+    drive = sla.block_diag(push * asked.intensity, system.B * asked.noise["rad"])
+    seen = np.hstack([read, np.zeros((1, len(system.A)))])
+    alone = sla.solve_continuous_lyapunov(free, -(push * asked.intensity) @ (push * asked.intensity).T)
+    closed = sla.solve_continuous_lyapunov(whole, -drive @ drive.T)
+    return 10.0 * np.log10(float((seen @ closed @ seen.T)[0, 0] / (read @ alone @ read.T)[0, 0]))
 
 
 def test_a_cable_that_no_model_has_ends_a_ladder_that_the_model_does_not(refined: Refined):

@@ -205,7 +205,7 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
         held = 100.0 * plan.draws / (plan.draws + 1)
         said.append(f"quantiles beyond {held:.3g} %, where the worst of {plan.draws} draws is given")
     said += [
-        f"{name}: modes above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes"
+        f"{name}: modes above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes{_too_few(p)}"
         for name, p in promises.items()
     ]
     for name, p in promises.items():
@@ -220,6 +220,18 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
                 f"{name}: modes that no survey measured, predicted by the model alone: {', '.join(unseen)}"
             )
     return said
+
+
+def _too_few(promise: Promise) -> str:
+    """What more modes would change, where it counts."""
+    found = promise.left_out
+    if found is None or not found.shift_db:
+        return ""
+    shifts = (
+        f"{name} by {few(db, 2)} dB" if np.isfinite(db) else f"{name} to instability"
+        for name, db in found.shift_db.items()
+    )
+    return f"; {found.modes} modes shift {', '.join(shifts)}: state modes = {found.modes}"
 
 
 def promised_there(name: str, promise: Promise, plan: Plan) -> dict[str, Any]:

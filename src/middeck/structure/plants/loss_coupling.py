@@ -76,7 +76,8 @@ def _lost(
     """Half of the diagonal of H, and the same with all losses taken as positive."""
     strain = strain_energy(equilibrium, shapes).sum(axis=1)
     member = member_energy(equilibrium, shapes) @ losses.member
-    return losses.strain * strain + member, abs(losses.strain) * strain + member
+    # A rigid mode's energy is rounding, of either sign.
+    return losses.strain * strain + member, np.maximum(abs(losses.strain) * strain + member, 0.0)
 
 
 def _together(omega: np.ndarray, zeta: np.ndarray, shared: float) -> Float[np.ndarray, "2"]:

@@ -150,13 +150,15 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
     if np.any(unseen > LITTLE):
         rest = rest + (unseen * finer) ** 2
+    # Less than no shear is another error, which shifts the modes that showed it: of others nobody knows.
+    false = np.where(unseen > LITTLE, unseen * finer * min(refined.shear[0], 0.0), 0.0)
     cable, spread = _by_a_cable(modes, index, umbilical_hz)
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=shared @ found.d[: shared.shape[1]] + cable,
+        log_shift=shared @ found.d[: shared.shape[1]] - false + cable,
         log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
-        log_rest=np.hypot(np.sqrt(rest), spread),
+        log_rest=np.hypot(np.sqrt(rest + false**2), spread),
         **(
             _damping(refined, modes, index, share, errors)
             if roots is None

@@ -28,6 +28,7 @@ from middeck.updating.promise.blocks_of_draws import (
     seen_by,
 )
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
+from middeck.updating.promise.left_out_modes import LeftOut, find_left_out
 from middeck.updating.promise.performance_bound import RobustBound, bound_worst
 from middeck.updating.promise.plan import Ladder, Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.updating.promise.refined_slips import with_refined
@@ -61,6 +62,7 @@ class Promise:
         slip_time: How the friction of joints was simulated; None where the plan states none.
         lost_to_cable: Compensators that a weak cable would make unstable; None where the article does not
             float, or the plan states a cable.
+        left_out: Compensators for which the plants have too few modes.
     """
 
     modes: Prediction
@@ -73,6 +75,7 @@ class Promise:
     sweeps: Mapping[str, Swept]
     slip_time: SlipTime | None = None
     lost_to_cable: tuple[str, ...] | None = None
+    left_out: LeftOut | None = None
 
 
 def design_ladder(modes: Modes, plan: Plan) -> dict[str, LQGCompensator]:
@@ -187,6 +190,7 @@ def _there(site: Site, parts: Sequence[Measured]) -> Promise:
         sweeps={name: try_sweep(swept, law, plan) for name, law in laws.items()},
         slip_time=slip_time,
         lost_to_cable=lost_to_cable(site) if may_have_cable(site) else None,
+        left_out=find_left_out(site, outlooks),
     )
 
 
