@@ -8,6 +8,7 @@ import sampled_cases as cases
 import scipy.linalg
 from scipy.optimize import brentq
 
+from middeck.control.analysis.margins import delay_limit
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
@@ -25,6 +26,7 @@ pytestmark = pytest.mark.kernels
 
 U, Y = (Port("u", "N"),), (Port("y", "m"),)
 PERIOD = 0.01
+TURN = 2.0 * np.pi
 
 
 def law(gain, *, waits, period=PERIOD):
@@ -200,3 +202,19 @@ def test_loops_that_share_a_slow_free_body_are_those_of_continuous_laws():
     )
     assert continuous[1] == sampled[1] == np.inf
     assert continuous[0] - PERIOD < sampled[0] < continuous[0]
+
+
+@pytest.mark.parametrize("crossings", repeats([1, 2, 3, 5, 6]))
+def test_long_delays_are_searched_where_roots_begin_to_grow_only(crossings, monkeypatch):
+    # The definition, each number of periods by itself; narrow windows make a short search a long one.
+    monkeypatch.setattr(delay_limit, "AT_ONCE", 16)
+    rng = np.random.default_rng(crossings)
+    for above in (True, False) * 10:
+        angle, lag = np.sort(10.0 ** rng.uniform(-3.0, -0.5, crossings)), rng.uniform(0.0, TURN, crossings)
+        falling = (np.arange(crossings) % 2 == 0) == above
+        gain = delay_limit.UnitGain(growing=0, angle=angle, lag=lag, falling=falling, open_end=False)
+        slowest = angle[falling].min(initial=np.inf)
+        each = np.arange(int(TURN / slowest) + delay_limit.LOOKED)
+        turned = np.ceil((np.outer(each, angle) - lag) / TURN)
+        grows = each[turned @ np.where(falling, 1, -1) > 0]
+        assert delay_limit._first_unstable(gain) == (grows[0] if len(grows) else np.inf)

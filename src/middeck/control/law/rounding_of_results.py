@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.plants.plant import Plant, remove_delays
+from middeck.systems.plants.plant import Dynamics, Plant, remove_delays
 from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.modal_system import ModalSystem
@@ -32,11 +32,12 @@ not silent, since three draws may miss the largest (of sampled loops by a factor
 
 def moved_entries(system: System, rng: np.random.Generator) -> System:
     """The system with every entry of A, B and C moved by `ROUNDINGS` roundings of random sign."""
-    moved = {
-        name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape))
-        for name, M in (("A", system.A), ("B", system.B), ("C", system.C))
-    }
-    return dataclasses.replace(system, **moved)
+    return dataclasses.replace(system, **_moved(system, "ABC", rng))
+
+
+def _moved(dynamics: Dynamics, names: Sequence[str], rng: np.random.Generator) -> dict[str, np.ndarray]:
+    each = [(name, getattr(dynamics, name)) for name in names]
+    return {name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape)) for name, M in each}
 
 
 def is_vague_plant(plant: Plant) -> bool:
@@ -51,10 +52,11 @@ def is_vague_half(half: Plant | Compensator) -> bool:
 
 
 def move_plant(plant: Plant, rng: np.random.Generator) -> Plant:
-    """A plant that is not in modal form with its entries moved (`moved_entries`)."""
+    """The plant with its entries moved (`moved_entries`)."""
     dynamics = plant.dynamics
     if isinstance(dynamics, ModalSystem):
-        return plant
+        moved = _moved(dynamics, ("omega", "zeta", "psi", "phi"), rng)
+        return dataclasses.replace(plant, dynamics=dataclasses.replace(dynamics, **moved))
     return dataclasses.replace(plant, dynamics=moved_entries(dynamics, rng))
 
 
@@ -67,6 +69,7 @@ def measure_known(
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
     *halves: Plant | Compensator,
     vague: Callable[[Plant | Compensator], bool] = is_vague_half,
+    cure: str = CURE,
     stacklevel: int = 3,
 ) -> Found:
     """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
@@ -76,6 +79,7 @@ def measure_known(
     Args:
         what: Names the numbers in the warning.
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
+        cure: Ends the warning: what would tell.
         stacklevel: Of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
@@ -93,7 +97,7 @@ def measure_known(
         if most > UNCERTAIN:
             warnings.warn(
                 f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
-                f"or rad) or more; {CURE}, would tell",
+                f"or rad) or more; {cure}, would tell",
                 stacklevel=stacklevel,
             )
     return found

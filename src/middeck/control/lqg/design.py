@@ -3,7 +3,7 @@
 import numpy as np
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.law.known_design import DesignView, design_known
+from middeck.control.law.known_design import DesignView, design_known, spread
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
@@ -110,7 +110,9 @@ def design_lqg(
 
 
 def _view(law: LQGCompensator) -> DesignView:
-    return DesignView(law.system, np.concatenate([law.regulator.poles, law.estimator.poles]), law.cost)
+    both = law.regulator, law.estimator
+    values = np.concatenate([one.poles for one in both])
+    return DesignView(law.system, values, law.cost, max(spread(one.X) for one in both))
 
 
 def _design(

@@ -26,8 +26,10 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
         "tuple[int, np.ndarray]", csgraph.connected_components(A != 0.0, directed=True, connection="strong")
     )
     readers: dict[int, set[int]] = {part: set() for part in range(count)}
-    for row, column in np.argwhere((A != 0.0) & (label[:, None] != label)):
-        readers[int(label[column])].add(int(label[row]))
+    row, column = (label[side] for side in np.nonzero(A))
+    across = row != column
+    for one, other in zip(row[across].tolist(), column[across].tolist(), strict=True):
+        readers[other].add(one)
     return [np.flatnonzero(label == part) for part in graphlib.TopologicalSorter(readers).static_order()]
 
 

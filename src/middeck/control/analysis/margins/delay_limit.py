@@ -41,6 +41,8 @@ FORWARD = 1.0
 """Largest step ahead [rad] of the phase from line to line: a longer one passes a pole on the circle, by half
 a turn back."""
 PRECISION = 1e-10
+BESIDE = np.arange(3)
+"""Whole periods tried from the one in which L turns through the critical point: rounding may be one off."""
 
 
 @record(kw_only=True)
@@ -183,12 +185,29 @@ def _first_unstable(gain: UnitGain) -> float:
     falling = gain.angle[gain.falling]
     turn = 2.0 * np.pi / float(falling.min()) if len(falling) else 0.0
     end = int(turn) + LOOKED
-    for start in range(0, end, AT_ONCE):
-        whole = np.arange(start, min(start + AT_ONCE, end))
+    # Roots begin to grow just after a turn through the critical point, or with each period.
+    rare = float(falling.sum()) / (2.0 * np.pi)
+    each = end <= AT_ONCE or gain.open_end or rare > 1.0 / len(BESIDE)
+    width = AT_ONCE if each else int(AT_ONCE / max(rare, 1.0 / end))
+    for start in range(0, end, width):
+        stop = min(start + width, end)
+        whole = np.arange(start, stop) if each else _after_turns(gain, start, stop)
         unstable = np.flatnonzero(_growing(gain, whole) > 0)
         if len(unstable):
             return float(whole[unstable[0]])
     return np.inf
+
+
+def _after_turns(gain: UnitGain, start: int, stop: int) -> np.ndarray:
+    """``start``, and the numbers of periods before ``stop`` within one of which L has turned through the
+    critical point where its gain falls through one."""
+    found = [np.array([start])]
+    for angle, lag in zip(gain.angle[gain.falling], gain.lag[gain.falling], strict=True):
+        low, high = ((n * angle - lag) / (2.0 * np.pi) for n in (start, stop))
+        at = (lag + 2.0 * np.pi * np.arange(np.floor(low), np.ceil(high) + 1.0)) / angle
+        found.append((np.floor(at)[:, None] + BESIDE).ravel().astype(int))
+    whole = np.unique(np.concatenate(found))
+    return whole[(whole >= start) & (whole < stop)]
 
 
 def _growing(gain: UnitGain, whole: np.ndarray) -> np.ndarray:
