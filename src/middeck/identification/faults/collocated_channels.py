@@ -13,8 +13,8 @@ from middeck.signals.record import Record
 # Two channels that agree so well are one signal; independent sensors differ by their noise.
 ONE_SIGNAL = 1e-9
 # Difference of two outputs of one signal over the noise of either: of independent noise it is 0.5 or more, as
-# prediction from noisy samples makes noise up to 2.5 times as large. Earlier samples that foretell, and samples
-# that are looked at.
+# prediction from noisy samples makes noise up to 2.5 times as large. Earlier samples that foretell the next,
+# and the samples that are looked at.
 SHARED, PAST, MOST = 0.2, 12, 4096
 # Correlation from which two collocated sensors of one quantity are taken to see the same motion.
 ALIKE = 0.7
