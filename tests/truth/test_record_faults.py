@@ -651,3 +651,23 @@ def test_levels_that_an_input_holds_for_some_samples_are_no_spikes(name: str) ->
         y += 1e-3 * y.std() * rng.standard_normal(len(k))
         found = detect_faults(replace(heard(rng, y), u=u[None, None, :, None]))
         assert "spike" not in [f.kind for f in found]
+
+
+@pytest.mark.parametrize("copied", [False, True])
+def test_two_sensors_of_one_mode_are_no_duplicates(copied: bool) -> None:
+    """With 1e-6 of noise each they correlate to 1e-12; a copy has the noise of the other, too."""
+    rng = np.random.default_rng(41)
+    pole = np.exp(2.0 * np.pi * 0.07 * complex(-0.01, 1.0))
+    u = rng.standard_normal(2000)
+    motion = scipy.signal.lfilter([0.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], u)
+    first, second = (motion + 1e-6 * motion.std() * v for v in rng.standard_normal((2, 2000)))
+    y = np.stack([first, -0.3 * (first if copied else second)], axis=-1)[None, None]
+    record = Record(
+        sample_hz=HZ,
+        u=u[None, None, :, None],
+        y=y,
+        inputs=(Port("force", "N"),),
+        outputs=(Port("tip", "m"), Port("root", "m")),
+        periodic=False,
+    )
+    assert [(f.kind, f.channel) for f in detect_faults(record)] == [("duplicate", "root")] * copied

@@ -12,6 +12,10 @@ from middeck.signals.record import Record
 
 # Two channels that agree so well are one signal; independent sensors differ by their noise.
 ONE_SIGNAL = 1e-9
+# Difference of two outputs of one signal over the noise of either: of independent noise it is 0.5 or more, as
+# prediction from noisy samples makes noise up to 2.5 times as large. Earlier samples that foretell the next,
+# and the samples that are looked at.
+SHARED, PAST, MOST = 0.2, 12, 4096
 # Correlation from which two collocated sensors of one quantity are taken to see the same motion.
 ALIKE = 0.7
 # Delay between collocated sensors, in samples, from which it is told: the phase of a sixth of a cycle at a
@@ -32,7 +36,9 @@ def find_pair_faults(record: Record) -> list[Fault]:
     found: list[Fault] = []
     for k, (port, y) in enumerate(outputs):
         for other, z in outputs[:k]:
-            here = _duplicate(y, z, other) or _collocated(record, port, y, other, z)
+            same = _duplicate(y, z, other)
+            same = same if same and _shares_noise(y[0], z[0], [u[0] for _, u in inputs]) else []
+            here = same or _collocated(record, port, y, other, z)
             found += [f.at("output", port) for f in here]
         for at, u in inputs:
             here = _duplicate(y, u, at) or _driven(port, y, at, u)
@@ -41,6 +47,7 @@ def find_pair_faults(record: Record) -> list[Fault]:
 
 
 Runs = Float[np.ndarray, "experiment sample"]
+Run = Float[np.ndarray, " sample"]
 
 
 def _correlation(a: Runs, b: Runs) -> float:
@@ -55,6 +62,23 @@ def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
         return []
     how = "the same signal as" if alike > 0.0 else "the same signal, turned round, as"
     return [fault("duplicate", f"{how} {other.name}", "check the wiring; leave one of them out")]
+
+
+def _shares_noise(y: Run, z: Run, inputs: list[Run]) -> bool:
+    """Whether two proportional outputs differ by less than the noise of either, so that they share it.
+
+    Sensors of one mode are proportional, too. Noise is what neither past nor inputs foretell.
+    """
+    past = min(PAST, len(y) // (8 * (1 + len(inputs))))
+    if past < 1:
+        return True
+    y, z = y - y.mean(), z - z.mean()
+    rest = y - (y @ z) / (z @ z) * z
+    channels = [x - x.mean() for x in (y, *inputs)]
+    rows = [x[past - k : len(x) - k][-MOST:] for x in channels for k in range(past + 1)]
+    basis = np.column_stack(rows[1:])
+    left = rows[0] - basis @ np.linalg.lstsq(basis, rows[0], rcond=None)[0]
+    return bool(np.std(rest) < SHARED * np.std(left))
 
 
 def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[Found]:

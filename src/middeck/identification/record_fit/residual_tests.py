@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 from collections.abc import Callable, Generator
 
 import numpy as np
@@ -39,6 +40,9 @@ TOLD, STEPS, CLEARLY_TOLD = 6.0, 5.0, 8.0
 # Lines taken together, over which what a model lacks has one phase to the response; and the deviations of
 # noise above which their sums are none: chance passes it once in 3e5; and the fewest sums.
 TOGETHER, TOGETHER_TOLD, FEWEST_SUMS = (20, 40), 4.5, 4
+# Octaves of lines, from the first so many lines on, over which what is left falls by so much from each to the
+# next if a sensor drifts at random (a random walk falls by four), and the share of it that they then have.
+OCTAVES, FIRST_LINES, FALLS, WANDERS = 3, 6, 1.8, 0.5
 # Standard deviations of a lead that chance does not explain.
 LEADS = 6.0
 # Rates have complex modal constants; a rate is recognised by its unit.
@@ -79,6 +83,11 @@ OF_INPUTS = (
     "the residual is correlated with the inputs ({:.0f} standard deviations of noise), so it is not noise: "
     "{}too few states, no delay, feedback{} or a fault of the record; the stated standard deviations are "
     "too small"
+)
+OF_WANDER = (
+    "what the model leaves falls with frequency, and {:.0%} of it lies below {:.3g} Hz: a sensor that drifts "
+    "at random, or free motion that the model lacks; let it warm up, fit a band above that (--band), or add "
+    "--rigid"
 )
 OF_LEAD = (
     "it leads its input by {:.0f} standard deviations, as no article does: feedback, a delayed input "
@@ -137,7 +146,9 @@ def causes_of(
         if port.name in named:
             continue
         enough = TOLD if at_once[o] or left[o] > MUCH else CLEARLY_TOLD
+        wander = _wander(run.residual(data)[o], data) if left[o] > LEFT else None
         scores = (
+            (wander is not None, OF_WANDER.format(*(wander or (0.0, 0.0)))),
             (play[o] > max(STEPS, moved[o], scaled[o], cube[o]), OF_DIRECTION.format(play[o])),
             (cube[o] > max(STEPS, moved[o], scaled[o], told[o]), OF_CUBE.format(cube[o])),
             (moved[o] > STEPS, OF_DELAY.format(moved[o])),
@@ -163,6 +174,21 @@ def doubts_of_level(record: Record, data: Data, run: RecordRun, heard: Heard) ->
     cube = _scores_of_law(_by_cube, record, data, run, *_size_and_noise(data, run, heard))
     each = zip(record.outputs, cube, strict=True)
     return [f"output {port.name}: {OF_LEVEL.format(score)}" for port, score in each if score > STEPS]
+
+
+def _wander(r: Complex[np.ndarray, "line column"], data: Data) -> tuple[float, float] | None:
+    """The share of what is left that lies in the lowest lines, and their end [Hz]; None if it does not fall.
+
+    Medians do not mind a mode that lacks.
+    """
+    power = np.sum(np.abs(r) ** 2, axis=1)
+    ends = FIRST_LINES * 2 ** np.arange(OCTAVES + 1)
+    if len(power) < 2 * ends[-1] or data.lines[0] > FIRST_LINES:
+        return None
+    levels = [float(np.median(power[a:b])) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+    share = float(power[: ends[-1]].sum() / max(power.sum(), np.finfo(float).tiny))
+    falls = all(b * FALLS < a for a, b in itertools.pairwise(levels))
+    return (share, float(data.omega[ends[-1]]) / (2.0 * np.pi)) if falls and share > WANDERS else None
 
 
 def _repeats(record: Record) -> bool:
