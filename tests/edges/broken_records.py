@@ -112,18 +112,20 @@ def uff_with(old: bytes, new: bytes, count: int = 1, *, ascii: bool = False) -> 
 
 
 def uff_rows(change: Callable[[list[str]], list[str]]) -> Builder:
-    """An ASCII universal file with its lines changed."""
+    """An ASCII universal file with its lines changed, which are counted behind its header of ten."""
 
     def build(folder: Path) -> Path:
         path = written(folder, ".uff", ascii=True)
-        path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+        rows = path.read_text().splitlines()
+        assert rows[9:11] == ["    -1", "    -1"]
+        path.write_text("\n".join([*rows[:10], *change(rows[10:])]) + "\n")
         return path
 
     return build
 
 
 def mended(row: int, old: str, new: str) -> Callable[[list[str]], list[str]]:
-    """``new`` for ``old`` in one row of the first data set, counted from its -1."""
+    """``new`` for ``old`` in one row of the first data set 58, counted from its -1."""
 
     def change(rows: list[str]) -> list[str]:
         assert old in rows[row], rows[row]

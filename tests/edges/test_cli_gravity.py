@@ -139,3 +139,7 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
         flexible = {i for i, kind in enumerate(found[side]["kind"]) if kind == "flexible" and i < 12}
         assert set(found["unpaired"][side]) == flexible - {pair[column] for pair in found["pairs"]}
     assert found["unpaired"]["lab"]
+    assert not [w for w in found["warnings"] if "is flexible" in w]
+    few = json.loads(middeck(capfd, *call[:-1], 3, "--json").out)["warnings"]
+    told = "none of the 3 lowest modes in orbit is flexible: increase --count; `middeck budget` keeps"
+    assert [w for w in few if "is flexible" in w and w.startswith(told)]

@@ -158,7 +158,7 @@ def test_a_file_that_is_cut_between_data_sets_is_told_by_its_nodes(tmp_path: Pat
     (lacks,) = said(places + force + "".join(sets[:-2]))
     assert "node, 5, has no y, z" in lacks
     (silent,) = said(places + force + "".join(sets[:-3]))
-    assert "1 of the 5 nodes with places have no function (5)" in silent
+    assert "1 of the 5 nodes with places or trace lines have no function (5)" in silent
 
 
 @pytest.mark.parametrize("axis", ["NONE", "HZ", "[Hz]", "Hertz", "Hz.", "cycles/sec"])

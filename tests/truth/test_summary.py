@@ -18,6 +18,7 @@ from middeck.structure.eigenproblem.eigen import solve_lowest
 from middeck.structure.elements.frames import rigid_columns
 from middeck.structure.model.article import Body, Section, Structure
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import MemberMass
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.summary.summary import summarise
@@ -45,8 +46,13 @@ def tilted_article() -> Structure:
     return structure(nodes, [member("a", "b", TUBE, 2), member("b", "c", TUBE, 3)], [turned, inner])
 
 
-def test_mass_centre_and_inertia_are_those_of_the_mass_matrix():
+@pytest.mark.parametrize("mass", MemberMass)
+def test_mass_centre_and_inertia_are_those_of_the_mass_matrix(mass: MemberMass):
     parts = tilted_article()
+    if mass in (MemberMass.ROD, MemberMass.COUPLED_ROD):  # straight, without rotary inertia
+        section = dataclasses.replace(TUBE, mass=mass, rho_I_y=0.0, rho_I_z=0.0)
+        straight = tuple(dataclasses.replace(m, section=section) for m in parts.members)
+        parts = dataclasses.replace(parts, members=straight)
     found = summarise(parts)
     model = mesh_structure(parts)
     M = mass_matrix(model, model.rest)

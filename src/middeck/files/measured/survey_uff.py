@@ -6,9 +6,6 @@ Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Rese
 file formats). Functions (58) of the same file are passed over; trace lines (82) only show what is missing.
 """
 
-from __future__ import annotations
-
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -17,10 +14,10 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.nastran.deck.coordinates import BASIC, System
-from middeck.files.records.uff58 import AGAIN, TextSet, fortran, scan_texts
+from middeck.files.records.uff58 import AGAIN, HEADER, TextSet, fortran, require_stated, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
-HEADER, NODES, SHAPES, UNITS, SYSTEMS, LINES = 151, (15, 2411), (55, 2414), 164, (18, 2420), 82
+NODES, SHAPES, UNITS, SYSTEMS, LINES = (15, 2411), (55, 2414), 164, (18, 2420), 82
 NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an eigenvalue
 # Derivatives of displacement by the specific data type; of unknown and general data none.
 DERIVATIVE = {0: 0, 1: 0, 8: 0, 11: 1, 12: 2}
@@ -52,7 +49,8 @@ def load_uff(path: Path) -> MeasuredModes:
     axes of their own, units that contradict themselves, and shapes that are not motions.
     """
     sets = scan_texts(path, (HEADER, *NODES, *SHAPES, *SYSTEMS, UNITS, LINES))
-    _require_all(sets, path)
+    heads, there = [s for s in sets if s.number == HEADER], sum(s.number in SHAPES for s in sets)
+    require_stated(heads, there, "modes", path)
     shapes = _once([mode for s in sets if s.number in SHAPES if (mode := _shape(s, path)) is not None])
     rigid = sum(s.hz == 0.0 for s in shapes)
     shapes = [s for s in shapes if s.hz != 0.0]
@@ -102,19 +100,6 @@ def load_uff(path: Path) -> MeasuredModes:
         )
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint) from None
-
-
-def _require_all(sets: list[TextSet], path: Path) -> None:
-    """Raise for fewer shapes than `write_uff` states in its header: cut between sets, a file looks whole."""
-    heads = [
-        s.lines for s in sets if s.number == HEADER and len(s.lines) > 2 and s.lines[2].strip() == "middeck"
-    ]
-    stated = [int(found[1]) for lines in heads if (found := re.fullmatch(r"(\d+) modes", lines[1].strip()))]
-    there = sum(s.number in SHAPES for s in sets)
-    if stated and there < sum(stated):
-        what = f"cut: {there} of the {sum(stated)} modes that its header states"
-        hint = f"{AGAIN}; if modes were deleted on purpose, correct the number in data set {HEADER}"
-        raise DataError(what, where=str(path), hint=hint)
 
 
 def _lacking(shape: Shape, nodes: int) -> tuple[str, ...]:

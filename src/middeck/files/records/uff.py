@@ -1,7 +1,5 @@
 """Universal files: time functions as records, frequency responses as responses."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import warnings
@@ -17,7 +15,7 @@ from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.uff58 import AXES, RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
-from middeck.files.records.uff58_write import Header, write_58
+from middeck.files.records.uff58_write import Header, write_58, write_count
 from middeck.files.records.uff_cut import doubts_of_whole
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
@@ -265,6 +263,7 @@ def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
     told = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
     told += "" if held.held is None else f" held={int(held.held)}"
     with replacing(path) as temporary, open(temporary, "wb") as stream:
+        write_count(stream, experiments * (held.u.shape[3] + held.y.shape[3]))
         for e in range(experiments):
             for side, ports, x in (("input", held.inputs, held.u), ("output", held.outputs, held.y)):
                 for k, port in enumerate(ports):
@@ -436,6 +435,7 @@ def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = Tr
     even = step > 0.0 and np.abs(f - f[0] - step * np.arange(len(f))).max() <= EVEN * f[-1]
     told = f" first={float(f[0])!r} step={step!r}" if even else ""
     with replacing(path) as temporary, open(temporary, "wb") as stream:
+        write_count(stream, held.H[0].size)
         for o, i in np.ndindex(held.H.shape[1:]):
             header = _response_header(held.outputs[o], held.inputs[i], told, str(path))
             H = held.H[:, o, i]

@@ -4,11 +4,9 @@ Fixed columns, as SDRC defined them (University of Cincinnati, Structural Dynami
 universal file formats, data set 58).
 """
 
-from __future__ import annotations
-
 import itertools
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Literal
@@ -22,6 +20,7 @@ TIME, RESPONSE = 1, 4  # function types that are read
 # Ordinate data type: is complex, bytes of a real number, characters of one, numbers on an ASCII line.
 ORDINATES = {2: (False, 4, 13, 6), 4: (False, 8, 20, 4), 5: (True, 4, 13, 6), 6: (True, 8, 20, 4)}
 MARK = b"    -1"
+HEADER = 151
 BLANK = b" \t\r\n\0\x1a"  # some programs end a file with the mark of its end
 AGAIN = "copy or export it again"
 # No measurement is beyond these: its bytes are in another order.
@@ -137,7 +136,23 @@ def scan(file: Path) -> list[Dataset]:
 
     Raises `DataError`, with the line, if the file is cut.
     """
-    return [found for found in _sets(file, ()) if isinstance(found, Dataset)]
+    found = list(_sets(file, (HEADER,)))
+    functions = [data for data in found if isinstance(data, Dataset)]
+    require_stated([s for s in found if isinstance(s, TextSet)], len(functions), "functions", file)
+    return functions
+
+
+def require_stated(heads: Iterable[TextSet], there: int, what: str, file: Path) -> None:
+    """Raise `DataError` for fewer data sets than our own header states: cut between two, a file looks whole.
+
+    ``heads`` are its data sets 151; ``what`` they count, ``there`` are in the file.
+    """
+    ours = [s.lines[1] for s in heads if len(s.lines) > 2 and s.lines[2].strip() == "middeck"]
+    stated = sum(int(found[1]) for line in ours if (found := re.fullmatch(rf"(\d+) {what}", line.strip())))
+    if there < stated:
+        cut = f"cut: {there} of the {stated} {what} that its header states"
+        hint = f"{AGAIN}; if {what} were deleted on purpose, correct the number in data set {HEADER}"
+        raise DataError(cut, where=str(file), hint=hint)
 
 
 def scan_texts(file: Path, wanted: Collection[int]) -> list[TextSet]:
@@ -151,6 +166,10 @@ def _sets(file: Path, wanted: Collection[int]) -> Iterator[Dataset | TextSet]:
         cursor = _Cursor(stream, file)
         while stream.tell() < size:
             line = cursor.line("a data set")
+            if line.strip(b" ") == b"" and len(line) < len(MARK):
+                what = "truncated: the file ends in blanks, as if in the midst of a mark (-1)"
+                hint = AGAIN + "; or end it behind the last mark, if it is whole"
+                raise DataError(what, where=cursor.where(), hint=hint)
             if not line.strip(BLANK):
                 continue
             if line.rstrip() != MARK:

@@ -1,7 +1,5 @@
 """Write data sets 58 and 58b."""
 
-from __future__ import annotations
-
 from typing import IO
 
 import numpy as np
@@ -27,6 +25,12 @@ class Header:
     unit: str
     divisor: int = 0
     divisor_unit: str = ""
+
+
+def write_count(stream: IO[bytes], functions: int) -> None:
+    """A data set 151 that states how many data sets 58 follow: a file cut between two would look whole."""
+    lines = (b"   151", b"", f"{functions} functions".encode(), b"middeck", b"", b"", b"middeck", b"")
+    stream.write(b"\n".join((MARK, *lines, MARK, b"")))
 
 
 def write_58(

@@ -1,15 +1,14 @@
 """Whether a universal file was cut between two data sets."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from middeck.files.records.uff58 import AXES, Dataset, Place, scan_texts
+from middeck.files.records.uff58 import AXES, Dataset, Place, TextSet, scan_texts
 
 LINES_OF_NODE = {15: 1, 2411: 2}
 """Lines that a node takes in the data sets of places."""
+TRACE = 82
 ALIKE = 3
 """Nodes that must be measured alike before one that is not makes a file look cut."""
 
@@ -25,8 +24,8 @@ def doubts_of_whole(outputs: Sequence[Dataset], sets: Sequence[Dataset], file: P
     if len(others) >= ALIKE and common - along and along <= common:
         lacks = ", ".join(AXES[d] for d in sorted(common - along))
         yield f"the last node, {last.node}, has no {lacks}, as all others have: is the file whole?"
-    texts = scan_texts(file, LINES_OF_NODE)
-    places = list(dict.fromkeys(n for text in texts for n in _numbers(text.number, text.lines)))
+    texts = scan_texts(file, (*LINES_OF_NODE, TRACE))
+    places = list(dict.fromkeys(n for text in texts for n in _numbers(text)))
     # A file is cut behind the last node that was reached: one that is only drawn may stand anywhere.
     moving = max({d.response.number for d in outputs}, {d.reference.number for d in outputs}, key=len)
     reached = [k for k, n in enumerate(places) if n in moving]
@@ -34,12 +33,15 @@ def doubts_of_whole(outputs: Sequence[Dataset], sets: Sequence[Dataset], file: P
     silent = [n for n in places if n not in ends]
     if reached and silent and places.index(silent[0]) > reached[-1]:
         few = ", ".join(map(str, silent[:5])) + (", ..." if len(silent) > 5 else "")
-        what = f"{len(silent)} of the {len(places)} nodes with places have no function ({few})"
+        what = f"{len(silent)} of the {len(places)} nodes with places or trace lines have no function ({few})"
         yield f"{what}: is the file whole?"
 
 
-def _numbers(kind: int, lines: Sequence[str]) -> Iterator[int]:
-    """The nodes of a data set of places."""
-    for line in lines[:: LINES_OF_NODE[kind]]:
-        if (text := line[:10].strip()).isdigit():
-            yield int(text)
+def _numbers(text: TextSet) -> Iterator[int]:
+    """The nodes of a data set of places or of a trace line, which ends its strokes with zeros."""
+    if text.number == TRACE:
+        yield from (int(n) for line in text.lines[2:] for n in line.split() if n.isdigit() and int(n))
+        return
+    for line in text.lines[:: LINES_OF_NODE[text.number]]:
+        if (number := line[:10].strip()).isdigit():
+            yield int(number)

@@ -14,7 +14,7 @@ from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.component import body_of
 from middeck.structure.model.member_mesh import member_geometry
-from middeck.structure.model.section import mean_section
+from middeck.structure.model.section import MemberMass, mean_section
 from middeck.structure.summary.plausibility import Measures, doubt_measures
 from middeck.values import record
 
@@ -147,7 +147,8 @@ def _spread(member: Member, length: float) -> tuple[np.ndarray, np.ndarray]:
     at = np.column_stack([along, [(s.mass_centre_y, s.mass_centre_z) for s in sections]])
     mean = share @ at
     second = (at - mean).T @ (share[:, None] * (at - mean))
-    second[0, 0] += (length / len(rho)) ** 2 / 12.0
+    halves = [s.mass == MemberMass.COUPLED_ROD for s in sections]
+    second[0, 0] += (length / len(rho)) ** 2 * (share @ np.where(halves, 1.0 / 4.0, 1.0 / 12.0))
     return mean, second
 
 
