@@ -105,10 +105,12 @@ class Alone(NamedTuple):
         """The adjoint of `sum`."""
         return self.by.conj() * v
 
-    def inner(self, A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "group row other"]:
-        """Inner products of rows by their factors [group, row, path, function]."""
-        found = np.zeros((len(self.y), A.shape[1], B.shape[1]))
-        for i, (a, b) in enumerate(zip(_rows_in_paths(A), _rows_in_paths(B), strict=True)):
+    def inner(self, A: np.ndarray, more: np.ndarray | None = None) -> Float[np.ndarray, "group row other"]:
+        """Of rows with each other and with ``more``, by their factors [group, row, path, function]."""
+        B, rows = A if more is None else np.concatenate([A, more], axis=1), A.shape[1]
+        found = np.zeros((len(self.y), rows, B.shape[1]))
+        for i, b in enumerate(_rows_in_paths(B)):
+            a = b[b < rows]
             found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ B[:, b, i].mT
         return found
 
@@ -129,12 +131,13 @@ class Together(NamedTuple):
         """The adjoint of `sum`."""
         return np.einsum("akl,gkl->gal", self.by.conj(), v)
 
-    def inner(self, A: np.ndarray, B: np.ndarray) -> Float[np.ndarray, "group row other"]:
-        """Inner products of rows by their factors [group, row, path, function]."""
-        found = np.zeros((1, A.shape[1], B.shape[1]))
-        of_a, of_b = _rows_in_paths(A), _rows_in_paths(B)
+    def inner(self, A: np.ndarray, more: np.ndarray | None = None) -> Float[np.ndarray, "group row other"]:
+        """Of rows with each other and with ``more``, by their factors [group, row, path, function]."""
+        B, rows = A if more is None else np.concatenate([A, more], axis=1), A.shape[1]
+        found = np.zeros((1, rows, B.shape[1]))
+        of_path = _rows_in_paths(B)
         for i, j, M in self.grams:
-            a, b = of_a[i], of_b[j]
+            a, b = of_path[i][of_path[i] < rows], of_path[j]
             found[:, a[:, None], b] += A[:, a, i] @ M @ B[:, b, j].mT
         return found
 

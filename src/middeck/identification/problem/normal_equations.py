@@ -103,7 +103,7 @@ def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None
     columns, tied = column_factors(layout, terms.point), ZeroSum(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
     free = _placed(free, of.outputs.shape[1])
-    solve = _Normal.of(of.inner(free[None], free[None]))
+    solve = _Normal.of(of.inner(free[None]))
     solved = None if solve is None else _solve_linear(shared, of, solve, free, columns, tied)
     if solve is None or solved is None:
         return None
@@ -160,6 +160,10 @@ def _added(
     """Those of all groups together; the last of each stand at ``late_place``."""
     if not late_place.size:
         return np.sum(gradients, axis=0), np.sum(grams, axis=0)
+    if np.all(late_place == late_place[0]):  # as of a delay common to all: one sum, put in its place once
+        gradients, grams, late_place = (
+            np.sum(gradients, axis=0)[None], np.sum(grams, axis=0)[None], late_place[:1]
+        )  # fmt: skip
     gradient, gram = np.zeros(layout.size), np.zeros((layout.size, layout.size))
     first = np.arange(gradients.shape[1] - late_place.shape[1])
     for one, matrix, last in zip(gradients, grams, late_place, strict=True):
@@ -185,7 +189,7 @@ def _by_theta(
     """Gradient and Gram matrix by theta: of slopes ``G`` by their factors, then of delays line by line."""
     gradient = _flat(G) @ solved.on_left.reshape(len(G), -1, 1)
     columns = np.broadcast_to(free, (len(G), *free.shape))
-    gram, cross = np.split(of.inner(G, np.concatenate([G, columns], axis=1)), [G.shape[1]], axis=2)
+    gram, cross = np.split(of.inner(G, columns), [G.shape[1]], axis=2)
     if late.shape[1]:
         on_late = np.stack([on_functions(shared, of, late[:, d]) for d in range(late.shape[1])], axis=1)
         with_late = _flat(G) @ _flat(on_late).mT
