@@ -208,7 +208,9 @@ def component_of(
         )
     except ConfigError as error:
         raise DataError(
-            error.what, where=source, hint="do matrices, cards and units belong together?"
+            error.what,
+            where=source,
+            hint="do matrices, cards and units belong together? Grids need large fields (GRID*)",
         ) from None
 
 
