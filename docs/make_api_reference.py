@@ -26,7 +26,7 @@ SECTIONS = {
     "structure.modes": "Rest states, modes and plants",
     "structure.plants": "Rest states, modes and plants",
     "structure.gravity": "What gravity does",
-    "structure.suspension": "Suspension",
+    "structure.hanging": "Suspension",
     "structure.gimbals": "Gimbals and joints",
     "joints": "Gimbals and joints",
     "structure.sensitivity": "Sensitivities",

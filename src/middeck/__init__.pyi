@@ -115,7 +115,7 @@ from .structure.rest.equilibrium import (
     solve_equilibrium as solve_equilibrium,
 )
 from .structure.sensitivity.frequencies import differentiate_frequencies as differentiate_frequencies
-from .structure.suspension.levelling import level as level
+from .structure.hanging.levelling import level as level
 from .systems.delay.delay_approximation import approximate_delays as approximate_delays
 from .systems.plants.plant_from_matrices import make_plant as make_plant
 from .systems.plants.plant import (

@@ -15,8 +15,6 @@
 Expected outcomes are values, not errors: an unstable closed loop has ``stable == False``.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 

@@ -11,11 +11,12 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.gravity_levels import DeviceRule, find_place
 from middeck.structure.gravity.path import follow_gravity
 
-DM = ROOT / "articles/mace-dm.toml"
+DM = coarse("mace-dm")
 LAB = ROOT / "environments/lab.toml"
 Capture = pytest.CaptureFixture[str]
 
@@ -129,7 +130,7 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
     """A cantilever beside itself in orbit: its first bending is none of the free article."""
     held = tmp_path / "held.toml"
     held.write_text('schema = 1\nname = "held"\n[[clamp]]\nnode = "n1"\n')
-    call = ("compare", ROOT / "articles/mace-simple.toml", "--environment", held, "--count", 12)
+    call = ("compare", coarse("mace-simple"), "--environment", held, "--count", 12)
     shown = middeck(capfd, *call).out
     assert "orbit: free, no gravity; held: clamped at 'n1', no gravity" in shown
     assert "without a partner" in shown

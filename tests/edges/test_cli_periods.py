@@ -254,3 +254,13 @@ def test_what_sampled_models_have_too_chooses_nothing(
     write_record(path, run(60.0))
     found = middeck(capfd, "identify", path, "--periods", PERIODS, "--states", 2, *option, "--json")
     assert json.loads(found.out)["sampled"] is True
+
+
+def test_what_the_reader_doubts_is_told_of_periods_too(tmp_path: Path, capfd: Capture) -> None:
+    whole = as_csv(tmp_path / "run.csv", run(30.0)).read_text()
+    path = tmp_path / "cut.csv"
+    path.write_text(whole[:-12])  # a last number that lost its exponent or its digits
+    ended = middeck(capfd, "identify", path, "--states", 8, "--json")
+    warnings = json.loads(ended.out)["warnings"]
+    assert any("cut into" in w for w in warnings)
+    assert any("the file was cut there" in w for w in warnings)

@@ -12,6 +12,7 @@ from cli_runner import middeck
 from engine_cases import plain_settings
 from middeck.cli.shown.screen import Table
 from middeck.cli.verbs.doctor import _blocks
+from middeck.errors import DataError
 from middeck.realtime.engine.process.launch import run_bare_loop
 from middeck.realtime.engine.trials.timing import TimingReport, name_machine, summarise
 
@@ -75,3 +76,12 @@ def test_what_is_later_than_a_period_is_an_overrun():
     assert found["step_s"] == pytest.approx([499.5e-9, 989.01e-9, 998.001e-9, 999e-9], rel=1e-12)
     assert found["late_s"][0] == pytest.approx(499.5e-9, rel=1e-12)
     assert found["late_s"][-1] == pytest.approx(1e-9 * (period + 7), rel=1e-12)
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("samples", [0, 1 << 44])
+def test_a_floor_that_cannot_be_measured_is_told(samples):
+    """A loop of no sample, and one for which no machine has memory: not in Python's words."""
+    with pytest.raises(DataError, match="the bare loop has ended with code") as refused:
+        run_bare_loop(plain_settings(), samples, 10)
+    assert "memory" in refused.value.hint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from middeck.errors import DataError
-from middeck.files.records import load_record, name_columns, open_record
+from middeck.files.records import load_record, name_columns, open_record, read_record, write_record
 
 SAMPLES = 4000
 
@@ -39,6 +39,27 @@ def test_a_rate_that_is_given_is_used(tmp_path: Path) -> None:
     assert load_record(path, name_columns(sample_hz=256.0)).sample_hz == 256.0
     with pytest.raises(DataError, match="were stated"):
         load_record(path, name_columns(sample_hz=250.0))
+
+
+@pytest.mark.parametrize(("hz", "doubted"), [(0.1, True), (0.002, True), (1.5, False)])
+def test_seconds_that_are_rather_milliseconds_are_doubted(tmp_path: Path, hz: float, doubted: bool) -> None:
+    path = write(tmp_path / "run.csv", [f"{t:.6g}" for t in np.arange(100) / hz])
+    found = read_record(path)
+    assert [f.kind for f in found.faults] == ["rate"] * doubted
+    assert found.record.sample_hz == pytest.approx(hz)
+    assert read_record(path, name_columns(sample_hz=hz)).faults == ()
+    # What we wrote ourselves is in seconds.
+    write_record(tmp_path / "ours.csv", found.record)
+    assert read_record(tmp_path / "ours.csv").faults == ()
+
+
+def test_channels_without_times_need_a_rate(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("u:torque [N m],y:angle [rad]\n" + "1,2\n3,4\n" * 20)
+    with pytest.raises(DataError, match="no sampling rate"):
+        load_record(path)
+    taken = load_record(path, name_columns(sample_hz=50.0))
+    assert (taken.sample_hz, taken.y[0, 0, :2, 0].tolist()) == (50.0, [2.0, 4.0])
 
 
 def test_a_short_record_leaves_its_rate_open(tmp_path: Path) -> None:

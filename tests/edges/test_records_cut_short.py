@@ -80,6 +80,17 @@ def test_a_line_without_its_end_is_only_noted(tmp_path: Path) -> None:
     assert [(f.kind, f.severity) for f in read_record(path).faults] == [("truncated", "note")]
 
 
+def test_a_cut_number_whose_line_was_ended_is_told(tmp_path: Path) -> None:
+    # A logger that starts again, or an editor, ends the line that was cut.
+    path = tmp_path / "run.csv"
+    path.write_bytes(written(path, "fixed")[:-4] + b"\n")
+    assert [(f.kind, f.severity) for f in read_record(path).faults] == [("truncated", "serious")]
+    with pytest.warns(UserWarning, match="was cut there"):
+        load_record(path)
+    path.write_bytes(written(path, "all digits"))
+    assert read_record(path).faults == ()
+
+
 def test_a_file_of_ours_says_how_many_samples_it_has(tmp_path: Path) -> None:
     path = tmp_path / "ours.csv"
     write_record(path, a_record())

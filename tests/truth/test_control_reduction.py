@@ -266,6 +266,27 @@ def test_modes_of_any_plant_are_those_of_the_modal_one():
     assert len(found.kept) == 7
 
 
+@pytest.mark.parametrize("form", ["modal", "state space"])
+def test_a_mode_without_damping_is_kept_and_leaves_the_order_of_the_others(form):
+    # Its response is infinite within the band; of the others the larger share is kept, the lightest too.
+    omega, zeta = np.array([0.1, 6.0, 20.0, 1000.0]), np.array([1e-5, 0.0, 0.01, 0.01])
+    modal = ModalSystem(
+        omega=omega,
+        zeta=zeta,
+        psi=np.array([[1e-13], [1.0], [1.0], [1.0]]),
+        phi=np.ones((1, 4)),
+        phi_rate=np.zeros((1, 4)),
+        names=("slow", "free", "middle", "high"),
+    )
+    plant = grouped_plant(modal, (Port("u", "N"),), (Port("x", "m"),))
+    if form == "state space":
+        plant = dataclasses.replace(plant, dynamics=plant.system)
+    found = reduce_modes(plant, 2, band_hz=(0.5, 6.0 / (2.0 * np.pi)))
+    assert found.kept == (("free", "middle") if form == "modal" else ("0.9549 Hz", "3.183 Hz"))
+    # Of the high one its static gain is left: (r^2 - 2j zeta r) / w0^2 at the end of the band, r = 6/1000.
+    assert found.error == pytest.approx(abs(0.006**2 - 0.02j * 0.006) / 1000.0**2, rel=1e-3)
+
+
 def test_modes_that_do_not_decay_are_kept_or_refused():
     with pytest.raises(ConfigError, match="1 do not decay"):
         reduce_modes(modal_plant(), 0, band_hz=(1.0, 2.0))

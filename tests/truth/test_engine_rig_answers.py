@@ -58,7 +58,7 @@ def answering(reply, raw=None):
 
 def sensors_of(sample, session):
     y = 0.01 * np.sin(sample + np.arange(SENSORS))
-    return seal(REPLY.pack(sample, session, 0) + y.astype("<f8").tobytes(), "ANSWERED")
+    return seal(REPLY.pack(sample, session, 1, 0) + y.astype("<f8").tobytes(), "ANSWERED")
 
 
 def test_a_missed_answer_is_borne_as_a_late_sample_is():
@@ -214,7 +214,7 @@ def test_an_echo_before_the_answer_is_no_other_format(computer):
 
     def echoed(data):
         sample, _, session = REQUEST.unpack_from(unseal(data, "ASKED"))
-        return [data, seal(REPLY.pack(sample, session, 0) + np.full(SENSORS, 0.01).tobytes(), "ANSWERED")]
+        return [data, seal(REPLY.pack(sample, session, 1, 0) + np.full(SENSORS, 0.01).tobytes(), "ANSWERED")]
 
     package, stages = random_package(input_range=10.0), (Stage("standby", 0.1),)
     with answering(None, echoed) as there:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from middeck.identification.levenberg_marquardt import SMALLEST_GAIN, Step, is_positive, search
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.model.levenberg_marquardt import SMALLEST_GAIN, Step, is_positive, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.gram_blocks import Functions
 from middeck.identification.problem.residual_and_slopes import build_terms

@@ -12,14 +12,14 @@ from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.setups import load_setup
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
+from middeck.structure.hanging.attitude import estimate_attitude
+from middeck.structure.hanging.levelling import LEVEL, level
+from middeck.structure.hanging.support_warnings import doubt_attitude, sag
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Device, Environment, GroundBushing
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.motion_as_a_whole import fit_rotation, split_rotation
-from middeck.structure.suspension.attitude import estimate_attitude
-from middeck.structure.suspension.hanging import doubt_attitude, sag
-from middeck.structure.suspension.levelling import LEVEL, level
 from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, on_cables, springs_above, structure
 
@@ -96,6 +96,18 @@ def test_on_two_cables_it_rolls_until_its_weight_is_under_their_line():
     assert hangs.node_tilt == pytest.approx(np.array([[roll, 0.0, 0.0]]), abs=ROUNDING)
     assert (hangs.hangs_from, hangs.device) == ("line", ("left", "right"))
     assert hangs.lies_off == pytest.approx([0.0, -DEPTH, OFF], abs=1e-15)
+    assert hangs.tension == pytest.approx(4.0 * 9.80665, rel=1e-8)
+
+
+@pytest.mark.parametrize("off", [0.01, 0.25])
+def test_hooks_above_a_body_on_its_node_let_it_roll_until_its_weight_is_under_them(off: float):
+    """Drawn so, weight gives a roll no stiffness at all: only supports that carry it do."""
+    above = structure(
+        [node("bar", (0, 0, 0), body(8.0, (0.0, 0.0, off), (0.3, 2.0, 2.0)))],
+        attach=[AttachPoint(n, "bar", np.array([x, 0.3, 0.0])) for n, x in (("left", -1.0), ("right", 1.0))],
+    )
+    hangs = estimate_attitude(solve_equilibrium(above, cables()))
+    assert hangs.tilt == pytest.approx([np.arctan2(off, 0.3), 0.0, 0.0], abs=ROUNDING)
     assert hangs.tension == pytest.approx(4.0 * 9.80665, rel=1e-8)
 
 

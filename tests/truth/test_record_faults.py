@@ -387,7 +387,7 @@ def test_a_release_at_the_first_sample_is_no_spike(decay: float) -> None:
 def test_the_samples_of_a_fault_are_named() -> None:
     clean = gimbal_record.multisine(1, outputs=2, samples=4096)
     y = clean.y.copy()
-    y[0, 1, 100:103, 1] = np.nan
+    y[0, 1, 100:103, 1] = np.nan, np.inf, -np.inf
     y[0, 2, 7, 1] += 100.0 * y[..., 0].std()
     (gap, spike_) = detect_faults(replace(clean, y=y))
     assert (gap.channel, gap.experiment, gap.samples) == ("encoder", 0, ((4196, 4199),))

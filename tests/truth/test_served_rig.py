@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from middeck.control.law.compensator import Compensator
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.parts.motors import Motor, Rotor
@@ -391,7 +391,7 @@ def test_answers_of_another_session_are_counted_and_not_read(computer):
                 if sample < 0:
                     return
                 for whose, stale, y in ((session + 1, 500, 9.0), (session, 3, 0.25)):
-                    body = REPLY.pack(sample, whose, stale) + np.full(2, y).tobytes()
+                    body = REPLY.pack(sample, whose, 1, stale) + np.full(2, y).tobytes()
                     opened.sendto(seal(body, "ANSWERED"), sender)
 
         thread = threading.Thread(target=serve)
@@ -404,6 +404,58 @@ def test_answers_of_another_session_are_counted_and_not_read(computer):
         else:
             client = RigClient(rig, 1)
             assert client.read().tolist() == [0.25, 0.25]
+            client.close()
+        thread.join()
+
+
+class Constant(EngineRig):
+    """Both sensors at one value."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def read(self) -> np.ndarray:
+        return np.full(2, self.value)
+
+    def write(self, u: np.ndarray) -> None:
+        pass
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("computer", ["engine", "reference"])
+def test_of_two_rigs_that_answer_in_turn_the_first_is_heard(computer):
+    """The other answers each request before it, and is not heard once the first is silent either."""
+    first, other = RigSession(Constant(0.25)), RigSession(Constant(9.0))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind((LOOPBACK, 0))
+        opened.settimeout(5.0)
+
+        def serve():
+            while True:
+                data, sender = opened.recvfrom(1 << 16)
+                sample = REQUEST.unpack_from(unseal(data, "ASKED"))[0]
+                if sample < 0:
+                    return
+                for rig in [other] * (sample > 0) + [first] * (sample < 20):
+                    opened.sendto(rig.answer(data), sender)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        there = UdpRig(opened.getsockname()[1])
+        if computer == "engine":
+            with Supervisor(settings(answer_s=0.2), there) as engine:
+                assert engine.reset().done
+                assert np.all(engine.run(25)["y"] == 0.25)
+                assert [event.kind for event in engine.events() if event.trips] == ["rig dead"]
+                assert engine.reset().word == "still unhealthy"
+                assert int(engine.file.status["stale"]) > 25
+        else:
+            client = RigClient(there, 1, answer_s=0.2)
+            for _ in range(20):
+                assert client.read().tolist() == [0.25, 0.25]
+                client.write(np.zeros(1))
+            with pytest.raises(DataError, match="the rig does not answer"):
+                client.read()
             client.close()
         thread.join()
 

@@ -12,6 +12,7 @@ from stiff_links import BEND, Case, G, article_of, draw, solve
 from middeck.errors import NumericalError
 from middeck.joints.friction import Friction
 from middeck.structure.gravity.budget import GravityBudget, build_budget
+from middeck.structure.hanging.device_friction import estimate_rest_band
 from middeck.structure.model.article import Actuator, ActuatorKind, Section, Sensor, SensorKind
 from middeck.structure.model.environment import Device, Environment
 from middeck.structure.modes.solve import solve_modes
@@ -20,7 +21,6 @@ from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.plants import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
-from middeck.structure.suspension.device_friction import estimate_rest_band
 from repeats import repeats
 
 SEEDS = repeats(range(500, 700), 3)

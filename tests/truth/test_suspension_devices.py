@@ -13,12 +13,12 @@ from middeck.files.setups import load_setup
 from middeck.joints.friction import Friction
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.hanging.device_friction import estimate_rest_band, sweep_device_amplitude
 from middeck.structure.model.article import AttachPoint, Damping
 from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKind, Environment, Suspension
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.structure.suspension.device_friction import estimate_rest_band, sweep_device_amplitude
 from structure_builders import GRAVITY, TUBE, body, lab, member, node, rigid_bar, structure
 
 ROOT = Path(__file__).parents[2]

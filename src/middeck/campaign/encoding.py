@@ -1,7 +1,5 @@
 """Results as canonical JSON text: the same result is the same bytes, and comes back to the last bit."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Mapping

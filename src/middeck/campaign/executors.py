@@ -1,7 +1,5 @@
 """Run the cases of a campaign that its ledger lacks, in this process or on a pool of processes."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import multiprocessing

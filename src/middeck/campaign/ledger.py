@@ -59,7 +59,8 @@ class Ledger:
         except BaseException:
             self._base.close()
             raise
-        self.campaign = campaign_hash(identity)
+        # By this hash rows know their campaign.
+        self.campaign = hashlib.sha256(repr(sorted(identity.items())).encode()).hexdigest()
 
     def _claim(self, identity: Mapping[str, str]) -> None:
         application = self._base.execute("pragma application_id").fetchone()[0]
@@ -129,11 +130,6 @@ class Ledger:
             if digest != _digest(self.campaign, index, bool(fault), body):
                 raise _damaged(self.path, f"the row of case {index} is not as it was written")
             yield index, bool(fault), body
-
-
-def campaign_hash(identity: Mapping[str, str]) -> str:
-    """Hash by which rows know their campaign."""
-    return hashlib.sha256(repr(sorted(identity.items())).encode()).hexdigest()
 
 
 def _digest(campaign: str, index: int, fault: bool, body: str) -> bytes:

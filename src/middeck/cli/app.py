@@ -1,7 +1,5 @@
 """The group of verbs; a verb's module is imported when it is asked for."""
 
-from __future__ import annotations
-
 from difflib import get_close_matches
 from importlib import import_module
 

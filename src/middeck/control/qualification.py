@@ -1,7 +1,5 @@
 """Qualification of a compensator on other plants: stability, margins and rms, continuous and sampled."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 

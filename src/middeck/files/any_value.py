@@ -1,7 +1,5 @@
 """Any value to a file: its kind finds the writer, the ending of the file the form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

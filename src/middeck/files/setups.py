@@ -1,7 +1,5 @@
 """Read articles and environments; every configuration error of all of them at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast

@@ -7,8 +7,6 @@ work done on the element. So nothing but the excitation brings energy in, whatev
 gradient of Gonzalez 1996, J. Nonlinear Sci. 6, with dissipation. In time the rule is of second order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

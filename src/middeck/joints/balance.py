@@ -1,7 +1,5 @@
 """Torques of joint elements within a step and end angles of the joints, solved together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

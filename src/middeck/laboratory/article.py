@@ -4,8 +4,6 @@ Its mesh is finer, its struts have shear flexibility, it has every mode to 200 H
 errors, drawn from a seed as in the frozen case "Updating and promise". Designs use its records only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The rig of an article: its motors, sensors and bearings as the settings have them."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Figure 6 on the rig of an article in the laboratory with nothing switched on but noise."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.laboratory.rig.parts.sensors import Sampler

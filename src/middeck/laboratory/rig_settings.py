@@ -1,7 +1,5 @@
 """Settings of a simulated rig and its experiments, without an article."""
 
-from __future__ import annotations
-
 from middeck.joints.element import JointElement
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro

@@ -1,7 +1,5 @@
 """Frequency and damping of modes against the amplitude of a joint with friction or play."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

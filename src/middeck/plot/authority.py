@@ -1,7 +1,5 @@
 """A sweep of authority: decibels of every stable loop, and where a loop is unstable."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

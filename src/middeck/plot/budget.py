@@ -1,7 +1,5 @@
 """The budget of gravity's effects: stacked bars, and under them their range over the orders of switching."""
 
-from __future__ import annotations
-
 from textwrap import fill
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A model beside a test: the MAC of all pairs, and the frequencies of both."""
 
-from __future__ import annotations
-
 from textwrap import fill
 
 import numpy as np

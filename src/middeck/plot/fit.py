@@ -1,7 +1,5 @@
 """A fit beside its data, with the bounds of its response."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

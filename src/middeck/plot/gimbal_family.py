@@ -1,7 +1,5 @@
 """Frequencies and holding torques of an article against the angle of one of its gimbal axes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from textwrap import fill, wrap
 

@@ -1,7 +1,5 @@
 """Frequency against gravity: modes as branches, with what happens to them on the way."""
 
-from __future__ import annotations
-
 from textwrap import fill
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Nichols's plot of broken loops: gain over phase, with contours of the closed loop."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """Nyquist's plot of broken loops, with the disk that they must not enter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

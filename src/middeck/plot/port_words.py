@@ -1,7 +1,5 @@
 """Ports in words: the angle, rate or torque behind a name of the two articles."""
 
-from __future__ import annotations
-
 from middeck.systems.plants.response import FrequencyResponse
 
 CARRIER = {"pri": "", "sec": "secondary "}

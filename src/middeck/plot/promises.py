@@ -1,7 +1,5 @@
 """A promise and its outcome at a glance: intervals row by row, outcomes as points."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

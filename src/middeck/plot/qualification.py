@@ -1,7 +1,5 @@
 """A compensator on many plants: the margins of each row side by side, unstable rows crossed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The stabilisation diagram: poles of rising orders over frequency, above the response they are in."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The house style: one size of letters, one colour per environment, nothing from the user's own settings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import wraps

@@ -1,7 +1,5 @@
 """From a figure to SVG text: the same bytes for the same numbers, with a title and a description inside."""
 
-from __future__ import annotations
-
 import io
 import re
 from html import escape

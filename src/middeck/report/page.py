@@ -1,7 +1,5 @@
 """The page: results and what does not hold on one screen, then each figure with its sentence and numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 

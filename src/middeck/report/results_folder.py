@@ -1,7 +1,5 @@
 """Write a study's results as they come: figures at once, numbers and report at the end, whole files only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """Shapes in one HTML file that moves and turns, needs no other file, and prints as stills."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from typing import Any

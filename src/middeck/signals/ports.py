@@ -1,7 +1,5 @@
 """Named inputs and outputs, and the transducers behind them on the bench."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

@@ -24,8 +24,8 @@ from .rest.link_loads import link_loads as link_loads
 from .sensitivity.parameters import find_parameters as find_parameters
 from .sensitivity.rest import differentiate_rest as differentiate_rest
 from .sensitivity.shapes import differentiate_modes as differentiate_modes
-from .suspension.attitude import estimate_attitude as estimate_attitude
-from .suspension.device_friction import (
+from .hanging.attitude import estimate_attitude as estimate_attitude
+from .hanging.device_friction import (
     estimate_rest_band as estimate_rest_band,
     sweep_device_amplitude as sweep_device_amplitude,
 )

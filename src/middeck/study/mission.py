@@ -1,7 +1,5 @@
 """The study of the 1993 paper: the one list of its chapters, how they are run, and all their numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The one picture of the result, for the front page of the project."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Values of a study that several chapters stand on."""
 
-from __future__ import annotations
-
 from middeck.files.studies.documents import Study
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article

@@ -1,7 +1,5 @@
 """How numbers are written in the report, and what a table, a line and a claim of it are."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple, TypedDict

@@ -1,7 +1,5 @@
 """An article in an environment, from the names that were typed."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 
@@ -13,6 +11,8 @@ from middeck.errors import MiddeckError
 from middeck.files.disk.kind_of_content import ARTICLE
 from middeck.files.setups import BUILT_IN, find_document, load_setup
 from middeck.files.toml.source import read_source
+from middeck.structure.hanging.attitude import estimate_attitude
+from middeck.structure.hanging.support_warnings import sag
 from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment
@@ -22,8 +22,6 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.summary.environment_plausibility import doubt_environment
 from middeck.structure.summary.summary import summarise
-from middeck.structure.suspension.attitude import estimate_attitude
-from middeck.structure.suspension.hanging import sag
 
 TILTED_DEG = 5.0  # from which every verb says how an article hangs; `check` does from one
 

@@ -1,7 +1,5 @@
 """Settings of verbs without a document: options first, then ``--set``, all checked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar
 

@@ -1,7 +1,5 @@
 """Compensators from files, JSON or MAT by their endings."""
 
-from __future__ import annotations
-
 from middeck.errors import DataError
 from middeck.files.any_value import is_mat
 from middeck.files.exchange.mat import load_mat

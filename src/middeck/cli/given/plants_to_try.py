@@ -1,7 +1,5 @@
 """Plants that a compensator is tried on: articles in environments, fitted models, their modes moved."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path

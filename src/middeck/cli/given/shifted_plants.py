@@ -1,7 +1,5 @@
 """Plants with the modes shifted that options ask for: single shifts, and the default robustness sweep."""
 
-from __future__ import annotations
-
 from middeck.cli.given.plants_to_try import Gathered, Law, chosen_modes, shifted_plants
 from middeck.cli.options import Tried
 from middeck.cli.shown.file_of_an_error import reading

@@ -1,7 +1,5 @@
 """Hints of the library in the words of the command line: options in place of arguments, and no Python."""
 
-from __future__ import annotations
-
 import functools
 import pkgutil
 import re

@@ -1,7 +1,5 @@
 """Errors of a computation get the name of the file whose content they are about."""
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,14 +1,12 @@
 """Mass, size and attitude of an article, as numbers and as lines of text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from middeck.structure.hanging.attitude import Attitude
 from middeck.structure.summary.summary import Summary
-from middeck.structure.suspension.attitude import Attitude
 
 # What is left where the terms of a sum cancel is printed as the zero that it stands for.
 ROUNDING = 1e-12

@@ -1,7 +1,5 @@
 """How far a run of stages is: a bar with the remaining time on a terminal, plain lines elsewhere."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Generator, Mapping

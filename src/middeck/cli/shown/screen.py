@@ -1,7 +1,5 @@
 """Results on stdout: one JSON document, or tables; warnings on stderr."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Mapping, Sequence

@@ -92,9 +92,9 @@ def _in_environment(
     import numpy as np
 
     from middeck.cli.shown.mass_and_attitude import attitude_numbers
+    from middeck.structure.hanging.support_warnings import doubt_attitude, doubt_devices
     from middeck.structure.modes.doubts.mesh_error import mesh_warnings
     from middeck.structure.summary.environment_plausibility import doubt_environment
-    from middeck.structure.suspension.hanging import doubt_attitude, doubt_devices
 
     numbers = None
     found = [_doubt(text) for text in doubt_environment(structure, environment)]

@@ -156,9 +156,10 @@ SHOWN = 5  # materials in a message
 
 
 def _no_units(source: Deck) -> Exception:
-    from middeck.files.nastran.article.convert import likely_units, materials_and_size
+    from middeck.files.nastran.article.convert import materials_and_size
+    from middeck.files.nastran.deck.units import guess_units
 
-    found = [units.name for units in likely_units(source)]
+    found = [units.name for units in guess_units(*materials_and_size(source))]
     if not found:
         materials, size = materials_and_size(source)
         known = ", ".join(

@@ -106,12 +106,13 @@ def _require_consistent(target: tuple[str, ...], given: dict[str, Any]) -> None:
 
 def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
     from middeck.cli.given.compensators import load_law
-    from middeck.files.laws.packages import is_package, load_package
+    from middeck.files.disk.kind_of_content import PACKAGE, looks_like
+    from middeck.files.laws.packages import load_package
     from middeck.realtime.package.package_law import package_law, without_applied
 
     limits = {key: given[key] for key in LIMITS if given[key] is not None}
     settings: Any = {key: v[0] if len(v) == 1 else v for key, v in limits.items()}
-    if is_package(law_file):
+    if looks_like(law_file) == PACKAGE:
         told = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
         if settings or told or given["unstable"]:
             raise ConfigError(

@@ -13,7 +13,7 @@ from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
-    from middeck.structure.suspension.levelling import Levelling
+    from middeck.structure.hanging.levelling import Levelling
 
 EXAMPLES = """\
   middeck level articles/mace-simple.toml --free n1.z --about x \\

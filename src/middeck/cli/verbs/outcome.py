@@ -1,7 +1,5 @@
 """``middeck outcome``: a measured outcome beside its promise, and the score of many promises."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

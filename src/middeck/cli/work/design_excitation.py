@@ -1,7 +1,5 @@
 """From options to a designed excitation, and the accuracy of a test with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

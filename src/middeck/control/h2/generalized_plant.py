@@ -96,11 +96,6 @@ def _noise_root(m: LQGProblem) -> Float[np.ndarray, "noise noise"]:
     return size[:, None] * square_root(joint / np.outer(size, size))
 
 
-def discounted(model: GeneralizedPlant, rate: float) -> GeneralizedPlant:
-    """The model with poles shifted left by ``rate``, stable under a compensator that nearly stabilises it."""
-    return dataclasses.replace(model, A=model.A - rate * np.eye(len(model.A)))
-
-
 def _require_loop(plant: Plant, authority: float) -> None:
     require_authority(authority)
     if not plant.u or not plant.y:

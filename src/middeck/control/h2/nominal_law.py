@@ -1,7 +1,5 @@
 """Optimal compensator of one model: two Riccati equations (Kwakernaak and Sivan 1972, chapter 5)."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg as sla
 

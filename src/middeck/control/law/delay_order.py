@@ -1,7 +1,5 @@
 """Order of the delay approximation that keeps the phase of every mode of a loop."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.control.law.partition import partition_modes

@@ -1,7 +1,5 @@
 """Linear-quadratic Gaussian design (Kwakernaak and Sivan 1972, chapters 3 to 5)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports

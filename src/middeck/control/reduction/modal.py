@@ -17,7 +17,7 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.control.analysis.stability.delayed_roots import with_conjugates
 from middeck.control.law.partition import partition_modes
-from middeck.control.reduction.separation import AXIS, separate_poles
+from middeck.control.reduction.separation import does_not_decay, separate_poles
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant
@@ -34,6 +34,8 @@ from middeck.values import record
 
 ACROSS = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
 """Lines across each mode, in half-power half-widths, at which a path's largest response is looked for."""
+BESIDE = 1e-6
+"""Relative distance of such lines from a mode that does not decay, whose response is infinite there."""
 
 
 @record(kw_only=True)
@@ -94,7 +96,7 @@ def _of_modal(
     static: bool,
 ) -> ReducedPlant:
     seen = select_channels(modal, *ports)
-    keep = _most(_contributions(seen, band), modal.omega == 0.0, modes)
+    keep = _most(_contributions(seen, band), modal.zeta * modal.omega <= 0.0, modes)
     smaller = select_modes(modal, keep)
     gone = dataclasses.replace(select_modes(modal, ~keep), direct=None)
     limit = _limits(gone, band)
@@ -124,9 +126,9 @@ def _limits(gone: ModalSystem, band: tuple[float, float]) -> Float[np.ndarray, "
 
 def _contributions(modal: ModalSystem, band: tuple[float, float]) -> Float[np.ndarray, " mode"]:
     lines = _lines(modal.omega, modal.zeta * modal.omega, band)
-    size = np.abs(modal_response(modal, lines)).max(axis=0)
+    size = np.abs(modal_response(modal, lines)).max(axis=0, initial=0.0)
     share = np.zeros(len(modal.omega))
-    for m in range(len(share)):
+    for m in np.flatnonzero(modal.zeta * modal.omega > 0.0):
         one = dataclasses.replace(select_modes(modal, np.array([m])), direct=None)
         at = _lines(one.omega, one.zeta * one.omega, band)
         share[m] = _share(np.abs(modal_response(one, at)).max(axis=0), size)
@@ -139,10 +141,14 @@ def _share(part: np.ndarray, size: np.ndarray) -> float:
 
 
 def _lines(omega: np.ndarray, rate: np.ndarray, band: tuple[float, float]) -> Float[np.ndarray, " line"]:
+    """Lines across each mode that decays by ``rate`` > 0 and at the ends of the band, none on another."""
     # Lines at zero frequency would meet rigid modes: a thousandth of the band's width above it.
     low = max(band[0], 1e-3 * band[1])
-    across = (omega[:, None] + ACROSS * rate[:, None]).ravel()
-    return np.unique(np.clip(np.append(across, [low, band[1]]), low, band[1]))
+    decays = rate > 0.0
+    across = (omega[decays, None] + ACROSS * rate[decays, None]).ravel()
+    lines = np.unique(np.clip(np.append(across, [low, band[1]]), low, band[1]))
+    beside = np.abs(lines[:, None] - omega[~decays]) > BESIDE * omega[~decays]
+    return lines[beside.all(axis=1)]
 
 
 def _most(
@@ -167,8 +173,7 @@ def _of_statespace(
     ports: tuple[list[int], list[int]],
     static: bool,
 ) -> ReducedPlant:
-    values, share = _pole_shares(select_paths(system, *ports), band)
-    grows = np.real(values) > -AXIS * np.abs(values).max(initial=0.0)
+    values, grows, share = _pole_shares(select_paths(system, *ports), band)
     keep = _most(share, grows, modes)
     parts = separate_poles(system, with_conjugates(values[keep]))
     gone = parts.rest
@@ -195,16 +200,18 @@ def _static_limit(gone: StateSpace, above: np.ndarray) -> Float[np.ndarray, "out
 
 def _pole_shares(
     system: StateSpace, band: tuple[float, float]
-) -> tuple[Complex[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """One pole of each pair, and its largest share of any path."""
+) -> tuple[Complex[np.ndarray, " mode"], Bool[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
+    """One pole of each pair, whether it does not decay, and else its largest share of any path."""
     values, left, right = cast(
         "tuple[np.ndarray, np.ndarray, np.ndarray]", sla.eig(system.A, left=True, right=True)
     )
     one = np.flatnonzero(np.imag(values) >= 0.0)
-    lines = _lines(np.abs(values[one]), np.abs(np.real(values[one])), band)
-    size = np.abs(evaluate_transfer(system, 1j * lines)).max(axis=0)
+    grows = does_not_decay(system, values[one])
+    lines = _lines(np.abs(values[one]), np.where(grows, 0.0, -np.real(values[one])), band)
+    size = np.abs(evaluate_transfer(system, 1j * lines)).max(axis=0, initial=0.0)
     share = np.zeros(len(one))
-    for i, k in enumerate(one):
+    for i in np.flatnonzero(~grows):
+        k = one[i]
         overlap = left[:, k].conj() @ right[:, k]
         at = 1j * _lines(np.abs(values[[k]]), np.abs(np.real(values[[k]])), band)[:, None, None]
         residue = np.outer(system.C @ right[:, k], left[:, k].conj() @ system.B)
@@ -213,7 +220,7 @@ def _pole_shares(
             response = response + residue.conj() / (at - values[k].conj())
         # Eigenvectors of a double pole do not overlap: give it the largest contribution.
         share[i] = _share(np.abs(response).max(axis=0), size) / max(abs(overlap), np.finfo(float).tiny)
-    return values[one], share
+    return values[one], grows, share
 
 
 def _pole_names(values: Complex[np.ndarray, " mode"]) -> tuple[str, ...]:

@@ -42,6 +42,12 @@ def separate_unstable(system: StateSpace) -> Separation:
     return _separate(balanced, *form, np.real(form[2]) > -_known_to(form[2], size))
 
 
+def does_not_decay(system: StateSpace, values: Complex[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
+    """Which of a system's poles ``values`` are not known to decay."""
+    size = float(np.linalg.norm(balance_states(system).A, 2)) if len(system.A) else 0.0
+    return np.real(values) > -_known_to(values, size)
+
+
 def separate_axis(system: StateSpace) -> Separation:
     """Separate the poles on the axis, integrators included."""
     balanced = balance_states(system)

@@ -51,9 +51,9 @@ def pose_loop(plant: Plant, compensator: Compensator, weights: LQGWeights | None
         joined = dataclasses.replace(joined, z=_without_direct(joined))
         unit = _unit_weights(joined)
         model = absorb(generalize(joined, unit, 1.0), direct)
-        weights, authority = _weights_of_loop(joined, model, law, unit), 1.0
+        weights, authority = _weights_of_loop(joined, model, law, direct, unit), 1.0
     model = absorb(generalize(joined, weights, authority), direct)
-    _, y, u = _mean_squares(model, law, len(weights.disturbed), len(joined.z))
+    _, y, u = _mean_squares(model, law, direct, len(weights.disturbed), len(joined.z))
     return Loop(model, np.sqrt(_positive(u)), np.sqrt(_positive(y)))
 
 
@@ -140,8 +140,10 @@ def _unit_weights(plant: Plant) -> LQGWeights:
     )
 
 
-def _weights_of_loop(plant: Plant, model: GeneralizedPlant, law: Law, unit: LQGWeights) -> LQGWeights:
-    z, y, u = (_positive(square) for square in _mean_squares(model, law, len(plant.w), len(plant.z)))
+def _weights_of_loop(
+    plant: Plant, model: GeneralizedPlant, law: Law, direct: StateSpace, unit: LQGWeights
+) -> LQGWeights:
+    z, y, u = (_positive(square) for square in _mean_squares(model, law, direct, len(plant.w), len(plant.z)))
     values = law.A if len(law.A) else model.A
     highest_hz = float(np.abs(np.linalg.eigvals(values)).max()) / (2.0 * np.pi)
     noise = SENSOR_SHARE**2 * y / (2.0 * max(highest_hz, np.finfo(float).tiny))
@@ -149,9 +151,9 @@ def _weights_of_loop(plant: Plant, model: GeneralizedPlant, law: Law, unit: LQGW
 
 
 def _mean_squares(
-    model: GeneralizedPlant, law: Law, noises: int, outputs: int
+    model: GeneralizedPlant, law: Law, direct: StateSpace, noises: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean squares of z, y and u under the process noise alone."""
+    """Mean squares of weighted z, of y and of u under the process noise alone."""
     if not spectral_abscissa(model, law) < 0.0:
         raise ConfigError(
             "the compensator to be reduced does not stabilise the plant",
@@ -159,9 +161,11 @@ def _mean_squares(
         )
     A, B, C = closed_matrices(model, law)
     X = solve_lyapunov(A.T, B[:, :noises] @ B[:, :noises].T)
-    rows = np.vstack([C, np.hstack([model.C2, model.D22 @ law.C])])
-    squares = np.einsum("ij,jk,ik->i", rows, X, rows)
-    return squares[:outputs], squares[len(C) :], squares[outputs : len(C)]
+    y = np.hstack([model.C2, model.D22 @ law.C])
+    u = direct.D @ y
+    u[:, len(model.A) :] += law.C
+    z, y, u = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (C[:outputs], y, u))
+    return z, y, u
 
 
 def _positive(squares: np.ndarray) -> Float[np.ndarray, " port"]:

@@ -1,7 +1,5 @@
 """Aliases of modes beyond half the sampling rate in the sampled loop, and analogue filters against them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -4,8 +4,6 @@ None of them knows the plant or the hold. They are what a direct design is compa
 Workman 1998, chapter 6).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Literal, get_args
 

@@ -4,8 +4,6 @@ All have unit gain at zero frequency. Second-order sections are in modal form, (
 so that a section of 1 % damping stays exact beside a plant of hundreds of states.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.control.law.compensator import Compensator

@@ -1,7 +1,5 @@
 """Faults of clamps and bushings beyond the form of their keys: what their values cannot be."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 

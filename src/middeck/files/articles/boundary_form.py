@@ -1,7 +1,5 @@
 """Forms of clamps, bushings and load cases, and the values that they describe."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any
 

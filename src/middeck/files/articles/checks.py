@@ -3,8 +3,6 @@
 The checks read the raw tables and pass over what the form has already refused, so that one run reports all.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """The form of a reduced component in an article's file."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Components in files: NPZ and MAT with names, in SI units; OUTPUT4 or punched DMIG with their cards."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence

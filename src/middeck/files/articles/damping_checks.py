@@ -1,7 +1,5 @@
 """Faults of the ``[damping]`` of an article beyond the form of its keys."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 

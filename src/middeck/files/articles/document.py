@@ -1,7 +1,5 @@
 """An article's document as TOML."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The form of ``articles/*.toml``: every key that a test article may have."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 import numpy as np

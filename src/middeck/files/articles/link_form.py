@@ -1,7 +1,5 @@
 """Forms of links, interpolations and linear equations, their values, and what these cannot be."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """Faults of sections and of their stations along members."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

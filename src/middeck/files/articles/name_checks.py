@@ -1,7 +1,5 @@
 """Faults of the names in an article: given twice, or of things that do not exist."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Names that the tables of an article define, by kind; the tables need not fit the form."""
 
-from __future__ import annotations
-
 from middeck.files.toml.tables import Table, array_of, table_of, tables
 
 

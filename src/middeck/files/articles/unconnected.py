@@ -1,7 +1,5 @@
 """Nodes of an article that no member, spring or component joins to the rest."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

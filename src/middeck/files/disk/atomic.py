@@ -1,7 +1,5 @@
 """Write whole files or none: to a temporary beside the target, then rename."""
 
-from __future__ import annotations
-
 import os
 import secrets
 import shutil

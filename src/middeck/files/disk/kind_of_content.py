@@ -1,7 +1,5 @@
 """Kind of a file by its content, for errors about a wrong file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from pathlib import Path

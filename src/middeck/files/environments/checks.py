@@ -1,7 +1,5 @@
 """Faults of an environment beyond the form of its keys; tolerates a broken form."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

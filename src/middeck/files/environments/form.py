@@ -1,7 +1,5 @@
 """The form of ``environments/*.toml``, its own checks and the `Environment` it describes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 

@@ -4,8 +4,6 @@ In MATLAB: ``s = load('law.mat'); K = ss(s.A, s.B, s.C, s.D, s.Ts, 'InputName', 
 s.OutputName);`` and, since u = K y is added, ``feedback(P, K, +1)``.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

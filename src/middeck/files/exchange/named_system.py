@@ -1,7 +1,5 @@
 """What is exchanged: a linear system, continuous or sampled, with the names of its ports and states."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

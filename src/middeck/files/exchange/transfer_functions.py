@@ -1,7 +1,5 @@
 """Systems of other programs, checked on their way in: time base, real numbers, proper ratios."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

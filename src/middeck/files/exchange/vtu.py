@@ -1,7 +1,5 @@
 """Shapes for ParaView and its like: a VTK XML unstructured grid of line segments, in ASCII."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 

@@ -1,7 +1,5 @@
 """Reading a channel's transducer: one table of keys for every kind of file."""
 
-from __future__ import annotations
-
 import datetime
 import math
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Sealed documents: each carries the SHA-256 of its other content, so that a change shows."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

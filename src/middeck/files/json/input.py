@@ -1,7 +1,5 @@
 """JSON documents on their way in: text, schema, ports and arrays of numbers, refused by file and key."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, cast

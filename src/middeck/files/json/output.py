@@ -1,7 +1,5 @@
 """The one way results leave as JSON: plain values, nothing that is not finite, whole files only."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

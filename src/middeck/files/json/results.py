@@ -1,7 +1,5 @@
 """Modes, rest states and responses in the form of JSON that studies and verbs share."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

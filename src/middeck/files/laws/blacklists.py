@@ -1,7 +1,5 @@
 """Laws of packages that have tripped, as a sealed file that gate and engine consult first."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

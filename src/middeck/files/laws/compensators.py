@@ -1,7 +1,5 @@
 """Compensators as JSON: the law, its ports, and how it was made."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

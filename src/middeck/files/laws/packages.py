@@ -1,7 +1,5 @@
 """Controller packages on disk: the binary, its JSON twin, and C."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NoReturn, cast
 
@@ -9,7 +7,7 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
-from middeck.files.disk.kind_of_content import BINARY, EMPTY, JSON, PACKAGE, is_json, looks_like, stray
+from middeck.files.disk.kind_of_content import BINARY, EMPTY, JSON, PACKAGE, is_json, stray
 from middeck.files.json.hash_seal import doubled_key
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json.output import write_json
@@ -214,8 +212,3 @@ def _refuse(what: str, where: str) -> NoReturn:
 def _write_bytes(path: Path, data: bytes) -> None:
     with replacing(path) as temporary:
         temporary.write_bytes(data)
-
-
-def is_package(path: str | Path) -> bool:
-    """Whether ``path`` looks like a package, binary or JSON."""
-    return looks_like(path) == PACKAGE

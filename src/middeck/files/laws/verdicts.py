@@ -1,7 +1,5 @@
 """Verdicts of the gate as sealed files, and the packages that they admit to an engine."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Measurement models as JSON (and MAT), so that one verb's result is another's input."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

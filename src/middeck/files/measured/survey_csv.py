@@ -1,7 +1,5 @@
 """Modal surveys as CSV, one line a mode: frequency, damping and shapes, or frequencies alone."""
 
-from __future__ import annotations
-
 import csv
 import re
 from pathlib import Path

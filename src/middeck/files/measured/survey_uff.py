@@ -6,8 +6,6 @@ Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Rese
 file formats). Functions (58) of the same file are passed over; trace lines (82) only show what is missing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Nodes are set 2411 or 15, shapes 55 or 2414.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterable

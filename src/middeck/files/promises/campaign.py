@@ -1,7 +1,5 @@
 """A promise's draws as a campaign: on several processes, kept in a ledger that outlives a kill."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

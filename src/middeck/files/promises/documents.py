@@ -1,7 +1,5 @@
 """Promises as sealed documents."""
 
-from __future__ import annotations
-
 import math
 import platform
 from collections.abc import Mapping, Sequence

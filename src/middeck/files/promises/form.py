@@ -1,7 +1,5 @@
 """Form of a promise's document: an intact seal shows that it was not changed, not that it is complete."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path

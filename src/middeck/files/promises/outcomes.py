@@ -1,7 +1,5 @@
 """What came of a promise, and the sealed document that compares both."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal

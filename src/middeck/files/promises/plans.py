@@ -1,7 +1,5 @@
 """Plans of promises: documents that state what is promised of a refined article."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """The plants that a promise was made on, for whoever tries another compensator on them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How good many promises were: the score over comparisons that were sealed before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

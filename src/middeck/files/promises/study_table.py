@@ -1,7 +1,5 @@
 """From the ``[promise]`` table of a study to a ground test, unknowns and the plan of a promise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

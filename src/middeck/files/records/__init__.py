@@ -6,6 +6,7 @@ stream = open_record("night.h5")
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,9 +66,15 @@ def load_record(path: str | Path, columns: Columns | None = None) -> Record:
     outputs, names, units and transducers.
 
     Raises `DataError`, naming file and channel, if the file is missing, truncated, empty or inconsistent, or
-    if a sample is not a finite number; `ConfigError` for a wrong TOML file.
+    if a sample is not a finite number; `ConfigError` for a wrong TOML file. Warns of what the reader doubts,
+    such as a last number that was cut, or times that are hardly seconds.
     """
-    return check_finite(read_record(path, columns).record, str(path))
+    found = read_record(path, columns)
+    taken = check_finite(found.record, str(path))
+    for fault in found.faults:
+        if fault.severity != "note":
+            warnings.warn(f"{path}: {fault.in_a_line}", stacklevel=2)
+    return taken
 
 
 def read_record(path: str | Path, columns: Columns | None = None) -> Reading:

@@ -1,7 +1,5 @@
 """Descriptions of channels that a file lacks: from options, or from a TOML file beside it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

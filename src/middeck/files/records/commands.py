@@ -1,7 +1,5 @@
 """Commands for a rig: the samples of a designed excitation, as CSV or NPZ."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -35,6 +35,8 @@ from middeck.signals.ports import Channel
 from middeck.signals.record import RecordStream
 from middeck.values import record
 
+# A rate [Hz] below which a heading in seconds is rather that of milliseconds.
+SLOWEST = 0.5
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
 # In square brackets anything is a unit; in round ones what is made of these. All else, as (in), is a name.
 _SYMBOL = r"(?:[kmuµ]?(?:N|m|g|s|V|A|Pa|rad)|lbf|ft|deg|°|%|Hz|kg)"
@@ -187,7 +189,7 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     named = not all(map(_is_number, cells))
     heads = [_head(cell, k, told, where) if named else Head("", None, "") for k, cell in enumerate(cells)]
     timed = heads[0].name.lower() in ("time", "t")
-    if heads[0].unit not in (*SECONDS, None) if timed else any(h.side for h in heads):
+    if heads[0].unit not in (*SECONDS, None) if timed else any(h.side for h in heads) and not heads[0].side:
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
     return Opening(
         line=number if named else number - 1,
@@ -213,9 +215,13 @@ def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
 
 
 def _doubts_of_rate(opening: Opening, rate: float) -> tuple[Fault, ...]:
-    """Times of which nothing says that they are seconds, at a rate that no structure is sampled at."""
+    """Times at a rate that no structure is sampled at: a heading that says seconds may be wrong, too.
+
+    A file that tells its samples is ours, and its times are seconds.
+    """
     counted = opening.second == 1.0 and rate == 1.0
-    what = "" if opening.in_words and not counted else doubt_of_seconds(rate, counted)
+    meant = opening.in_words and not counted
+    what = "" if meant and (opening.samples or rate >= SLOWEST) else doubt_of_seconds(rate, counted)
     if not what:
         return ()
     hint = "state the rate (--sample-hz) if it is right; if not, head the column time [ms], or leave it out"

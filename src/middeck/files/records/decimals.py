@@ -1,7 +1,5 @@
 """Separators of CSV columns, and numbers with decimal commas."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ is refused when it is read; one whose last number lost digits reads like any oth
 (1.5e-0 of 1.5e-03). Writers end each line, and print equally many digits in each.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence
@@ -17,23 +15,27 @@ from middeck.signals.fault import Fault
 
 # Bytes at the end of a file that are looked at.
 TAIL = 1 << 18
+# Fewest lines from which the last one, if it has its end, is told as cut: of fewer it may be the shortest by
+# chance. A logger or an editor may have ended it.
+FEWEST_ENDED = 200
 NUMBER = re.compile(r"[+-]?\d*\.?(\d*)(?:[eEdD][+-]?(\d+))?")
 
 
 def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault, ...]:
-    """A fault where the last line has no end: serious if its last number is short of digits, else a note."""
+    """A fault where the last number is short of digits, and a note where the last line has no end."""
     with open(file, "rb") as content:
         size = content.seek(0, os.SEEK_END)
         content.seek(max(0, size - TAIL))
         tail = content.read()
-    if not tail or tail.endswith((b"\n", b"\r")):
-        return ()
+    ended = tail.endswith((b"\n", b"\r"))
     lines = [line for line in tail.decode("utf-8", "replace").splitlines() if line.strip()][1:]
     cells = [line.split(separator)[-1].strip() for line in lines if not line.startswith("#")]
-    if len(cells) < 2:
+    if len(cells) < (FEWEST_ENDED if ended else 2):
         return ()
     short = is_short(cells[-1], cells[:-1])
-    what = f"the last line has no end; its last value is {cells[-1]}"
+    if ended and not short:
+        return ()
+    what = f"the last line {'' if ended else 'has no end; it '}ends in the value {cells[-1]}"
     what += ", with fewer digits than all before it: the file was cut there" if short else ""
     hint = "copy or record it again; a file that is whole ends its last line"
     return (channel_fault("truncated", "serious" if short else "note", heads[-1], what, hint),)

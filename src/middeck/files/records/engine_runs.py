@@ -1,7 +1,5 @@
 """Runs of the engine as records: the driven outputs, held from sample to sample, and the read sensors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

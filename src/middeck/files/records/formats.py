@@ -1,7 +1,5 @@
 """Which reader a record has by the ending of its file; another format has its place here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """HDF5 records in the package's layout, chunked along the samples, whole or in pieces; and plain matrices."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MATLAB records: version 5 by SciPy, version 7.3 as the HDF5 that it is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """NPZ records, whole or in pieces; and a plain matrix as NPY."""
 
-from __future__ import annotations
-
 import zipfile
 import zlib
 from collections.abc import Generator, Iterator

@@ -1,7 +1,5 @@
 """The package's own layout, the same names in NPZ, HDF5 and MAT files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -106,11 +104,6 @@ def read_flag(arrays: Mapping[str, Any], key: str, where: str) -> bool:
     return bool(flag.ravel()[0])
 
 
-def read_held(arrays: Mapping[str, Any], where: str) -> bool | None:
-    """Whether inputs were held; None where the file does not say it."""
-    return read_flag(arrays, "held", where) if "held" in arrays else None
-
-
 def read_heads(arrays: Mapping[str, Any], side: Side, channels: int, where: str) -> tuple[Head, ...]:
     """Names, units and transducers of one side."""
     names, units = np.asarray(arrays[f"{side}_names"]), np.asarray(arrays[f"{side}_units"])
@@ -154,5 +147,5 @@ def build_raw(arrays: Mapping[str, Any], where: str) -> Raw:
         heads=heads[0] + heads[1],
         x=x,
         periodic=read_flag(arrays, "periodic", where),
-        held=read_held(arrays, where),
+        held=read_flag(arrays, "held", where) if "held" in arrays else None,
     )

@@ -1,7 +1,5 @@
 """What a file, or a plain matrix, holds before its channels have sides: the common form of all readers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

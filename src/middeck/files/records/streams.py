@@ -1,7 +1,5 @@
 """Record files read piece by piece."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Universal files: time functions as records, frequency responses as responses."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import warnings

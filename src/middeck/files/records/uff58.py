@@ -4,8 +4,6 @@ Fixed columns, as SDRC defined them (University of Cincinnati, Structural Dynami
 universal file formats, data set 58).
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Write data sets 58 and 58b."""
 
-from __future__ import annotations
-
 from typing import IO
 
 import numpy as np

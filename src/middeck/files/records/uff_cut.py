@@ -1,7 +1,5 @@
 """Whether a universal file was cut between two data sets."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Documents of candidates: tests that may be made of an article, and what is promised of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Documents of a refinement: tests on the ground, and what may be changed to fit them; refined articles."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

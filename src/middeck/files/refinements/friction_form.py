@@ -1,7 +1,5 @@
 """Friction of joints in refinements: its prior values, and how far joints moved in a survey."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 

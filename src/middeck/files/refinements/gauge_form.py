@@ -1,7 +1,5 @@
 """Gauges and their readings in documents: the unit of a reading is the ending of its key."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 

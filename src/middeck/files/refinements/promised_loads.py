@@ -1,7 +1,5 @@
 """Load cases to be promised: gauge readings under untested loads."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Responses and anti-resonances of surveys in refinements: their forms, and the values built of them."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Annotated

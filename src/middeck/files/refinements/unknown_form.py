@@ -1,7 +1,5 @@
 """The form of an unknown, in refinements and in studies."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Impossible requests of a study: missing signals, a rig without delay, axes that are held."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

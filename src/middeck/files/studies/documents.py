@@ -1,7 +1,5 @@
 """Read a study with the articles and environments it stands on."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The form of ``studies/*.toml``: the values of a closed-loop study and of its rig."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, cast
 

@@ -1,7 +1,5 @@
 """The table ``[promise]`` of a study: ground tests, the refinement, and what is promised for orbit."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

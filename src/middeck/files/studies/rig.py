@@ -1,7 +1,5 @@
 """From the ``[rig]`` and ``[siso]`` tables of a study to the settings of a simulated laboratory."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.files.studies.form import RigForm, SisoForm

@@ -1,7 +1,5 @@
 """Configuration errors: all of them at once, each with file, line, key, value, allowed range and advice."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn

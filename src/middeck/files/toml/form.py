@@ -6,8 +6,6 @@ by the checks (`unit_of`, `stem`) and by ``--set`` (`sheet_name`).
 The form of a document by paths: which table, array or value stands at a path.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import types

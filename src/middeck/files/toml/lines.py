@@ -1,7 +1,5 @@
 """The line of a TOML file on which a key stands, which the standard reader does not give."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from typing import Any, cast

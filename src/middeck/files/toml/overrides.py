@@ -9,8 +9,6 @@ every document leaves out is made where the key, or those set with it, are all t
 a warning; a key that no form knows is an error.
 """
 
-from __future__ import annotations
-
 import copy
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Documents in TOML as read, and their checks: all errors of a document at once, each where it stands."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence

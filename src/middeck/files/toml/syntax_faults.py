@@ -1,7 +1,5 @@
 """The fault of a line that is not TOML, in words, and its remedy."""
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Tables of a document as parsed, read as far as they have the form: what the form refuses is passed over."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Faults of samples that stay where they are, or are none: gaps, clipping, dropouts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.identification.faults.equal_runs import (

@@ -1,7 +1,5 @@
 """Faults of level, scale and period: offset, drift, coarse steps, slower rates, unsteady periods."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.identification.faults.equal_runs import Found, Levels, Signal, fault

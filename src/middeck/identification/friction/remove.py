@@ -1,7 +1,5 @@
 """A record behind the friction of its joints."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A fit of windowed blows, and the damping of the window taken out of it again."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any, Literal
 

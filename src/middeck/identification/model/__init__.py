@@ -1,1 +1,1 @@
-"""The measurement model: poles, constants and delays; its channels, its simulation; and a general descent."""
+"""The measurement model: poles, constants and delays; its channels and its simulation."""

@@ -1,7 +1,5 @@
 """A plant as the measurement model that a perfect test would give."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.errors import ConfigError

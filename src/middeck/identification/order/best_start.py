@@ -1,7 +1,5 @@
 """The likeliest of several starts for one order, by a race: few steps of all, more of the best."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.errors import FitError

@@ -1,7 +1,5 @@
 """How many states a response asks for: the description length of each size, and lines kept out of the fit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ instead: D for modes above and L / s^2 for modes below (Ewins 2000, sec. 4.2). T
 taken; if that model leads, one that does not and fits the held-out lines as well.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The order that a response asks for: models of rising order, each the best of a few starts, compared."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """From a measurement model to a plant: balanced real 2x2 blocks of its pairs, delays exact."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ The sound modes and one or two pairs beyond the band, of complex constants and w
 the same lines.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

@@ -12,8 +12,6 @@ For the held-out error a model is fitted to two thirds and simulates the last th
 Its initial state is fitted to half of the third, so that poles too slow to be observed do not pass.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 

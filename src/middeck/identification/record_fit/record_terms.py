@@ -1,7 +1,5 @@
 """Terms that the model of a record lacks (`uncertainty.lacking_terms`), by what its fit leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

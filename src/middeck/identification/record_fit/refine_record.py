@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.model.levenberg_marquardt import Refined, Step, search
+from middeck.identification.levenberg_marquardt import Refined, Step, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.problem.unknowns_layout import Layout, Start

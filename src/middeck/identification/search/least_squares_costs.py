@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
-from middeck.identification.model.levenberg_marquardt import Step, is_positive
+from middeck.identification.levenberg_marquardt import Step, is_positive
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.normal_equations import Solved, ZeroSum, solve_normal

@@ -20,7 +20,7 @@ import scipy.optimize
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
-from middeck.identification.model.levenberg_marquardt import search
+from middeck.identification.levenberg_marquardt import search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.search.least_squares_costs import weighted

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.model.levenberg_marquardt import Step
+from middeck.identification.levenberg_marquardt import Step
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Layout
 

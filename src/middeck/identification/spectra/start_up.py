@@ -17,7 +17,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.model.levenberg_marquardt import Refined, Step, search
+from middeck.identification.levenberg_marquardt import Refined, Step, search
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 

@@ -1,7 +1,5 @@
 """Sets of models that the data cannot distinguish from the fitted one, for designs that hold for all."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.errors import ConfigError

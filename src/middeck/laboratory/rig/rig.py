@@ -9,8 +9,6 @@ computes its output from this very sample; (3) this and the excitation are added
 command, held until the next tick. All time lost on the way is the rig's own delay.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 

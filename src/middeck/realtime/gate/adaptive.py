@@ -1,7 +1,5 @@
 """A bounded adaptive gain of a package, and its proof over all gains, moves and models."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

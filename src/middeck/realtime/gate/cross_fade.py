@@ -1,7 +1,5 @@
 """The cross-fade from the law that is engaged to the one that takes over, closed on every model."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The proof of a loop over an interval of gains: plan, metrics, pieces, and how fast the gain may move."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -1,7 +1,5 @@
 """The gate: no package runs before every step has passed, on paper, on models and on a rig."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 

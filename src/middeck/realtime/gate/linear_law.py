@@ -1,7 +1,5 @@
 """Packages between their limits as a linear sampled law, each at a fade."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 

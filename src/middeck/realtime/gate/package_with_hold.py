@@ -1,7 +1,5 @@
 """A package beside the hold of the engine that is to run it."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether motions within the ranges of a law's sensors drive its outputs into their limits of slew."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

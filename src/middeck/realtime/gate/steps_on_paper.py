@@ -1,7 +1,5 @@
 """Steps of the gate that need no rig: each examines a package, or its loop with a model."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

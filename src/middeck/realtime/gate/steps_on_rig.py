@@ -1,7 +1,5 @@
 """Steps of the gate that need a computer: dry run on a model, shadow run and engagement on a rig."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

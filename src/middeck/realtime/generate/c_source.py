@@ -1,7 +1,5 @@
 """Stand-alone C99 of a package: a header and a source, the same arithmetic as the reference."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from importlib import resources

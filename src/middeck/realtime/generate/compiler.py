@@ -1,7 +1,5 @@
 """The C compiler of this machine, and its work: kept in a cache, once for each state of the sources."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

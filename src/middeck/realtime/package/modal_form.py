@@ -1,7 +1,5 @@
 """A law in modal blocks: fewer operations, and every mode's pole readable in its coefficients."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.realtime.package.core import Core

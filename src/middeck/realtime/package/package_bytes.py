@@ -6,8 +6,6 @@ hash of all that stands before it. A reader rebuilds the bytes from what it has 
 differ: there is no second way to say the same.
 """
 
-from __future__ import annotations
-
 import hashlib
 import struct
 from typing import NamedTuple, NoReturn

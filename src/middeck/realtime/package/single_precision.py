@@ -1,7 +1,5 @@
 """A law in single precision, with a bound of how far its outputs can be from those in double precision."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import NamedTuple
 

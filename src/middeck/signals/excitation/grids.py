@@ -1,7 +1,5 @@
 """Samples of a period, lines of a band, and which of them are excited."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.errors import ConfigError

@@ -1,7 +1,5 @@
 """Sines whose frequency moves: swept within a period, or stepped from one to the next."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the ends of beam elements are, with the digits that their strain needs."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Components at their places: states, and the coordinates that move them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mass matrix of a model in a configuration."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -27,7 +27,6 @@ from middeck.structure.assembly.springs import (
 )
 from middeck.structure.elements.beam import beam_deformations, tensioned
 from middeck.structure.elements.frames import Configuration
-from middeck.structure.elements.motion_since_drawn import move_ends
 from middeck.structure.elements.springs_and_cables import predicted_tension, spring_squares
 
 
@@ -117,5 +116,6 @@ def _motions(
         (tied, model.bushing_ends, model.inside.bushings),
     ):
         if len(part.rows) and at.since is not None:
-            moved[part.rows] = move_ends(carried_levers(at, poses, part), shapes)
+            levers = carried_levers(at, poses, part)
+            moved[part.rows] = sum(link.motion @ shapes[np.maximum(link.coordinates, 0)] for link in levers)
     return motion, ends, tied

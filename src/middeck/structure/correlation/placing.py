@@ -1,8 +1,6 @@
 """Which nodes of the model the numbered nodes of a test are: by place where the test has coordinates, else by
 number."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ The limits are data, never part of an algorithm. One that is marked ``recalled``
 everything that quotes it says so.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from difflib import get_close_matches
 from enum import Enum

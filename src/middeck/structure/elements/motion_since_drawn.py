@@ -184,13 +184,6 @@ def _lever(root: np.ndarray, origin: np.ndarray, world: np.ndarray) -> Lever:
     return Lever(root, arm, motion.reshape(count, 6 * ends, 6 * ends))
 
 
-def move_ends(
-    links: list[Lever], q: Inexact[np.ndarray, "coordinate mode"]
-) -> Inexact[np.ndarray, "element 6*end mode"]:
-    """Motion of the ends with the carried coordinates ``q``."""
-    return np.sum([link.motion @ q[np.maximum(link.coordinates, 0)] for link in links], axis=0)
-
-
 def add_pull(
     links: list[Lever],
     load: Inexact[np.ndarray, "element 6*end"],

@@ -11,8 +11,6 @@ those that no deformation fixes are such that the energy is least (Przemieniecki
 Hodges 2006, Nonlinear Composite Beam Theory, section 4, for sections).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The rest state under slightly other loads by Newton's method: on the branch of a near one, or none."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Which nodes are connected."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 
 from middeck.structure.model.article import JointState, Structure

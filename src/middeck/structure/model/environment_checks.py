@@ -1,7 +1,5 @@
 """Requirements of an `Environment`, however it was made."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The same structure with more elements, and with the shear that slender members are drawn without."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

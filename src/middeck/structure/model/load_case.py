@@ -1,7 +1,5 @@
 """Load cases: weights, loads and prescribed displacements of one test."""
 
-from __future__ import annotations
-
 import dataclasses
 
 from middeck.errors import ConfigError

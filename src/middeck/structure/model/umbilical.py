@@ -1,7 +1,5 @@
 """A weak cable to an article that floats."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

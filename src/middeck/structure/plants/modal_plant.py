@@ -1,7 +1,5 @@
 """From modes to a plant: modal input and output matrices at the article's named actuators and sensors."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Damped descent of the potential energy, by steps that lower it."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """The branch of the drawn state, followed by Newton's method as all that acts grows."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Newton's method with the internal forces as unknowns, damped where something grows."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

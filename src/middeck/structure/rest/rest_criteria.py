@@ -1,7 +1,5 @@
 """Where a search for a rest state ended, and what counts as rest."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Newton's method on the potential of a hanging structure, by damped descent under a growing load."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Several models side by side as one, so that one assembly serves them all."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise

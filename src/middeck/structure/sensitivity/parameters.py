@@ -6,8 +6,6 @@
 ``members.rho`` on those of all members.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches

@@ -8,8 +8,6 @@ derivatives of q and f solve
 with the same matrices as the last Newton step of `pinned`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,14 +19,9 @@ from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import static_coordinates, static_freedom
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import Model
+from middeck.structure.elements.frames import frame_poses, points_in_world
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.rest.pinned_reactions import (
-    HOLD_IN_G,
-    Supports,
-    find_supports,
-    support_coordinates,
-    support_forces,
-)
+from middeck.structure.rest.pinned_reactions import HOLD_IN_G, Supports, find_supports, support_forces
 from middeck.structure.rest.suspension_tuning import pinned_loads, pinned_points
 from middeck.structure.sensitivity.links_and_components import Tied, TieModel
 from middeck.structure.sensitivity.patches import (
@@ -73,7 +66,7 @@ def differentiate_support(
     ]
     force = spread_gradients(rest.model, patches, list(zip(rafts, gradients, strict=True)))
     slip = [
-        support_coordinates(p.model, config, s.pose, s.axis) - s.start
+        points_in_world(p.model.points, frame_poses(p.model.tree, config))[s.pose, s.axis] - s.start
         for p, config, s in zip(patches, here, own, strict=True)
     ]
     free = static_freedom(rest.model, state.config, in_world=True)

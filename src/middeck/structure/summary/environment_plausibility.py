@@ -1,7 +1,5 @@
 """Plausibility warnings for an environment: gravity, cables and devices that no laboratory has."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

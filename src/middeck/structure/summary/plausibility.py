@@ -4,8 +4,6 @@ The limits leave room for anything that was built; what is outside of them has m
 unit: millimetres or inches for metres, GPa for Pa, grams or tonnes for kilograms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """One loop of an experiment: designed on a fit, predicted from it, measured on the bench."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 

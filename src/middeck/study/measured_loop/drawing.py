@@ -1,7 +1,5 @@
 """Open and closed loops over frequency: measured ones in full lines, their predictions dashed over them."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes

@@ -1,7 +1,5 @@
 """A fit and a measured loop in the form of numbers.json, and whether the loop was predicted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from middeck.files.json.results import response_numbers

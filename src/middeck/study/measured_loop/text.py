@@ -1,7 +1,5 @@
 """Sentences and tables of fitted modes and measured loops, from their entries in numbers.json."""
 
-from __future__ import annotations
-
 from operator import itemgetter
 
 from middeck.study.words import UNDETERMINED, Line, Numbers, Table, cells, deviation, fixed, percent, signed

@@ -1,7 +1,5 @@
 """Dispersed frequencies: robustness sweep of launch vehicles, first bending apart from the other modes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ is found here by orthogonal transformations with rank decisions on singular valu
 SIAM Review 18, "Ill-conditioned eigensystems and the computation of the Jordan canonical form").
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 REST, NONE, NONE_SAMPLED = 1e-11, 4e-15, 3e-14

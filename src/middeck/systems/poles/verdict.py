@@ -1,7 +1,5 @@
 """Whether a system is stable, and whether rounding of its matrices leaves that open."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sampled plants: held inputs, sampled outputs, exact delays, ports by name."""
 
-from __future__ import annotations
-
 import dataclasses
 
 from middeck.systems.plants.plant import Plant, name_states, remove_delays

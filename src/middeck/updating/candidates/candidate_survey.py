@@ -1,7 +1,5 @@
 """A modal test that may be made, and what it would measure on the article as estimated."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple

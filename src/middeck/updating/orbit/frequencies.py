@@ -14,6 +14,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.umbilical import umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
+from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
@@ -25,8 +26,6 @@ from middeck.values import record
 
 # Hz: of a cable that no model has, by which an article that floats may hang.
 CABLE_HZ = 0.03
-# Relative standard deviation of a measured damping ratio for which the test states none.
-DAMPING_STD = 0.1
 # Part of a mode that need not have been seen.
 LITTLE = 0.01
 
@@ -37,11 +36,12 @@ class Prediction:
 
     Attributes:
         modes, index: Modes of the refined model, and which of them these are.
-        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
+        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies,
+            and a cable in the mean.
         log_root: Root of their shared covariance, by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
-        damping: What the surveys measured, by what each mode has of the shapes that it saw, less what the
-            article loses on the ground alone (`_carried`); of the rest, and where the survey states none, the
+        damping: What the surveys measured, by what each mode has of the shapes that it saw, less what is lost
+            on the ground alone (`carry_damping`); of the rest, and where the survey states none, the
             article's. Where damping was refined: of the refined article's complex modes, with the model's
             errors of ln zeta as far as the modes share them.
         damping_own: Root of the part of the variance of ln zeta that no measured mode has: one of a mode that
@@ -133,7 +133,7 @@ def predict_modes(
     """The lowest ``count`` modes that are not rigid, in ``environment``.
 
     Without gravity a weak cable may hold the article, with any frequency up to ``umbilical_hz``
-    (`tie_umbilical`): intervals have what it changes.
+    (`tie_umbilical`), all as likely: frequencies have what it adds in the mean, intervals how that varies.
     """
     return predict_at(refined, solve_there(refined, environment, count), umbilical_hz)
 
@@ -150,12 +150,13 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
     if np.any(unseen > LITTLE):
         rest = rest + (unseen * finer) ** 2
+    cable, spread = _by_a_cable(modes, index, umbilical_hz)
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=shared @ found.d[: shared.shape[1]],
+        log_shift=shared @ found.d[: shared.shape[1]] + cable,
         log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
-        log_rest=np.hypot(np.sqrt(rest), _by_a_cable(modes, index, umbilical_hz)),
+        log_rest=np.hypot(np.sqrt(rest), spread),
         **(
             _damping(refined, modes, index, share, errors)
             if roots is None
@@ -166,16 +167,16 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     )
 
 
-def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> np.ndarray:
-    """Deviation of ln f by an umbilical of which all frequencies to ``umbilical_hz`` are as likely."""
+def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> Float[np.ndarray, "2 mode"]:
+    """Mean and deviation of what a cable to ``umbilical_hz``, all frequencies as likely, adds to ln f."""
     structure, place = modes.equilibrium.model.structure, modes.equilibrium.environment
     if not structure.attach_points or place.clamps or np.any(place.gravity):
-        return np.zeros(len(index))
+        return np.zeros((2, len(index)))
     point = umbilical_point(structure).name
     motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]
-    stiffer = structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
-    # The rms of the square of a number up to one.
-    return np.sqrt(0.2) * 0.5 * stiffer
+    most = 0.5 * structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
+    # Of the square of a number up to one.
+    return np.outer([1.0 / 3.0, np.sqrt(4.0 / 45.0)], most)
 
 
 def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]) -> np.ndarray:
@@ -188,48 +189,25 @@ def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequen
 def _damping(
     refined: Refined, modes: Modes, index: np.ndarray, share: np.ndarray, errors: OwnErrors | None
 ) -> dict[str, np.ndarray]:
-    """Damping ratios by shape, not by rank: losses of a cycle add up over the parts of a shape.
+    """Damping ratios by shape, not by rank (`carry_damping`).
 
-    As with frequencies, what measured modes lose beyond the model is shared by shape, and how it joins in a
-    mode that is made of several is not known: their shares in squares are sure, the rest is its own.
+    As with frequencies, how losses that the model lacks join in a mode that is made of several is not known:
+    their shares in squares are sure, the rest is its own.
     """
-    own = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index]
     root, nothing = np.zeros((len(index), refined.estimate.root.shape[1])), np.zeros(len(index))
     if errors is None:
-        alone = np.ones(len(index))
+        own, alone = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index], np.ones(len(index))
         return {"damping": own, "damping_own": alone, "damping_spread": nothing, "damping_root": root}
-    zeta, std, model = _measured_damping(errors, refined.compared)
-    # A ratio of zero is none: files of modes have no other way to say so.
-    there = zeta > 0.0
-    relative = np.divide(std, zeta, out=np.full(len(zeta), DAMPING_STD), where=there & np.isfinite(std))
-    known = share * there
-    carried, open_part = _carried(own[:, None], np.where(there, zeta, 1.0), model)
+    ground, zeta, relative = measured_damping(errors, refined.compared)
+    carried = carry_damping(share, Losses.of(modes, index), ground, zeta, relative)
+    known = share * (zeta > 0.0)
+    apart = np.sqrt(np.maximum(1.0 - np.sum(known**2, axis=1), 0.0))
     return {
-        "damping": np.sum(known * carried, axis=1) + np.maximum(1.0 - known.sum(axis=1), 0.0) * own,
-        "damping_own": np.hypot(
-            np.sqrt(np.maximum(1.0 - np.sum(known**2, axis=1), 0.0)), np.sum(known * open_part, axis=1)
-        ),
-        "damping_spread": known @ relative,
+        "damping": carried.zeta,
+        "damping_own": np.hypot(apart, carried.open_part),
+        "damping_spread": carried.noise,
         "damping_root": root,
     }
-
-
-def _carried(own: np.ndarray, zeta: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The ratios ``zeta`` measured where the article has ``model``, for modes where it has ``own``.
-
-    Where the article loses less, the rest (of a suspension, say) is not lost there. Kept part and rest differ
-    from the model by unknown factors, as likely before, and only their sum was measured: ln factor of the
-    kept part w is w / (w^2 + (1 - w)^2) of the sum's, for small factors; a part is never more than was
-    measured. Second, how much of its spread stays open. What the article loses beside is added. One that
-    loses nothing there knows nothing of damping: ``zeta`` stays.
-    """
-    known = (own > 0.0) & (model > 0.0)
-    kept = np.divide(own, model, out=np.ones(known.shape), where=known & (model > own))
-    size = np.hypot(kept, 1.0 - kept)
-    factor = np.divide(zeta, model, out=np.ones(known.shape), where=known) ** (kept / size**2)
-    part = np.minimum(kept * model * factor, zeta)
-    carried = np.where(known, part, zeta) + np.maximum(own - model, 0.0)
-    return carried, (1.0 - kept) / size
 
 
 def _refined_damping(
@@ -247,14 +225,3 @@ def _refined_damping(
         "damping_spread": alone * refined.unseen[-1],
         "damping_root": slope @ found.root[: slope.shape[1]] + share @ rows,
     }
-
-
-def _measured_damping(errors: OwnErrors, compared: Sequence[Compared]) -> np.ndarray:
-    """Ratios of modes with errors of their own, deviations (NaN where not stated), the article's ratios."""
-    model = [estimate_damping(one.modes).zeta for one in compared]
-    found = []
-    for s, p in zip(errors.survey, errors.pair, strict=True):
-        measured, (mode, at) = compared[s].survey.measured, compared[s].pairs[p]
-        stated = measured.damping_std
-        found.append((measured.damping[at], np.nan if stated is None else stated[at], model[s][mode]))
-    return np.array(found).reshape(-1, 3).T

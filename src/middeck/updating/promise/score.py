@@ -1,7 +1,5 @@
 """Outcomes beside promised intervals, and the score of many promises."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from typing import Literal

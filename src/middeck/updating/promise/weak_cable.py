@@ -1,7 +1,5 @@
 """Compensators that a weak cable, which the plan does not state, would make unstable in orbit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.control.robust.verification.monte_carlo import which_decay

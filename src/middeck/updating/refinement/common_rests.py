@@ -5,8 +5,6 @@ as its own. Made twice, a test would then tell twice as much of the article as i
 same error.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Sequence
 

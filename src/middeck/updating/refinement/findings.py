@@ -1,7 +1,5 @@
 """What a refinement leaves open, in words: what the surveys do not see, and where model and test disagree."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 

@@ -6,8 +6,6 @@ their likelihood with the pairs as they are: linear about the refined article, w
 the priors allow as the error of that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """All tests as one linear problem about the present unknowns, and the model's errors that rows share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Channels of a survey that read other than the model moves where the rest of the survey agrees with it."""
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 

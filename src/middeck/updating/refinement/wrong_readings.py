@@ -1,7 +1,5 @@
 """Gauges, and load cases, that read otherwise than the model where all others of the static tests agree."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

@@ -16,7 +16,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, solve_damped
 from middeck.updating.residuals.complex_roots import LogRoots, differentiate_roots, roots_of_pairs
-from middeck.updating.residuals.friction import Added, add_friction
+from middeck.updating.residuals.friction import Added, added_to_joint
 from middeck.updating.residuals.own_articles import MOST, SPARE, TooFewModesError
 from middeck.updating.residuals.pairing import WINDOW
 from middeck.updating.residuals.surveys import Compared, Paired, Survey, compare, pair_survey
@@ -106,7 +106,7 @@ def _paired(
     while True:
         count = len(damped.s)
         try:
-            added = add_friction(modes, count, survey.friction, bound, x)
+            added = tuple(added_to_joint(modes, count, f, bound, x) for f in survey.friction)
             return damped, pair_survey(modes, survey, added, count)
         except TooFewModesError:
             if count >= MOST:

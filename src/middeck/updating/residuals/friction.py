@@ -104,20 +104,10 @@ def joint_coordinate(modes: Modes, name: str) -> int:
     return 6 * model.tree.roots + number
 
 
-def add_friction(
-    modes: Modes,
-    count: int,
-    frictions: Sequence[SurveyedFriction],
-    bound: Sequence[Bound],
-    x: Float[np.ndarray, " unknown"],
-) -> tuple[Added, ...]:
-    """Friction added to every joint in the lowest ``count`` modes, with the unknowns at ``x``."""
-    return tuple(_added(modes, count, f, bound, x) for f in frictions)
-
-
-def _added(
+def added_to_joint(
     modes: Modes, count: int, friction: SurveyedFriction, bound: Sequence[Bound], x: np.ndarray
 ) -> Added:
+    """What the friction of one joint adds to the lowest ``count`` modes, with the unknowns at ``x``."""
     moved = friction.moved_by([b.unknown.parameters for b in bound])
     torque, angle = np.array([friction.slip_torque, friction.slip_angle]) * np.exp(moved @ x)
     value, slopes = equivalent(friction, torque, angle)

@@ -4,8 +4,6 @@ Of mixed states the exponential that samples them loses more than their poles do
 alone do not tell: the plant is sampled again with its entries moved by rounding.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.control.law.rounding_of_results import DRAWS, is_vague_plant, move_plant

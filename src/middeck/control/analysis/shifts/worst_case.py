@@ -9,13 +9,7 @@ from jaxtyping import Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, evaluate_halves, form_loop
 from middeck.control.analysis.rms.rms import measure_metric
-from middeck.control.analysis.stability.stability import (
-    LoopStability,
-    decide_loop,
-    largest_growth,
-    loop_poles,
-    require_known,
-)
+from middeck.control.analysis.stability.stability import LoopStability, decide_loop, loop_poles, require_known
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
@@ -123,7 +117,7 @@ def _closeness(loop: FeedbackLoop) -> float:
     require_known(loop)
     rates = loop_poles(loop)
     if not none_grows(rates, loop.period_s):
-        return UNSTABLE * (1.0 + largest_growth(rates))
+        return UNSTABLE * (1.0 + float(np.real(rates).max(initial=-np.inf)))
     omega = np.imag(rates)[np.imag(rates) > 0.0]
     G, K = evaluate_halves(loop)(1j * omega)
     difference = np.eye(K.shape[1]) - K @ G

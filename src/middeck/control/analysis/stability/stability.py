@@ -197,11 +197,6 @@ def loop_poles(loop: FeedbackLoop, order: int | None = None) -> Complex[np.ndarr
     return growth_rates(close_channels(approximate_halves(loop, order)))
 
 
-def largest_growth(rates: Complex[np.ndarray, " root"]) -> float:
-    """Largest real part."""
-    return float(np.real(rates).max(initial=-np.inf))
-
-
 def judge_roots(roots: Complex[np.ndarray, " root"], period_s: float | None = None) -> LoopStability:
     """The verdict on the roots of `find_roots`."""
     lead = complex(roots[np.argmax(np.real(roots))]) if len(roots) else complex(-np.inf)

@@ -6,8 +6,6 @@ sampled loop at any rate, so that a sampling rate is one more model of a design.
 spectra, which matters beyond half the rate only, is left out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.control.law.partition import partition_modes

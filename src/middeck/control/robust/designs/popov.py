@@ -4,8 +4,6 @@ The bound of `middeck.control.robust.designs.popov_bound` is minimised over the 
 together, by quasi-Newton descent with analytic gradients.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

@@ -6,8 +6,6 @@ states, and the problem stays an LQG of the plant's order. The filter is dual, w
 A_i A^-1 B1 w.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

@@ -5,8 +5,6 @@ for few plants, the worst of all plants under it, a minimax law for these too. I
 more than the worst of the design's own, which is then the minimax law for all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

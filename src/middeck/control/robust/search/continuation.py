@@ -1,13 +1,12 @@
 """Continuation to a law that stabilises all models: by authority, discount and size of perturbation."""
 
-from __future__ import annotations
-
+import dataclasses
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from middeck.control.h2.closed_cost import Law, evaluate_cost, spectral_abscissa
-from middeck.control.h2.generalized_plant import GeneralizedPlant, discounted
+from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.h2.law_form import order_of, shifted, station_ports
 from middeck.control.h2.nominal_law import lqg_law
 from middeck.control.robust.problem.several_plants import Attempt, Problem, models_of
@@ -180,7 +179,7 @@ def _withdraw_discount(models: Sequence[GeneralizedPlant], stations: Stations, l
         if growth < 0.0:
             return Arrival(law, np.inf, tuple(history))
         rate = growth + 0.05 * max(growth, floor)
-        lent = [discounted(model, rate) for model in models]
+        lent = [dataclasses.replace(model, A=model.A - rate * np.eye(len(model.A))) for model in models]
         found = improve(shifted(law, rate), lent, stations, power=1.0, tolerance=LOOSE, steps=ROUND_STEPS)
         if found is None:
             break

@@ -5,8 +5,6 @@ part into thirds. A third has a constant section: such as keep the integrals of 
 1, x and x^2 along the part, so that under loads at its ends, and as a rigid body, it moves as the taper does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple

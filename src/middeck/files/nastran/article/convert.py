@@ -1,7 +1,5 @@
 """From a deck to the document of an article: nodes, members, bodies and rigid links, in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -20,7 +18,7 @@ from middeck.files.nastran.article.what_became_of_cards import account_left_out,
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
 from middeck.files.nastran.deck.deck import Deck, weight_factor
-from middeck.files.nastran.deck.units import Units, guess_units
+from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.members.sections_of_bars import read_material
 from middeck.structure.model.component import Component
 
@@ -61,11 +59,6 @@ def materials_and_size(deck: Deck) -> tuple[list[tuple[float, float]], float]:
             continue
         materials.append((material.E, factor * material.rho))
     return materials, size
-
-
-def likely_units(deck: Deck) -> list[Units]:
-    """Units in which the materials and the size of ``deck`` are plausible, the likeliest first."""
-    return guess_units(*materials_and_size(deck))
 
 
 def convert_deck(

@@ -1,7 +1,5 @@
 """Parts of a deck that nothing joins to the rest: each would float beside it."""
 
-from __future__ import annotations
-
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.deck.entries import raise_some

@@ -1,7 +1,5 @@
 """What holds grids: the ground, and the environment in motions that nothing in the deck holds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from middeck.files.nastran.article.nodes_and_riders import Standing

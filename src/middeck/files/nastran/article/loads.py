@@ -1,7 +1,5 @@
 """Loads of a deck as load cases of the article, one for each load set, and its gravity."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ They are what the member would bear there between fixed ends, so that the ends m
 How the member bends between them beside that is left out.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

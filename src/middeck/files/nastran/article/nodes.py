@@ -1,7 +1,5 @@
 """Grids as nodes of an article with their bodies, and as points of the frames that carry them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

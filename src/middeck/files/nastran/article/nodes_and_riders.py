@@ -1,7 +1,5 @@
 """Which grids of a deck become nodes, which ride on others, and which constraints mean something there."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

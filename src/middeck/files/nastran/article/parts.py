@@ -1,7 +1,5 @@
 """The parts of a deck that an article can have, in units of the deck and basic axes."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Springs and bushings between points as bushings of an article, those to the ground as an environment's."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bars, beams and rods as struts of an article: their sections, their ends, and the pins that part these."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

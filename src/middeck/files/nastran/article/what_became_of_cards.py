@@ -1,7 +1,5 @@
 """The report on the cards: which were converted, which left out and why, and which are doubtful."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Decks that join external superelements (SEBULK, SECONCT, BEGIN SUPER): the components, and the rest."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Matrices by direct input: what case control adds by K2GG and M2GG, both as a component of the article."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import NamedTuple
 

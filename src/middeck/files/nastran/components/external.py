@@ -6,8 +6,6 @@ SECONCT). EXTRN has the order of rows: grids with their components, then the sca
 coordinates.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise

@@ -5,8 +5,6 @@ and scalar points in the order of EXTRN; units m, kg, s, N. After MSC Nastran Su
 external superelements.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Constraints of a deck as links of an article: RBE3, RBE2 and RBAR of some components, the selected MPC."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What the ground holds of a deck's grids: the selected SPC and SPC1, and PS of the grids."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 from typing import Any
 

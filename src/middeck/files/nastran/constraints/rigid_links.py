@@ -1,7 +1,5 @@
 """Rigid links of all six components: which grid carries which; one that rides has no freedom of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterator
 from typing import NamedTuple
 

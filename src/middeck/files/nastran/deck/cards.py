@@ -5,8 +5,6 @@ any other small (of 8). A continuation begins with blanks, ``+`` or ``*``; with 
 line that ends with it, wherever that is, without one to the line before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from operator import itemgetter

@@ -1,7 +1,5 @@
 """Selections of case control in one subcase or in all: sets of constraints and loads, and matrices."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """A deck as values: what case control selects, cards with their fields, and parameters."""
 
-from __future__ import annotations
-
 import dataclasses
 import gc
 from collections.abc import Generator, Iterator

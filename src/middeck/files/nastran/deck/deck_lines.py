@@ -1,7 +1,5 @@
 """A deck as lines: executive control, case control and bulk data, with everything that it includes."""
 
-from __future__ import annotations
-
 import re
 from os.path import isfile
 from pathlib import Path

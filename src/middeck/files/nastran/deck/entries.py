@@ -1,7 +1,5 @@
 """Cards with their fields as numbers: every complaint names file, line, card and field."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import math

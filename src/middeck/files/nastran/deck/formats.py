@@ -7,8 +7,6 @@ field without it is required. A last name with ``+`` takes all that follows. Aft
 Reference Guides.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 REQUIRED = object()

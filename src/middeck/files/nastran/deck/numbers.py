@@ -1,7 +1,5 @@
 """Numbers as Nastran writes them: ``6.894+7``, ``1.D3``, ``.5``; a real has a decimal point."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -7,8 +7,6 @@ Quick Reference Guide, Format of Bulk Data Entries. What these leave open (conti
 refused.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from decimal import Decimal

@@ -1,7 +1,5 @@
 """Units of a deck, which states none: by names such as ``mm-kg-s-mN``, and the likeliest ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Concentrated masses of a deck as rigid bodies on grids, in units of the deck and basic axes."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Mapping
 from typing import NamedTuple
 

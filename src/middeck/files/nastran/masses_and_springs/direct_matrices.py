@@ -6,8 +6,6 @@ leave of nothing; so between grids, where a direction is loose. A mass is bodies
 between grids are zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ Programs hold them by themselves (PARAM AUTOSPC): no stiffness, no load path. He
 environment, along the directions in which the grid's own block of the stiffness matrix is zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Container, Iterable, Mapping
 
 import numpy as np

@@ -6,8 +6,6 @@ motion of one metre is one radian. An element with a grid's component has a node
 equation ties to what the element sees: the component, or for a mass the difference of its ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from typing import Any, NamedTuple
 

@@ -5,8 +5,6 @@ are apart would resist rigid motion unless it acts along the line between them o
 refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from typing import NamedTuple
 

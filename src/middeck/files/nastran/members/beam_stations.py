@@ -4,8 +4,6 @@ After the remarks of both cards in the Quick Reference Guides: stations stand in
 B; a blank at end B is the value of end A, one between is on the line between the ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

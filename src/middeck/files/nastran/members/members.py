@@ -1,7 +1,5 @@
 """Bars, beams and rods of a deck as struts of an article, in units of the deck."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, NamedTuple
 

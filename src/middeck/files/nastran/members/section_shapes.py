@@ -5,8 +5,6 @@ polar for round sections, Roark's for a solid rectangle, Bredt's for a box, a su
 sections; for HEXA, of which they say nothing, the exact one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Stiffness and mass of bars, beams and rods from their properties and materials, in units of the deck."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """OUTPUT4 in binary: Fortran records, each between two equal lengths of its own."""
 
-from __future__ import annotations
-
 import struct
 from typing import NoReturn
 

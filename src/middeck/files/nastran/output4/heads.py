@@ -1,7 +1,5 @@
 """What text and binary OUTPUT4 files have in common: their headers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, NoReturn
 

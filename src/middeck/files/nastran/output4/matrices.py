@@ -6,8 +6,6 @@ from its lengths ("bigmat"). What a file says of itself twice must agree: length
 and range of rows and columns, symmetry. Format: MSC Nastran DMAP Programmer's Guide, OUTPUT4; decision 14.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """OUTPUT4 as text: lines of integers, and of numbers in fields of one width."""
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from typing import NoReturn

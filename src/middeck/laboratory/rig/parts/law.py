@@ -1,7 +1,5 @@
 """The compensator as the rig's computer runs it: from all its outputs to all its inputs, once a tick."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sensors as they are: integrated rate gyros, encoders that count, and samplers that only add noise."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ for several half turns it would kick a mode by its own stroboscope, hence `TURN`
 computed at knots and lie on the chord in between.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

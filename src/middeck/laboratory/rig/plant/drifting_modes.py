@@ -1,7 +1,5 @@
 """Hardware that changes with time: chosen modes drift in frequency."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Both take the same branches and sums, and give the same bits. The C is compiled 
 source, into the user's cache.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import warnings

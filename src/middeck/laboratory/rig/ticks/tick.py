@@ -3,8 +3,6 @@
 Channels are few: plain numbers are faster than arrays for all but the states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A gain of the compensator that the power of a band moves."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import struct

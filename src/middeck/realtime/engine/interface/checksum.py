@@ -1,7 +1,5 @@
 """The check of commands and datagrams: ``source/checksum.h`` from the other side."""
 
-from __future__ import annotations
-
 import struct
 
 BASIS, PRIME = 0xCBF29CE484222325, 0x100000001B3

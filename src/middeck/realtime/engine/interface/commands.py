@@ -1,7 +1,5 @@
 """Commands of a supervisor to an engine, and the engine's answers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

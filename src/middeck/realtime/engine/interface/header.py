@@ -1,7 +1,5 @@
 """What engine and supervisor share, read from the header that the engine is compiled with."""
 
-from __future__ import annotations
-
 import functools
 import re
 from importlib import resources
@@ -86,11 +84,6 @@ def layout_check() -> int:
     """
     words = " ".join(_header().split()).encode()
     return checksum(words + bytes(-len(words) % 8)) >> 1
-
-
-def layout_source() -> str:
-    """The header that tells the engine."""
-    return f"#define LAYOUT INT64_C({layout_check()})\n"
 
 
 @functools.cache

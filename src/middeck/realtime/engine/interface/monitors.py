@@ -1,7 +1,5 @@
 """What an engine looks at in a band of one channel: its power, and whether it grows."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import Literal

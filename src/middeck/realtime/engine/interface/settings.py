@@ -1,7 +1,5 @@
 """Settings of an engine: ports, what holds the article, what trips, and how commands fade."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import math

@@ -1,7 +1,5 @@
 """An engine that another process has started."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

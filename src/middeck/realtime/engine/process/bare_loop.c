@@ -41,8 +41,10 @@ int main(int words, char **word)
     int64_t *taken = calloc(2 * samples + 1, sizeof *taken), next, begun;
     size_t i, k, lane;
 
-    if (!samples || !numbers || !taken)
+    if (!samples || !numbers || !taken) {
+        perror("room for its samples and numbers");
         return 2;
+    }
     for (i = 0; i < count; ++i)
         numbers[i] = 1.0;
     ask_for_real_time(atoi(word[4]), atoi(word[5]));

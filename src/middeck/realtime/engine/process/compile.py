@@ -1,13 +1,11 @@
 """The engine's program, compiled by the C compiler of this machine."""
 
-from __future__ import annotations
-
 import functools
 from importlib import resources
 from pathlib import Path
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.header import layout_source
+from middeck.realtime.engine.interface.header import layout_check
 from middeck.realtime.generate.compiler import compile_once
 
 
@@ -46,4 +44,4 @@ def _own_sources() -> dict[str, str]:
     files = [f for f in room.joinpath("engine", "source").iterdir() if f.name.endswith((".c", ".h"))]
     files.append(room.joinpath("generate", "kernel.h"))
     found = {file.name: file.read_text(encoding="utf-8") for file in sorted(files, key=lambda f: f.name)}
-    return {**found, "layout.h": layout_source()}
+    return {**found, "layout.h": f"#define LAYOUT INT64_C({layout_check()})\n"}

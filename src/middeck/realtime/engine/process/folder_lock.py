@@ -1,7 +1,5 @@
 """One process at a time where two may not do the same: look, then write."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 from collections.abc import Generator

@@ -56,6 +56,8 @@ from middeck.realtime.engine.rigs.linear_article import LinearArticle, encode_ar
 BEAT_S = 0.05
 PATIENCE_AT_END_S = 5.0
 LOOK_S = 0.01
+TEMPORARY = "temporary"
+"""A file that marks a folder which goes with its engine."""
 
 
 class Supervisor(CommandedEngine):
@@ -116,7 +118,8 @@ class Supervisor(CommandedEngine):
         program = program or build_engine()
         where = folder or Path(tempfile.mkdtemp(prefix="middeck-engine-"))
         if folder is None:
-            self._left.callback(shutil.rmtree, where, ignore_errors=True)
+            (where / TEMPORARY).touch()
+            self._removes(where)
         article, numbers = encode_article(rig) if isinstance(rig, LinearArticle) else no_article()
         played = (
             np.zeros((0, len(settings.drives))) if waveform is None else checked_waveform(waveform, settings)
@@ -140,6 +143,9 @@ class Supervisor(CommandedEngine):
             except BaseException:
                 self.close()
                 raise
+
+    def _removes(self, folder: Path) -> None:
+        self._left.callback(shutil.rmtree, folder, ignore_errors=True)
 
     def _sign(self) -> None:
         """Say who supervises: a process, when it began, and its session; it keeps no records yet."""
@@ -178,6 +184,8 @@ class Supervisor(CommandedEngine):
                     hint="end that one first",
                 )
             made._sign()
+        if made.process.poll() is None and (path.parent / TEMPORARY).exists():
+            made._removes(path.parent.resolve())
         made.beat()
         return made
 
@@ -199,8 +207,8 @@ class Supervisor(CommandedEngine):
     def close(self) -> None:
         """End the engine through SAFE, its outputs at zero, then the recording; remove a temporary file.
 
-        Where another supervisor has taken the running engine over, only the own recording is ended, and a
-        temporary file stays.
+        Where another supervisor has taken the running engine over, only the own recording is ended: engine
+        and temporary file are the other one's to end.
         """
         if self.process.poll() is None and self._is_relieved():
             LEFT.append(self.process)

@@ -6,8 +6,6 @@ cannot be written now is kept and tried again, up to a size; beyond that it is c
 gap. Nothing of this stops the loop.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

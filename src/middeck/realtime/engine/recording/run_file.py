@@ -1,7 +1,5 @@
 """The reader of a run file: every whole block, and a description of what is missing."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -6,8 +6,6 @@ number from 1, first sequence number and count of what it holds, CRC-32 of the c
 own forty-four bytes, the content, zeros. A frame that does not fit is passed over by looking for the next.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import struct

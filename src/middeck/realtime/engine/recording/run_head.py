@@ -1,7 +1,5 @@
 """What stands at the front of a run file: ports, forms of its numbers, and what ran."""
 
-from __future__ import annotations
-
 import hashlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The process that serves a rig over UDP: it imports little, and ends with the process that started it."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal

@@ -1,8 +1,7 @@
 """What a rig answers to an engine's datagrams: ``source/rig_udp.c`` from the other side."""
 
-from __future__ import annotations
-
 import math
+import secrets
 import struct
 
 import numpy as np
@@ -11,8 +10,8 @@ from middeck.realtime.engine.interface.checksum import checksum, start_of
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 
-REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qqq")
-"""Behind the check: sample, alive, session, then outputs; sample, session, stale, then sensors."""
+REQUEST, REPLY = struct.Struct("<qqq"), struct.Struct("<qqqq")
+"""Behind the check: sample, alive, session, then outputs; sample, session, rig, stale, then sensors."""
 HEAD = struct.Struct("<qq")
 """Check and sample of every format; sample and alive of requests from before there were checks."""
 NOBODY = 0
@@ -40,10 +39,11 @@ class RigSession:
     of another session relieves it at its sample 0, or joins after a last request or `SILENT` samples of
     its own without one of the followed engine, and the rig goes on from where it is. Whatever else is of
     another session, above all what an earlier engine has asked before, moves nothing and counts as ``stale``.
+    Replies carry a number of chance of the session, by which an engine tells this rig from another one.
     """
 
     def __init__(self, rig: EngineRig) -> None:
-        self.rig = rig
+        self.rig, self.number = rig, secrets.randbits(62) + 1
         self.sensors: np.ndarray | None = None
         self.engine = self.other = NOBODY
         self.asked: dict[int, float] = {}  # last samples of engines before; no more of one that has ended
@@ -125,7 +125,7 @@ class RigSession:
     def _reply(self, sample: int) -> bytes:
         if self.sensors is None:
             self.sensors = self.rig.readings()
-        head = REPLY.pack(sample, self.engine, self.stale)
+        head = REPLY.pack(sample, self.engine, self.number, self.stale)
         return seal(head + np.ascontiguousarray(self.sensors, "<f8").tobytes(), "ANSWERED")
 
 

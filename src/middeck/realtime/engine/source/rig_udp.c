@@ -1,11 +1,12 @@
 /* An article in another process, over UDP on this machine's loopback interface.
 
-   Sample k asks with (check, k, alive, session, outputs since sample k - 1) and is answered by (check, k, session, stale, sensors).
+   Sample k asks with (check, k, alive, session, outputs since sample k - 1) and is answered by (check, k, session, rig, stale, sensors).
    The session is the one in which this engine was started: what belongs to another one is counted, in ``stale`` by the rig, and
-   moves nothing. The check is that of
-   the words behind it, begun with FORMAT 2^32 + ASKED or ANSWERED: what was changed on the way is as good as lost. A request that was lost is sent again;
-   the rig answers one that it has answered before in the same way, and moves by as many samples as k has grown. A rig of another
-   FORMAT answers with (check, its FORMAT), of which the check begins with REFUSED_FORMAT whatever that is. */
+   moves nothing. The rig is a number of chance of its own: the first one that answers is heard until this engine ends, answers of
+   another one are counted too. The check is that of the words behind it, begun with FORMAT 2^32 + ASKED or ANSWERED: what was changed
+   on the way is as good as lost. A request that was lost is sent again; the rig answers one that it has answered before in the same
+   way, and moves by as many samples as k has grown. A rig of another FORMAT answers with (check, its FORMAT), of which the check
+   begins with REFUSED_FORMAT whatever that is. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
@@ -28,7 +29,7 @@ typedef struct {
 
 typedef struct {
     uint64_t check;
-    whole sample, session, stale;
+    whole sample, session, rig, stale;
     real numbers[CHANNELS];
 } reply;
 
@@ -36,7 +37,8 @@ typedef struct {
     rig face;
     int socket;
     int lost; /* what did not answer in time is not waited for again in every sample */
-    whole dropped, *stale; /* replies of other sessions; these, and what the rig has dropped */
+    whole heard; /* the rig that answered first; 0: none yet */
+    whole dropped, *stale; /* replies of other sessions and rigs; these, and what the rig has dropped */
     request out;
     size_t out_size, in_size;
 } udp_rig;
@@ -75,8 +77,11 @@ static int is_answer(udp_rig *r, const reply *in, ssize_t got)
 {
     if (got != (ssize_t)r->in_size || in->check != check_of(ANSWERED, in, r->in_size))
         return 0;
-    if (in->session != r->out.session) {
+    if (!r->heard && in->session == r->out.session)
+        r->heard = in->rig;
+    if (in->session != r->out.session || in->rig != r->heard) {
         ++r->dropped;
+        ++*r->stale; /* as long as the rig itself says nothing */
         return 0;
     }
     *r->stale = r->dropped + in->stale;
@@ -92,7 +97,7 @@ static int is_foreign(const udp_rig *r, const reply *in, ssize_t got)
         return in->sample != FORMAT;
     if (got == (ssize_t)r->out_size && in->sample == r->out.sample)
         return 0; /* an echo of the request */
-    return got == (ssize_t)r->in_size - 3 * word && in->check == r->out.check;
+    return got == (ssize_t)r->in_size - 4 * word && in->check == r->out.check;
 }
 
 static enum rig_answer read_udp(rig *face, real *y)

@@ -12,7 +12,7 @@
 typedef double real;
 typedef int64_t whole;
 
-enum { MAGIC = 0x4b44524d, FORMAT = 4 }; /* FORMAT: of a rig's datagrams; of the shared file it is LAYOUT, a check of these declarations */
+enum { MAGIC = 0x4b44524d, FORMAT = 5 }; /* FORMAT: of a rig's datagrams; of the shared file it is LAYOUT, a check of these declarations */
 enum { ASKED = 0x4b44524e, ANSWERED = 0x4b44524f }; /* what the checks of a rig's datagrams begin with: no echo is an answer */
 enum { REFUSED_FORMAT = 0x4b445250 }; /* what the check of a refusal begins with, in every format */
 enum { CHANNELS = 64, SECTIONS = 256, SLOTS = 2, MONITORS = 256, SPREADS = 32, COMMANDS = 256, EVENTS = 1024, HASHES = 1024, NAME = 64, FAULTS = 16 };
@@ -173,7 +173,7 @@ typedef struct {
     whole sample, state, trip, trips;
     whole acknowledged, events;
     whole alive; /* changes with every sample */
-    whole late, worst_late_ns, worst_step_ns, lost, missed, stale; /* lost: records overwritten before they were read; missed: samples that did not come; stale: datagrams of other sessions that engine and rig dropped */
+    whole late, worst_late_ns, worst_step_ns, lost, missed, stale; /* lost: records overwritten before they were read; missed: samples that did not come; stale: datagrams of other sessions and other rigs, dropped by engine and rig */
     whole hold_verified, frozen, frozen_at;
     real momentum[CHANNELS]; /* what each output has stored */
     whole loaded[SLOTS];

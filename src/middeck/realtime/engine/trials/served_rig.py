@@ -1,7 +1,5 @@
 """A rig in a process of its own, behind UDP on the loopback interface: hardware in the loop."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import socket

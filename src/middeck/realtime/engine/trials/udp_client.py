@@ -29,6 +29,7 @@ class RigClient(EngineRig):
 
     def __init__(self, rig: UdpRig, outputs: int, *, answer_s: float = 10.0) -> None:
         self.sample, self.outputs, self.session = 0, outputs, secrets.randbits(62) + 1
+        self.heard: int | None = None  # the rig that answered first
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect((LOOPBACK, rig.port))
         self.socket.settimeout(answer_s / TRIES)
@@ -69,7 +70,12 @@ class RigClient(EngineRig):
         if self._is_foreign(data):
             raise DataError(FOREIGN, where="UDP", hint=UPDATE_IT)
         body = unseal(data, "ANSWERED")
-        return len(body) > REPLY.size and REPLY.unpack_from(body)[:2] == (self.sample, self.session)
+        if len(body) <= REPLY.size:
+            return False
+        sample, session, rig, _ = REPLY.unpack_from(body)
+        if self.heard is None and session == self.session:
+            self.heard = rig
+        return (sample, session, rig) == (self.sample, self.session, self.heard)
 
     def _is_foreign(self, data: bytes) -> bool:
         """A refusal of another format; or the first word of the request, from before there were checks."""

@@ -5,8 +5,6 @@ rounds by 1e-16 of the stiffest member; on 60 random dumbbells derivatives of fr
 budget then err by up to 1e-13 of the ratio.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.errors import NumericalError

@@ -1,7 +1,5 @@
 """Which modes of an article a robustness sweep shifts, and which of them are its first bending."""
 
-from __future__ import annotations
-
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.dispersed_frequencies import DispersedModes
 

@@ -1,7 +1,5 @@
 """Figures 3, 4 and 5: what gravity and suspension do to shape and modes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from middeck.structure.gravity.compare_modes import ModeComparison

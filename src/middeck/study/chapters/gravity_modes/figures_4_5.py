@@ -1,7 +1,5 @@
 """Figures 4 and 5: suspension modes, ratios of the flexible ones, and cross-orthogonality of both."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm

@@ -1,7 +1,5 @@
 """Figures 4 and 5 in numbers.json."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.files.json.results import mode_numbers, rest_numbers

@@ -1,7 +1,5 @@
 """Sentences and tables of Figures 3, 4 and 5."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.study.words import Line, Numbers, Table, fixed

@@ -1,7 +1,5 @@
 """Figure 6: one torque to payload and bus rates, as modelled in 0-g and 1-g and as measured on the rig."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from middeck.study.chapter import Chapter, Drawing, Entry

@@ -1,7 +1,5 @@
 """Figure 6: gimbal torque to payload and bus rates, in 0-g, in 1-g and measured on the rig."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

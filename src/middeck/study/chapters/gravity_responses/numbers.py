@@ -1,7 +1,5 @@
 """Figure 6 in numbers.json, with the claims."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.files.json.results import response_numbers

@@ -1,7 +1,5 @@
 """Headings, sentences and table of Figure 6."""
 
-from __future__ import annotations
-
 from middeck.plot.port_words import port_words
 from middeck.study.words import Numbers, Table, fixed
 

@@ -1,7 +1,5 @@
 """Figures 9a and 9b: a fit to a measured response, and loops designed on it."""
 
-from __future__ import annotations
-
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.measured_control import computation, numbers, text
 from middeck.study.chapters.measured_control.figure_9 import figure_9a, figure_9b

@@ -4,8 +4,6 @@ CL1 and CL2 are LQG at two authorities. When the pair of modes near 9 Hz has mov
 again, and CL3 is designed for both fits at once (MacMartin, Hall and Bernstein 1991).
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures 9a and 9b: gimbal torque to payload angle, measured and fitted; open and closed loops."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """Figures 9a and 9b in numbers.json, with the claims."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 from middeck.files.json.results import fitted_numbers, response_numbers

@@ -1,7 +1,5 @@
 """Sentences and tables of Figures 9a and 9b."""
 
-from __future__ import annotations
-
 from middeck.plot.port_words import port_words
 from middeck.study.measured_loop.text import (
     changed,

@@ -1,7 +1,5 @@
 """A real fine steering mirror through the same data arm."""
 
-from __future__ import annotations
-
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.mirror import computation, drawing, numbers, text
 

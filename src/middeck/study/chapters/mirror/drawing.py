@@ -1,7 +1,5 @@
 """The steering mirror: all entries of the measured response, of the fit, and of the residual."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """The mirror in numbers.json, with the claims."""
 
-from __future__ import annotations
-
 from middeck.files.json.results import fitted_numbers
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.study.chapters.mirror.computation import PUBLISHED_NRMSE, MirrorFit

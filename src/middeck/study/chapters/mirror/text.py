@@ -1,7 +1,5 @@
 """Sentences and table of the mirror."""
 
-from __future__ import annotations
-
 from middeck.study.words import Line, Numbers, Table, fixed, percent
 
 

@@ -1,7 +1,5 @@
 """From ground test to orbit: the promise, and its outcome."""
 
-from __future__ import annotations
-
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.promise import computation, drawing, numbers, text
 

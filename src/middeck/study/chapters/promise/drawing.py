@@ -1,7 +1,5 @@
 """Promise against outcome at a glance, and three ways to a compensator side by side."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

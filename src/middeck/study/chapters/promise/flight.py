@@ -1,7 +1,5 @@
 """In flight: compensators on the article behind the rig in orbit, which no promise has seen."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 

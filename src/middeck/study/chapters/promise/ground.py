@@ -1,7 +1,5 @@
 """Before flight: ground tests on the rig, friction out, modes found, the article refined by them."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 

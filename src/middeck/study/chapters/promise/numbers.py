@@ -1,7 +1,5 @@
 """Promise and outcome in numbers.json, with the claims."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.files.promises.documents import limits_of

@@ -1,7 +1,5 @@
 """Sentences and tables of promise and outcome."""
 
-from __future__ import annotations
-
 from middeck.study.chapters.promise.numbers import frequency_error, median_error_db
 from middeck.study.chapters.promise.numbers import routes as by_route
 from middeck.study.words import Line, Numbers, Table, fixed, percent, significant

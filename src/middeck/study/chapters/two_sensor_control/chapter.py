@@ -1,7 +1,5 @@
 """Figures 10, 11 and 12: three paths fitted together, and loops closed on two of them."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from middeck.study.chapter import Chapter, Drawing, Entry

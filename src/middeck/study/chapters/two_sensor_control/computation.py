@@ -4,8 +4,6 @@ The loop is designed on the common fit of Figures 10a and 10b. Without shaping i
 modes near 9 Hz, which the filter inverts; a lead about the pair gives it the phase to go on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

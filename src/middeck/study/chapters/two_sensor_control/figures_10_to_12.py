@@ -1,7 +1,5 @@
 """Figures 10 to 12: paths measured and fitted with their zeros, then loops under one and two penalties."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

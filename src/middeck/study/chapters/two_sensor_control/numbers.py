@@ -1,7 +1,5 @@
 """Figures 10 to 12 in numbers.json, with the claims."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.files.json.results import fitted_numbers, response_numbers

@@ -1,7 +1,5 @@
 """The authority of a design on the rig up to the first unstable mode."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

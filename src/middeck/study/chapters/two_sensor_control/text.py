@@ -1,7 +1,5 @@
 """Headings, sentences and tables of Figures 10 to 12."""
 
-from __future__ import annotations
-
 from middeck.plot.port_words import port_words
 from middeck.study.measured_loop.text import (
     changed,

@@ -1,7 +1,5 @@
 """Figure 7: controllers designed on the 0-g model, impinged on the 0-g and the 1-g model."""
 
-from __future__ import annotations
-
 from middeck.study.chapter import Chapter, Drawing, Entry
 from middeck.study.chapters.zero_g_control import computation, numbers, text
 from middeck.study.chapters.zero_g_control.figure_7 import figure_7a, figure_7b

@@ -1,7 +1,5 @@
 """Figure 7: controllers designed on the 0-g model, impinged on the 0-g and the 1-g model."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """Figure 7: closed-loop performance against authority; where a loop is unstable there are no decibels."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Figure 7 in numbers.json, with the claims."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from middeck.study.chapters.zero_g_control.computation import SubModelSweep, ZeroGControl

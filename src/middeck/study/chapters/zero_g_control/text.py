@@ -1,7 +1,5 @@
 """Sentences and tables of Figures 7a and 7b."""
 
-from __future__ import annotations
-
 from middeck.study.words import Line, Numbers, Table, cells, fixed, significant
 
 

@@ -11,13 +11,13 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.structure.elements.frames import move
+from middeck.structure.hanging.attitude import Attitude, estimate_attitude
+from middeck.structure.hanging.support_warnings import SAG_HINT, sag
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.sensitivity.parameters import AXES, list_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
-from middeck.structure.suspension.attitude import Attitude, estimate_attitude
-from middeck.structure.suspension.hanging import SAG_HINT, sag
 from middeck.values import record
 
 LEVEL = 1e-7

@@ -1,15 +1,13 @@
 """Warnings about the supports of an article and about its attitude."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from middeck.structure.hanging.attitude import Attitude
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
-from middeck.structure.suspension.attitude import Attitude
 
 # A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
 LARGE_TILT = np.radians(1.0)
