@@ -101,6 +101,8 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
         ("K2GG = KHALF\nM2GG = 2.0*MHALF\n", "a factor"),
         ("K2GG = KHALF\nM2GG = MHALF\nB2PP = KHALF\n", "B2PP"),
         ("K2GG = MHALF\nM2GG = KHALF\n", "mass"),
+        ("K2GG = KHALF\nM2GG = MCUT\n", "DMIG MCUT: a column without entries"),
+        ("K2GG = KHALF\nM2GG = MLOSS\n", "DMIG MLOSS: type TIN = 4, form IFO = 6: real matrices (TIN 1, 2)"),
         ("PARAM,CK2,2.\nK2GG = KHALF\nM2GG = MHALF\n", "PARAM CK2 = 2.: scales matrices"),
     ],
 )
@@ -109,6 +111,8 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
     points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
     bulk = GRIDS + PROPERTIES + bar(1) + bar(2) + punch("KHALF", K, points) + punch("MHALF", M, points)
     bulk += "DMIG,KSKEW,0,1,2,0\nDMIG,KSKEW,3,1,,3,1,1.\n,4,1,1.\nSPOINT,9\n"
+    bulk += "DMIG,MCUT,0,6,2,0\nDMIG,MCUT,3,1,,3,1,1.\nDMIG,MCUT,4,1\n"
+    bulk += "DMIG,MLOSS,0,6,4,0\nDMIG,MLOSS,3,1,,3,1,1.,.1\n"
     # Soft between two grids, on one side of the diagonal only, beside a stiff turn.
     bulk += "DMIG,KSOFT,0,1,2,0\nDMIG,KSOFT,3,1,,3,1,5.\n,4,1,-5.\nDMIG,KSOFT,4,1,,4,1,5.\n"
     bulk += "DMIG,KSOFT,3,4,,3,4,1.+9\n"

@@ -148,7 +148,7 @@ def test_check_shows_the_summary_first_and_finds_nothing(capfd: Capture):
     assert [line.split()[0] for line in lines[:3]] == ["mass", "centre", "inertia"]
     assert lines[-1] == "nothing found"
     parts = load_structure(SIMPLE)
-    assert lines[0] == f"mass         {parts.mass:.3f} kg"
+    assert lines[0] == f"mass         {parts.mass:.6g} kg"
 
 
 def test_check_finds_units_in_a_file_and_says_no_only_if_asked(capfd: Capture, tmp_path: Path):

@@ -215,6 +215,11 @@ def test_continuations(name):
         ("GRID,1,,0", "a.dat:1: GRID 1 field 4 (X1) = 0: must be a real number"),
         ("GRID,1,,0.,1 2", "field 5 (X2)"),
         ("GRID,,,0.", "field 2 (ID): missing"),
+        ("GRID           2              10.      0.      0.", "X2) = .      0: must be a real number"),
+        (
+            "GRID           2              10.      0.      0.",
+            "columns, large ones sixteen; is the line shifted?",
+        ),
         ("GRID,-3", "must be an integer > 0"),
         ("GRID,1,,1.0.", "field 4 (X1) = 1.0."),
         ("GRID,1,,,,,,7", "components"),

@@ -32,7 +32,7 @@ def summary_lines(numbers: dict[str, Any]) -> list[str]:
     inertia = np.asarray(numbers["inertia_kg_m2"])
     products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     return [
-        f"mass         {numbers['mass_kg']:.3f} kg",
+        f"mass         {numbers['mass_kg']:.6g} kg",
         f"centre       {_row(numbers['centre_of_mass_m'])} m, mass centre, undeformed, x y z",
         f"inertia      {_row(np.diag(inertia))} kg m^2 about the mass centre, xx yy zz",
         f"             {_row(products, np.abs(inertia).max())} kg m^2, minus products xy xz yz",

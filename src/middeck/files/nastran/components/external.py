@@ -206,7 +206,9 @@ def component_of(
         )
     except ConfigError as error:
         raise DataError(
-            error.what, where=source, hint="do matrices, cards and units belong together?"
+            error.what,
+            where=source,
+            hint="do matrices, cards and units belong together? Grids need large fields (GRID*)",
         ) from None
 
 
@@ -426,7 +428,8 @@ def read_dmig(cards: Sequence[Card]) -> Punched:
         if len(fields) > 2 and fields[1] == "0":
             kind = integer(fields[3]) if len(fields) > 3 else None
             if kind not in (1, 2) or integer(fields[2]) not in (1, 2, 6, 9):
-                _refuse(card, 2, "a matrix that is not real, or of a form other than 1, 2, 6, 9")
+                what = f"type TIN = {fields[3] if len(fields) > 3 else ''}, form IFO = {fields[2]}"
+                _refuse(card, 2, f"{what}: real matrices (TIN 1, 2) of form 1, 2, 6 or 9 are read")
             symmetric[name] = integer(fields[2]) == 6
             columns.setdefault(name, {})
             digits.setdefault(name, 1)
@@ -434,6 +437,8 @@ def read_dmig(cards: Sequence[Card]) -> Punched:
         if name not in symmetric:
             _refuse(card, 0, "a column before the head of its matrix")
         column = _point(card, 1)
+        if not any(fields[4:]):
+            _refuse(card, 1, "a column without entries: is the deck cut?")
         for i in range(4, len(fields), 4):
             if not any(fields[i : i + 4]):
                 continue

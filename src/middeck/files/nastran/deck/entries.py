@@ -103,13 +103,14 @@ class Entry(NamedTuple):
         field = layout.fields[place] if place < len(layout.fields) else layout.rest
         named = f" ({field.name.upper()})" if field and field.name else ""
         _, file, number = self.card.line(place)
+        value = fields[place] if place < len(fields) else ""
         return Fault(
             file=file,
             line=number,
             key=f"{self.name} {fields[0] if fields else ''} field {_number(place)}{named}",
             message=message,
-            value=fields[place] if place < len(fields) else "",
-            hint=hint,
+            value=value,
+            hint=hint or (SHIFTED if " " in value else ""),
         )
 
 
@@ -324,6 +325,7 @@ def _twice(entry: Entry, other: Entry, space: str, blank: Sequence[Any]) -> list
 # What blank fields of a GRID mean without GRDSET; its number is not blank.
 BASIC_GRID = (None, 0, 0.0, 0.0, 0.0, 0, "", 0)
 COLUMNS = "columns of eight, or commas"
+SHIFTED = "a blank within a field: fields have eight columns, large ones sixteen; is the line shifted?"
 CARDS = "docs/how-to/your-nastran-deck.md lists the cards that are read"
 
 
