@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from coarse_articles import coarse
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
 from middeck.identification.faults.detect import detect_faults
@@ -86,9 +87,16 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def link_documents(folder: Path) -> None:
-    """Let ``folder`` hold the project's documents and data; `make test` promises by fewer draws."""
-    for name in ("articles", "environments", "studies"):
+    """Let ``folder`` hold the project's documents and data; `make test` promises by fewer draws.
+
+    And takes a coarse mesh.
+    """
+    for name in ("environments", "studies"):
         (folder / name).symlink_to(ROOT / name)
+    (folder / "articles").mkdir()
+    for path in (ROOT / "articles").iterdir():
+        quick = not LONG and path.stem in ("mace-dm", "mace-simple")
+        (folder / "articles" / path.name).symlink_to(coarse(path.stem) if quick else path)
     (folder / "data").mkdir()
     for path in (ROOT / "data").iterdir():
         if path.name != "virtual-survey":

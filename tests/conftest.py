@@ -12,6 +12,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+from coarse_articles import coarse  # noqa: E402
 from long_results import LongResults  # noqa: E402
 from middeck.files.setups import load_environment, load_structure  # noqa: E402
 from middeck.files.studies.documents import load_study  # noqa: E402
@@ -84,8 +85,8 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session")
 def dm():
-    """The development model."""
-    return load_structure(ROOT / "articles/mace-dm.toml")
+    """The development model, on a coarse mesh."""
+    return load_structure(coarse("mace-dm"))
 
 
 @pytest.fixture(scope="session")
@@ -104,12 +105,12 @@ def paper_study():
 def paper_outcomes(paper_study):
     """Its chapters but the mirror, which has its own tests and takes long; once a session.
 
-    `make test` promises fewer compensators by fewer draws.
+    `make test` promises fewer compensators by fewer draws, on a coarse mesh.
     """
     from middeck.study.mission import run_chapters  # with matplotlib, which few tests need
 
-    fewer = () if LONG else ("promise.draws=6", "promise.log10_authority=[0, 3]")
-    quick = load_study(ROOT / "studies/mace-1993.toml", fewer)
+    fewer = ("promise.draws=6", "promise.log10_authority=[0, 3]", "mesh.elements_per_strut=2")
+    quick = load_study(ROOT / "studies/mace-1993.toml", () if LONG else fewer)
     chapters = {**dict(run_chapters(paper_study)), "promise": dict(run_chapters(quick))["promise"]}
     return {name: run() for name, run in chapters.items() if name != "mirror"}
 

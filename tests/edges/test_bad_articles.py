@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.errors import ConfigError, EquilibriumError
 from middeck.files.setups import load_structure
 from middeck.structure.assembly.mesh import mesh_structure
@@ -20,7 +21,7 @@ from middeck.structure.rest import damped_descent, forces_as_unknowns, settle
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, TURNING_TUBE, body, member, node, on_cables, structure, tube_bus
 
-SIMPLE = ROOT / "articles/mace-simple.toml"
+SIMPLE = coarse("mace-simple")
 Capture = pytest.CaptureFixture[str]
 
 

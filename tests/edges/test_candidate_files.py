@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck, refine_once, share_results
+from coarse_articles import coarse
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.refinements.candidates import RankedTests, load_candidates
 from middeck.structure.model.environment import Environment
@@ -20,7 +21,7 @@ from middeck.updating.candidates.candidates import rank_tests
 from middeck.updating.refinement.refine import Refined
 
 ROOT = Path(__file__).parents[2]
-ARTICLE = ROOT / "articles/mace-simple.toml"
+ARTICLE = coarse("mace-simple")
 SURVEY = ROOT / "data/virtual-survey"
 
 

@@ -11,11 +11,12 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.gravity.gravity_levels import DeviceRule, find_place
 from middeck.structure.gravity.path import follow_gravity
 
-DM = ROOT / "articles/mace-dm.toml"
+DM = coarse("mace-dm")
 LAB = ROOT / "environments/lab.toml"
 Capture = pytest.CaptureFixture[str]
 
@@ -129,7 +130,7 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
     """A cantilever beside itself in orbit: its first bending is none of the free article."""
     held = tmp_path / "held.toml"
     held.write_text('schema = 1\nname = "held"\n[[clamp]]\nnode = "n1"\n')
-    call = ("compare", ROOT / "articles/mace-simple.toml", "--environment", held, "--count", 12)
+    call = ("compare", coarse("mace-simple"), "--environment", held, "--count", 12)
     shown = middeck(capfd, *call).out
     assert "orbit: free, no gravity; held: clamped at 'n1', no gravity" in shown
     assert "without a partner" in shown
@@ -138,3 +139,7 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
         flexible = {i for i, kind in enumerate(found[side]["kind"]) if kind == "flexible" and i < 12}
         assert set(found["unpaired"][side]) == flexible - {pair[column] for pair in found["pairs"]}
     assert found["unpaired"]["lab"]
+    assert not [w for w in found["warnings"] if "is flexible" in w]
+    few = json.loads(middeck(capfd, *call[:-1], 3, "--json").out)["warnings"]
+    told = "none of the 3 lowest modes in orbit is flexible: increase --count; `middeck budget` keeps"
+    assert [w for w in few if "is flexible" in w and w.startswith(told)]

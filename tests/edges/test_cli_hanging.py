@@ -11,8 +11,9 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 
-SIMPLE = ROOT / "articles/mace-simple.toml"
+SIMPLE = coarse("mace-simple")
 LAB = ROOT / "environments/lab.toml"
 UNLEVELLED = "suspension.offsets.0.2=0"  # the offset that the sheet gives against a roll of 6.8 degrees
 Capture = pytest.CaptureFixture[str]

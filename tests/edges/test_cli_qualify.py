@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.control import qualification
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.law.compensator import Compensator
@@ -315,7 +316,7 @@ def test_an_unstable_row_meets_nothing_and_is_no_error_by_itself(files: Path, ca
 
 
 def test_an_article_in_several_environments(tmp_path: Path, capfd: Capture) -> None:
-    article, file = ROOT / "articles" / "mace-dm.toml", tmp_path / "law.json"
+    article, file = coarse("mace-dm"), tmp_path / "law.json"
     asked = ("--count", 12, "--environment", "lab")
     made = ("--control", "pri_rel_z", "--measure", "pri_in_z", "--log10-authority", 2, "-o", file)
     assert middeck(capfd, "design", article, *asked, *made).code == 0
@@ -365,7 +366,7 @@ def test_options_that_cannot_be(
 
 
 def test_ports_that_a_plant_does_not_have(files: Path, capfd: Capture) -> None:
-    ended = middeck(capfd, "qualify", files / "law.json", ROOT / "articles" / "mace-dm.toml", "--count", 12)
+    ended = middeck(capfd, "qualify", files / "law.json", coarse("mace-dm"), "--count", 12)
     assert ended.code == 2
     assert "the compensator drives torque; the article has no such actuator" in ended.err
     assert "try: a plant with it; this one has" in ended.err

@@ -12,13 +12,14 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, detect_faults_once, middeck
+from coarse_articles import coarse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.structure.rest.equilibrium import node_rotations
 from plant_builders import unit_weights
 
-SIMPLE = ROOT / "articles/mace-simple.toml"
-DM = ROOT / "articles/mace-dm.toml"
+SIMPLE = coarse("mace-simple")
+DM = coarse("mace-dm")
 LAB = ROOT / "environments/lab.toml"
 MIRROR = ROOT / "data/cubespec-fsm"
 Capture = pytest.CaptureFixture[str]

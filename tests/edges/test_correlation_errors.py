@@ -12,6 +12,7 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.cli.verbs import correlate as verb
 from middeck.errors import ConfigError, DataError
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
@@ -28,7 +29,7 @@ from middeck.structure.correlation.review_criteria import (
 from middeck.structure.modes.solve import Modes
 from repeats import repeats
 
-ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
+ARTICLE, LAB = coarse("mace-simple"), ROOT / "environments/lab.toml"
 SURVEY = ROOT / "data/virtual-survey/mace-simple-lab.json"
 NOISE = MeasurementNoise(0.001, 0.02)
 PROFILE = find_profile("orion-well")

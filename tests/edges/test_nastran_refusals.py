@@ -600,3 +600,13 @@ def test_sets_that_a_union_lacks_are_named(tmp_path):
         "SPCADD 1 names SPC 9, which is not there",
         "MPCADD 2 names MPC 3, which is not there",
     ]
+
+
+def test_cards_of_stiffness_by_frequency_are_not_said_to_have_no_effect(tmp_path):
+    path = tmp_path / "a.dat"
+    bulk = f"{PLAIN}PBUSHT,1,K,5\nPELAST,1,5\nTABLED1,5\n,0.,1.,9.,2.,ENDT\n"
+    path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{bulk}ENDDATA\n")
+    rows = {card: why for card, _, why in convert_deck(read_deck(path), SI, "consistent", "a").left_out}
+    for card in ("PBUSHT", "PELAST"):
+        assert rows[card] == "stiffness by frequency or load: the article has that of PBUSH, PELAS"
+    assert rows["TABLED1"] == "no effect on stiffness and mass"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck, share_results
+from coarse_articles import coarse
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import SEAL, seal
@@ -17,7 +18,7 @@ from middeck.files.promises.plans import load_plan
 from middeck.updating.promise.score import Scored, Statement, judge, score
 
 ROOT = Path(__file__).parents[2]
-ARTICLE = ROOT / "articles/mace-simple.toml"
+ARTICLE = coarse("mace-simple")
 FOLDER = ROOT / "data/virtual-survey"
 
 

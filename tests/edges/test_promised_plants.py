@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck, share_results
+from coarse_articles import coarse
 from middeck.cli.main import execute
 from middeck.errors import DataError
 from middeck.files.any_value import write
@@ -23,7 +24,7 @@ from middeck.updating.promise.plan import group_loop
 from middeck.updating.promise.promise import design_on
 
 ROOT = Path(__file__).parents[2]
-ARTICLE = ROOT / "articles/mace-simple.toml"
+ARTICLE = coarse("mace-simple")
 FOLDER = ROOT / "data/virtual-survey"
 DRAWS = 3
 LEVELS = (1, 6)

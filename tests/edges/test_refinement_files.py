@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck, refine_once, share_results
+from coarse_articles import coarse
 from middeck.errors import ConfigError, DataError
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
 from middeck.files.promises.form import read_promise
@@ -20,7 +21,7 @@ from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.orbit.deflections import predict_deflections
 
 ROOT = Path(__file__).parents[2]
-ARTICLE = ROOT / "articles/mace-simple.toml"
+ARTICLE = coarse("mace-simple")
 SURVEY = ROOT / "data/virtual-survey"
 
 

@@ -11,6 +11,7 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
+from coarse_articles import coarse
 from middeck.errors import ConfigError, DataError
 from middeck.files.records import write_response
 from middeck.files.refinements.documents import load_refinement
@@ -20,7 +21,7 @@ from middeck.systems.plants.plant import delay_plant
 from middeck.systems.plants.response import evaluate_plant
 
 ROOT = Path(__file__).parents[2]
-ARTICLE = ROOT / "articles/mace-simple.toml"
+ARTICLE = coarse("mace-simple")
 SURVEY = ROOT / "data/virtual-survey"
 LATE_S, LOUD = 0.0113, 0.01
 HEARD = """

@@ -10,11 +10,12 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 
-DM = ROOT / "articles/mace-dm.toml"
+DM = coarse("mace-dm")
 LAB = ROOT / "environments/lab.toml"
 NAMES = ["joint.pri_z.cg.x", "environment.bounce_hz"]
 
@@ -149,7 +150,7 @@ def test_nothing_asked_and_nothing_to_say(capfd):
     """An empty name, a budget of nothing, and rigid modes alone are told, not shown as empty tables."""
     from middeck.cli.main import execute
 
-    article = str(ROOT / "articles" / "mace-simple.toml")
+    article = str(coarse("mace-simple"))
     for arguments, code, says in (
         (["sensitivity", article, "--parameter", ""], 2, "no parameter named"),
         (["budget", article, "--environment", "orbit"], 2, "nothing to budget"),

@@ -38,7 +38,7 @@ SHORT = ("siso.period_s=16", "siso.periods=2", "rig.rest_s=2", "rig.sample_hz=25
 FEW_LEVELS = () if LONG else ("control.levels=9",)  # `test_numbers` holds the study to the contract's 25
 if not LONG:  # fewer states and smaller designs too
     SHORT += ("siso.period_s=8", "rig.rest_s=1", "rig.sample_hz=150", "sito.states=12")
-    SHORT += ("sito.smaller_states=[10]", "sito.smaller_bands_hz=[[0.6, 12]]")
+    SHORT += ("sito.smaller_states=[10]", "sito.smaller_bands_hz=[[0.6, 12]]", "mesh.elements_per_strut=2")
 CASES = {
     "moon": (
         "constants.gravity=1.62",

@@ -13,6 +13,7 @@ from cli_runner import ROOT, middeck
 from middeck.errors import ConfigError
 from middeck.files.nastran.components.assembly import read_assembly
 from middeck.files.nastran.deck.units import parse_units
+from middeck.files.nastran.output4.matrices import op4_by_name, write_op4
 
 FOLDER, MAIN = ROOT / "data" / "nastran-superelement", "assemble.dat"
 UNITS = parse_units("mm-kg-s-mN")
@@ -88,3 +89,16 @@ def test_grids_that_are_joined_elsewhere_write_nothing(
     assert "grid 11 stands 0.6 m from frame 'g3'" in ended.err
     assert not target.exists()
     assert not list(tmp_path.glob("**/made*"))
+
+
+@pytest.mark.parametrize("factor", [1.0, 386.1])
+def test_modal_masses_that_are_no_mass_of_the_deck_are_told(tmp_path: Path, factor: float) -> None:
+    main = copied(tmp_path / "a")
+    path = main.with_name("outboard.op4")
+    held = op4_by_name(path)
+    scaled = [m._replace(value=m.value * (factor if m.name == "MXX" else 1.0)) for m in held.values()]
+    write_op4(path, scaled)
+    deck, _ = read_assembly(main, UNITS, "a")
+    said = [note for note in deck.notes if "modal masses" in note]
+    assert bool(said) == (factor != 1.0)
+    assert not said or "se101 has modal masses of 386.1, Nastran writes 1" in said[0]

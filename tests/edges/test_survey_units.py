@@ -10,6 +10,7 @@ import pytest
 
 import middeck as md
 from cli_runner import ROOT, middeck
+from coarse_articles import coarse
 from middeck.files.measured.modes import write_measured_modes
 from middeck.files.setups import load_setup
 from middeck.structure.correlation.measured_modes import (
@@ -30,9 +31,7 @@ SEEDS = range(1993, 1999)
 
 @pytest.fixture(scope="module")
 def modes() -> Modes:
-    return solve_modes(
-        solve_equilibrium(*load_setup(ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"))
-    )
+    return solve_modes(solve_equilibrium(*load_setup(coarse("mace-simple"), ROOT / "environments/lab.toml")))
 
 
 def survey(modes: Modes, seed: int) -> MeasuredModes:
@@ -104,7 +103,7 @@ def test_few_modes_tell_a_slip_where_their_shapes_are_known(modes: Modes, count:
 
 def test_a_refinement_says_so() -> None:
     """A survey of three modes in rad/s, beside modes of the model that are near these numbers."""
-    article, lab = load_setup(ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml")
+    article, lab = load_setup(coarse("mace-simple"), ROOT / "environments/lab.toml")
     modes = solve_modes(solve_equilibrium(article, lab))
     seen = SLIPS["rad/s in place of Hz"](survey(modes, 1))
     unknown = md.Unknown(name="modulus", parameters=("members.E",), spread=0.1)
@@ -117,7 +116,7 @@ def test_correlate_says_so(tmp_path: Path, modes: Modes, capfd: pytest.CaptureFi
     ended = middeck(
         capfd,
         "correlate",
-        ROOT / "articles/mace-simple.toml",
+        coarse("mace-simple"),
         tmp_path / "s.json",
         "--noise",
         "0.001,0.02",

@@ -55,7 +55,7 @@ def article(ab: float = 1.0, bc: float = 1.0, joint: float = 1.0) -> Structure:
         build.node("b", (0.7, 0.1, 0.0), build.body(0.4, (0.02, 0.01, 0.03), (1e-3, 2e-3, 3e-3))),
         build.node("c", PLACE["c"], build.body(1.0, (0.0, 0.0, 0.01), (0.01, 0.012, 0.011))),
     ]
-    members = [build.member("a", "b", stiffer(TUBE, ab), 4), build.member("b", "c", stiffer(SOFT, bc), 4)]
+    members = [build.member("a", "b", stiffer(TUBE, ab), 2), build.member("b", "c", stiffer(SOFT, bc), 2)]
     payload = build.body(0.6, (0.0, 0.05, 0.0), (4e-3, 3e-3, 3e-3))
     held = build.joint("p", "c", np.eye(3)[0], payload, angle=0.0, stiffness=joint * JOINT_K, target=0.0)
     damping = Damping(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 from reduced import bent_beam, with_component
 
@@ -23,6 +24,7 @@ from middeck.files.nastran.output4.matrices import Op4Matrix, op4_by_name, write
 from middeck.files.promises.plans import load_plan
 from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.studies.documents import load_study
+from middeck.structure.model.component import NEGATIVE, component_faults, rigid_vectors
 
 SI = parse_units("m-kg-s-N")
 DATA = Path("data/nastran-superelement").resolve()
@@ -93,14 +95,16 @@ def test_superelements_are_joined_by_pairs_and_ranges(tmp_path, component, field
         assert parts["join-se101.npz"].frames == frames
 
 
-def punch(name, matrix, points):
+def punch(name, matrix, points, digits=10):
     """Nastran's DMIG of a symmetric matrix: one triangle, large fields."""
     lines = [f"DMIG    {name:8}{0:8d}{6:8d}{2:8d}{0:8d}"]
     for j, (g, c) in enumerate(points):
-        rows = [(i, *points[i]) for i in range(j, len(points)) if matrix[i, j]]
+        rows = [
+            (f"{matrix[i, j]:16.{digits - 1}E}", *points[i]) for i in range(j, len(points)) if matrix[i, j]
+        ]
         if rows:
             lines.append(f"DMIG*   {name:16}{g:16d}{c:16d}")
-            lines += [f"*       {p:16d}{d:16d}{matrix[i, j]:16.9E}".replace("E", "D") for i, p, d in rows]
+            lines += [f"*       {p:16d}{d:16d}{value}".replace("E", "D") for value, p, d in rows]
     return lines
 
 
@@ -129,6 +133,40 @@ def test_punched_matrices(tmp_path, component, in_one_file):
     size = np.sqrt(np.diagonal(component.stiffness))
     assert np.abs((back.stiffness - component.stiffness) / np.outer(size, size)).max() < 1e-8
     np.testing.assert_allclose(back.mass, component.mass, atol=1e-8 * np.abs(component.mass).max())
+
+
+@pytest.mark.parametrize("digits", [7, 10])
+@pytest.mark.parametrize("held", [0.0, 1e6])
+def test_what_printed_digits_leave_of_nothing_holds_no_free_part(tmp_path, component, digits, held):
+    """Neither a negative stiffness of a rigid motion nor a positive one; a spring beyond the digits stays."""
+    points = [(g, c) for g in (7, 9) for c in range(1, 7)] + [(100 + k, 0) for k in range(component.modal)]
+    K = component.stiffness.copy()
+    K[0, 0] += held
+    x = component.positions
+    grids = [f"GRID*,{n},,{p[0]:.12f},{p[1]:.12f}\n*,{p[2]:.12f}" for n, p in zip((7, 9), x, strict=True)]
+    cards = [*grids, *punch("KAAX", K, points, digits), *punch("MAAX", component.mass, points)]
+    (tmp_path / "part.pch").write_text("\n".join(["BEGIN SUPER=3", *cards, ""]))
+    if held:
+        with pytest.raises(DataError, match=r"resists a motion as one body .*, most at grid 7"):
+            read_external([tmp_path / "part.pch"], None, SI)
+        return
+    back = read_external([tmp_path / "part.pch"], None, SI)
+    squared = scipy.linalg.eigh(back.stiffness, back.mass, eigvals_only=True)
+    exact = scipy.linalg.eigh(component.stiffness, component.mass, eigvals_only=True)
+    assert np.abs(squared[:6]).max() < 1e-10 * exact[-1]
+    np.testing.assert_allclose(squared[6:], exact[6:], rtol=100.0 * 10.0 ** (1 - digits))
+
+
+def test_a_rigid_motion_that_is_rounding_is_not_the_lowest_elastic_one():
+    """Rounding gives omega^2 of either sign to rigid motions: that of one is no scale for that of another."""
+    part = with_component(*bent_beam(np.random.default_rng(0)), count=1).components[0]
+    K, M = part.stiffness, part.mass
+    lowest = scipy.linalg.eigh(K, M, eigvals_only=True)[6]
+    moved = M @ rigid_vectors(part.positions, len(M))[:, :2]  # along x and y
+    soft = np.diag([0.9, -0.9]) * NEGATIVE * lowest / part.weight
+    assert not [*component_faults(dataclasses.replace(part, stiffness=K + moved @ soft @ moved.T))]
+    (fault,) = component_faults(dataclasses.replace(part, stiffness=K + 2.0 * moved @ soft @ moved.T))
+    assert "an omega^2 of -1.8e-06 times the lowest elastic one (-1e-06 is allowed" in fault
 
 
 def test_punched_matrices_beside_others(tmp_path, component):

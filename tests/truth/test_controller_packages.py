@@ -195,6 +195,22 @@ def test_laws_of_other_programs():
         assert np.abs(turned + expected).max() < 1e-10
 
 
+def test_a_ratio_whose_coefficients_lose_its_poles_is_told_how_to_be_stated():
+    """A narrow filter of order eight; by zeros and poles it is packed, and is SciPy's sections."""
+    ratio, roots, sections = (
+        scipy.signal.butter(4, [0.01, 0.02], "band", output=form) for form in ("ba", "zpk", "sos")
+    )
+    lossy, whole = (as_compensator(from_scipy(scipy.signal.dlti(*form, dt=0.002))) for form in (ratio, roots))
+    with pytest.raises(ConfigError, match="may be unstable") as refused:
+        package_law(lossy, "law")
+    assert "zeros and poles" in refused.value.hint
+    assert "authority" not in refused.value.hint
+    package = package_law(whole, "law")
+    y = np.random.default_rng(0).standard_normal((500, 1))
+    expected = scipy.signal.sosfilt(sections, y[:, 0])
+    assert np.abs(run(package, y)[:, 0] - expected).max() < 1e-10 * np.abs(expected).max()
+
+
 def test_an_unstable_law_is_declared():
     grows = Compensator(
         SampledStateSpace([[1.001]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)

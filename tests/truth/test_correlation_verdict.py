@@ -12,6 +12,7 @@ from test_correlation import CANTILEVER, clamped
 
 import middeck as md
 from cli_runner import ROOT
+from coarse_articles import coarse
 from middeck.structure.correlation.correlate import Correlation, correlate_modes
 from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.evaluation import Candidates, evaluate_shapes
@@ -39,7 +40,7 @@ from middeck.updating.residuals.pairing import pair
 from repeats import LONG, repeats
 from structure_builders import straight_beam
 
-ARTICLE, LAB = ROOT / "articles/mace-simple.toml", ROOT / "environments/lab.toml"
+ARTICLE, LAB = coarse("mace-simple"), ROOT / "environments/lab.toml"
 GIMBALS = [(joint, "angle") for joint in ("pri_x", "pri_z", "sec_x", "sec_z")]
 TRANSLATIONS = [(f"n{i}", d) for i in range(1, 6) for d in "xyz"] + GIMBALS
 WITH_ROLL = [(f"n{i}", d) for i in range(1, 6) for d in ("x", "y", "z", "rx")] + GIMBALS

@@ -99,6 +99,18 @@ def test_on_two_cables_it_rolls_until_its_weight_is_under_their_line():
     assert hangs.tension == pytest.approx(4.0 * 9.80665, rel=1e-8)
 
 
+@pytest.mark.parametrize("off", [0.01, 0.25])
+def test_hooks_above_a_body_on_its_node_let_it_roll_until_its_weight_is_under_them(off: float):
+    """Drawn so, weight gives a roll no stiffness at all: only supports that carry it do."""
+    above = structure(
+        [node("bar", (0, 0, 0), body(8.0, (0.0, 0.0, off), (0.3, 2.0, 2.0)))],
+        attach=[AttachPoint(n, "bar", np.array([x, 0.3, 0.0])) for n, x in (("left", -1.0), ("right", 1.0))],
+    )
+    hangs = estimate_attitude(solve_equilibrium(above, cables()))
+    assert hangs.tilt == pytest.approx([np.arctan2(off, 0.3), 0.0, 0.0], abs=ROUNDING)
+    assert hangs.tension == pytest.approx(4.0 * 9.80665, rel=1e-8)
+
+
 def dumbbell():
     """Two equal bodies on a beam, hung at both."""
     nodes = [node(n, (x, 0, 0), body(5, (0, -0.1, 0), (0.1,) * 3)) for n, x in (("a", 0.0), ("b", 2.0))]

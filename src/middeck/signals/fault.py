@@ -16,7 +16,8 @@ class Fault:
 
     Attributes:
         kind: In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
-            repeat, sign, delay, duplicate, held, gain, swap, shift, joint, feedback, truncated, format, rate.
+            repeat, sign, delay, duplicate, held, gain, swap, shift, joint, feedback, unlike, truncated,
+            format, rate.
         severity: ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or
             much worse; ``note``: worth knowing.
         side, channel: Which of the record's ports.

@@ -11,6 +11,8 @@ from middeck.cli import figures, options
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from middeck.structure.gravity.compare_modes import ModeComparison
 
 EXAMPLES = """\
@@ -67,8 +69,19 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
         "unpaired": dict(zip(("orbit", "lab"), comparison.unpaired, strict=True)),
         "clamped": sorted({clamp.node for clamp in lab.equilibrium.environment.clamps}),
         "gravity_m_s2": float(np.linalg.norm(lab.equilibrium.environment.gravity)),
-        "warnings": (*both_sides(orbit, lab), *comparison.warnings),
+        "warnings": (*both_sides(orbit, lab), *comparison.warnings, *_without_flexible(comparison)),
     }
+
+
+def _without_flexible(comparison: ModeComparison) -> Iterator[str]:
+    """Warnings for a side that has nothing to compare: its lowest modes are rigid or suspension modes."""
+    clamped = bool(comparison.lab.equilibrium.environment.clamps)
+    for modes in (comparison.orbit, comparison.lab):
+        lowest = modes.kind[: comparison.count]
+        if "flexible" not in lowest:
+            title = modes.equilibrium.environment.title
+            budget = "; `middeck budget` keeps the clamps in 0-g" if clamped else ""
+            yield f"none of the {len(lowest)} lowest modes in {title} is flexible: increase --count{budget}"
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:

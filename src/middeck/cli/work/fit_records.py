@@ -17,6 +17,7 @@ from middeck.identification.friction.remove import without_friction
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, rank_of
 from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_samples
+from middeck.identification.record_fit.residual_tests import named_cause
 from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.spectra.h1_h2_hv import spectra_response
@@ -107,7 +108,8 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     seen = tuple(dict.fromkeys((*seen, *(str(one.message) for one in said))))
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = _is_sampled(settings, reaches=bool(reaches))
-    fit = fit_asked(measured, _asked(settings, taken.sample_hz if sampled else None), settings.cost)
+    with named_cause(taken):
+        fit = fit_asked(measured, _asked(settings, taken.sample_hz if sampled else None), settings.cost)
     warnings = _chosen(settings, float(measured.frequency_hz[-1]), taken) if reaches else []
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)

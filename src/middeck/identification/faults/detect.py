@@ -27,6 +27,7 @@ from middeck.identification.faults.offset_drift_and_transient import (
     find_unsteady_input,
 )
 from middeck.identification.faults.spikes import find_spikes, is_impact, spike_runs
+from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.signals.fault import Fault, Side
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -36,7 +37,7 @@ from middeck.systems.plants.response import FrequencyResponse
 MISSING = ("gap", "dead")
 LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift")
 # What biases an estimate as a whole.
-BIASING = ("shift", "joint", "feedback", "delay", "truncated")
+BIASING = ("shift", "joint", "feedback", "delay", "truncated", "unlike")
 SEVERITIES = ("unusable", "serious", "note")
 
 
@@ -55,9 +56,10 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     Found in each channel and experiment: gaps, dead channels, clipping, dropouts, spikes, offset, drift,
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
     repeat; between channels duplicates, and where node and direction are known (`Channel`) signs and delays
-    of collocated channels; between inputs and outputs sines that no input makes, samples lost or repeated on
-    one side, runs that were joined, feedback and long delays. docs/explanation/records-and-faults.md says
-    how, with rates of detection and false alarm.
+    of collocated channels; between experiments outputs that are swapped, turned round or of another gain;
+    between inputs and outputs sines that no input makes, samples lost or repeated on one side, runs that were
+    joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
+    and false alarm.
 
     Raises `DataError` for samples so large or so small that their squares are no numbers.
 
@@ -87,7 +89,9 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
         found += find_pair_faults(moving)
         found += [what.at("output", port, e) for what, port, e in find_hum(moving)]
     clean = None if struck else _without(record, found, (*MISSING, *LOCAL))
-    found += [] if clean is None else find_relation_faults(clean)
+    if clean is not None:
+        found += find_relation_faults(clean)
+        found += find_unlike_experiments(clean)
     if reference is not None and not any(f.kind in MISSING for f in found):
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))

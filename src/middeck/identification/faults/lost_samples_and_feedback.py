@@ -80,10 +80,10 @@ def whitened(x: Signal) -> Signal:
     return left / size if size > FORETOLD * float(x.std()) else np.zeros_like(x)
 
 
-def _correlation(
+def correlation(
     U: Float[np.ndarray, "input sample"], Y: Float[np.ndarray, "output sample"], first: int, last: int
 ) -> Float[np.ndarray, "output input lag"]:
-    """Sum of u[n - lag] y[n] over the deviation that it has without relation, for lags first to last."""
+    """Sum of u[n - lag] y[n] over its deviation without a relation, for lags ``first`` to ``last``."""
     count, lags = U.shape[1], np.arange(first, last + 1)
     size = int(next_fast_len(count + max(last, -first), real=True))
     spectra = np.conj(np.fft.rfft(U, size))
@@ -100,7 +100,7 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
     """Outputs whose response shifts in time against the inputs: either side lost samples."""
     length = Y.shape[1] // PARTS
     parts = [slice(k * length // 2, k * length // 2 + length) for k in range(2 * PARTS - 1)]
-    answers = np.stack([_correlation(U[:, p], Y[:, p], -APART, ANSWER) for p in parts], axis=1)
+    answers = np.stack([correlation(U[:, p], Y[:, p], -APART, ANSWER) for p in parts], axis=1)
     found: list[Place] = []
     for o, y in enumerate(Y):
         # All inputs together tell most; where one alone lost samples, only it shows that.
@@ -172,7 +172,7 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
-    answers = _correlation(U[:, :until], y[None, :until], 0, ANSWER)[0]
+    answers = correlation(U[:, :until], y[None, :until], 0, ANSWER)[0]
     for u, g in zip(U, answers, strict=True):
         told += np.convolve(u, np.where(np.abs(g) > 4.0, g, 0.0) / np.sqrt(until))[: len(u)]
     moved = np.roll(told, shift)
@@ -342,5 +342,5 @@ def _long_delays(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
 
 
 def _first_answers(u: Signal, y: Signal, most: int) -> list[int]:
-    r = _correlation(u[None], y[None], 0, most)[0, 0]
+    r = correlation(u[None], y[None], 0, most)[0, 0]
     return [int(np.argmax(np.abs(r) > ANSWERED))] if np.any(np.abs(r) > ANSWERED) else []

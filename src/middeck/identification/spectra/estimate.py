@@ -8,6 +8,7 @@ import numpy as np
 
 from middeck.errors import ConfigError, DataError
 from middeck.identification.faults.detect import biasing_faults
+from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
@@ -67,8 +68,8 @@ def estimate_response(
     together, it is that of a line's own data, larger than the error of the response drawn: that, and its
     degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in it (``hold_s``).
 
-    Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay) and noise of the
-    inputs are warned of.
+    Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
+    contradict each other) and noise of the inputs are warned of.
 
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
     cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
@@ -129,14 +130,14 @@ def response_scatter(
 
 
 def _biasing_faults(record: Record) -> list[str]:
-    """Faults of a record of one period that bias all lines alike; periods show theirs by their scatter."""
-    if record.periodic:
-        return []
+    """Faults that bias all lines alike; periods show theirs by their scatter, but for unlike experiments."""
     # Of samples of any size: by powers of two, which leave the digits as they are.
     u, y = (
         np.ldexp(x, -np.frexp(np.abs(x).max(axis=(0, 1, 2), initial=0.0))[1]) for x in (record.u, record.y)
     )
-    return [fault.in_a_line for fault in biasing_faults(dataclasses.replace(record, u=u, y=y))]
+    sized = dataclasses.replace(record, u=u, y=y)
+    found = find_unlike_experiments(sized) if record.periodic else biasing_faults(sized)
+    return [fault.in_a_line for fault in found]
 
 
 def _noise_of_inputs(record: Record, found: ResponseScatter, variance: np.ndarray) -> list[str]:

@@ -23,6 +23,10 @@ from middeck.systems.poles.rounding import farthest_pole
 from middeck.systems.poles.strong_components import component_poles
 
 Form = Literal["auto", "dense", "modal"]
+BETTER_STATED = (
+    "state it so that its numbers hold its poles: by zeros and poles (scipy.signal.ZerosPolesGain) or in "
+    "sections, not by the coefficients of one ratio"
+)
 Each = float | Sequence[float] | Float[np.ndarray, " port"]
 
 
@@ -68,10 +72,12 @@ def package_law(
     radius, reach = float(np.abs(component_poles(sampled.A)).max(initial=0.0)), farthest_pole(sampled.A)
     if reach >= 1.0 and not unstable:
         blur = reach - radius
-        said = "is" if radius - blur >= 1.0 - 1e-9 else "may be"
+        sure = radius - blur >= 1.0 - 1e-9
+        instead = "design with less authority" if sure else BETTER_STATED
         raise ConfigError(
-            f"the compensator {said} unstable by itself: a pole of magnitude {radius:.6f} +- {blur:.0e}",
-            hint="declare it, and it must be proved on every model; or design with less authority",
+            f"the compensator {'is' if sure else 'may be'} unstable by itself: "
+            f"a pole of magnitude {radius:.6f} +- {blur:.0e}",
+            hint=f"declare it, and it must be proved on every model; or {instead}",
         )
     if not (np.isfinite(ramp_s) and ramp_s >= 0.0):
         raise ConfigError(f"a ramp of {ramp_s} s", hint=">= 0 s, 0 for none")

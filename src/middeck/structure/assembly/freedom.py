@@ -134,7 +134,15 @@ def _still(motions: np.ndarray, moved: np.ndarray) -> np.ndarray:
 
 def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
     """Rows and columns of the coordinates that move; the matrix itself where all do."""
-    return K if np.all(active) else sp.csr_array(K[active][:, active])
+    if np.all(active):
+        return K
+    # Every step of a descent asks for it: several times as quick as two of scipy's own selections.
+    keep = np.repeat(active, np.diff(K.indptr)) & active[K.indices]
+    place, before = np.cumsum(active) - 1, np.concatenate([[0], np.cumsum(keep)])
+    indptr = np.append(before[K.indptr[:-1][active]], before[-1])
+    size = len(indptr) - 1
+    kept = K.data[keep], place[K.indices[keep]].astype(K.indices.dtype), indptr.astype(K.indptr.dtype)
+    return sp.csr_array(kept, shape=(size, size))
 
 
 def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:

@@ -183,15 +183,16 @@ def component_faults(component: Component) -> Iterator[str]:
 
 
 def component_doubts(component: Component) -> Iterator[str]:
-    """Warnings for unusual components: modal masses other than one, a frequency beyond all others."""
+    """Warnings for unusual components: a modal mass unlike the others, a frequency beyond all others."""
     first = 6 * len(component.grids)
     k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
-    off = np.flatnonzero((np.abs(m - 1.0) > BODY) & (k > m))  # else the angle of a free joint
+    usual = float(np.median(m)) if len(m) else 1.0  # one in units of the file
+    off = np.flatnonzero((np.abs(m - usual) > BODY * usual) & (k > m))  # else the angle of a free joint
     if 0 < len(off) <= FEW * component.modal:
         at = coordinate_name(component, first + int(off[0]))
         yield (
-            f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of 1 at nearly "
-            "all others: is its file damaged?"
+            f"component {component.name!r} has a modal mass of {m[off[0]]:.6g} at {at} and of {usual:.6g} "
+            "at nearly all others: is its file damaged?"
         )
     square = np.divide(k, m, out=np.zeros(len(k)), where=m > NEGATIVE_MASS * m.max(initial=0.0))
     rank = np.argsort(square)
@@ -307,7 +308,9 @@ def _indefinite(component: Component) -> Iterator[str]:
         return
     with np.errstate(divide="ignore"):
         squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
-    elastic = squared[squared > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
+    # The six lowest are rigid: of them printed digits may leave more than a small part of a soft elastic one.
+    elastic = np.sort(squared)[6:]
+    elastic = elastic[elastic > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
     lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
     # Where a soft motion moves stiff parts as one, the terms that cancel in it have a rounding of their own.
     moved = np.abs(shapes / size[:, None])
@@ -316,8 +319,13 @@ def _indefinite(component: Component) -> Iterator[str]:
         squared + NEGATIVE * lowest + np.divide(CANCELS * terms, share, out=0.0 * share, where=share > 0.0)
     )
     if beyond.min() < 0.0:
-        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, np.argmin(beyond)]))]))
-        yield f"its stiffness is indefinite: a motion, most of it {worst}, has a negative stiffness"
+        least = int(np.argmin(beyond))
+        worst = coordinate_name(component, int(index[np.argmax(np.abs(shapes[:, least]))]))
+        yield (
+            f"its stiffness is indefinite: a motion, most of it {worst}, has a negative stiffness, an "
+            f"omega^2 of {squared[least] / lowest:.2g} times the lowest elastic one ({-NEGATIVE:g} is "
+            "allowed: near that the matrices need more digits)"
+        )
         return
     yield from _resists(component, K, M, there, lowest)
 

@@ -157,6 +157,8 @@ def sections_along(
 def mean_section(sections: Sequence[Section]) -> Section:
     """The section with the mean of every number."""
     first, *others = sections
+    if all(other is first for other in others):
+        return first
     for count, other in enumerate(others, start=2):
         first = _mixed(first, other, 1.0 / count)
     return first

@@ -227,7 +227,8 @@ def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
     if environment.hung or environment.springs or environment.bushings:
         return
     weight = model.structure.mass > 0.0 and bool(np.any(loads.gravity))
-    if not (weight or np.any(loads.push)):  # what pulls then is rounding
+    falls = free_translations(environment.clamps)
+    if not (weight or np.any(loads.push)) or not falls.size:  # what pulls then is rounding, or is held
         return
     T = rigid_columns(model.tree, model.rest, model.rest.x.mean(axis=0))
     drawn = dataclasses.replace(model.rest, since_drawn=None)
@@ -236,7 +237,6 @@ def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
         size = np.repeat([1.0, article_size(model)], 3)
         free = sla.null_space((links_at(model, drawn).jacobian @ T) / size, rcond=LEVEL)
         pull = size * (free @ (free.T @ (pull / size)))
-    falls = free_translations(environment.clamps)
     along = falls @ (falls.T @ pull[:3])
     scale = LEVEL * imbalance_weight(model, loads)
     where = f"environment {environment.title!r}"

@@ -27,6 +27,9 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
+# What moves farther under its weight is taken for a mechanism (m, rad). Before supports carry an article
+# nothing may hold it back from swinging: this does at first, in g per metre.
+SWING, HOLD_FIRST = 0.8, 10.0
 # Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
 # then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
@@ -70,6 +73,8 @@ def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedSta
     start, none = model.rest, np.zeros(len(supports.axis))
     found = _settle_pinned(model, loads, supports, mass, start, none, contract=True)
     if found is None:
+        found = _settle_pinned(model, loads, supports, mass, start, none, carried_first=True)
+    if found is None:
         found = start, none
         for factor in (*LOAD_FACTORS, 1.0):
             found = _settle_pinned(model, scale_loads(loads, factor), supports, mass, *found)
@@ -107,16 +112,20 @@ def _settle_pinned(
     force: np.ndarray,
     *,
     contract: bool = False,
+    carried_first: bool = False,
 ) -> tuple[Configuration, np.ndarray] | None:
     """Newton's method from ``config`` and ``force``; None where it does not settle.
 
-    Or where its steps do not ``contract``: it is then on its way to some other branch.
+    Or where its steps do not ``contract``: it is then on its way to some other branch. ``carried_first``:
+    the first step finds support forces alone, and all others add up to no more than `SWING`.
     """
     scale = imbalance_scale(model, loads)
-    size = np.inf
+    size, swung = np.inf, np.zeros(1)
     for _ in range(MAX_ITERATIONS):
         free = static_freedom(model, config)
-        hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
+        first = carried_first and not np.any(force)
+        g = float(np.linalg.norm(loads.gravity))
+        hold = (HOLD_FIRST if first else HOLD_IN_G) * g * free.matrix(mass)
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
         at = assemble_carried(model, config, loads, load)
@@ -128,17 +137,25 @@ def _settle_pinned(
         soft = uncarried(config.since_drawn, len(free.active))[free.active]
         spring = max(float(np.abs(K.diagonal()[soft]).max(initial=0.0)), scale[0] / article_size(model))
         q, change = _constrained_step(K, G, free.part(at.gradient), slip, spring)
+        if first:
+            force = force - change
+            continue
         before, size = size, float(np.abs(q).max(initial=0.0))
-        if not (size < RUNAWAY_M or contract):
+        if not (size < RUNAWAY_M or contract or carried_first):
             raise EquilibriumError(
                 "the article, held at its attach points, is still a mechanism that moves under its weight",
                 where="suspension.held",
                 hint="hold enough directions: y and z at each of three points and x at one stop a straight "
-                "bus; if they are held, the article is far too soft or heavy: check the units of its lengths "
-                "and E",
+                "bus; if they are held, the centre of mass lies far beside or above the attach points, or "
+                "the article is far too soft or heavy: check the units of its lengths and E",
             )
         if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
             return None
+        if carried_first:
+            q *= LONGEST_STEP / max(size, LONGEST_STEP)
+            swung = swung + free.spread(q)
+            if not np.abs(swung).max() <= SWING:
+                return None
         moved = closed(model, move_carried(model.tree, config, free.spread(q)))
         if moved is None:
             return None

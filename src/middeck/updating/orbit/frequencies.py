@@ -36,7 +36,8 @@ class Prediction:
 
     Attributes:
         modes, index: Modes of the refined model, and which of them these are.
-        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies.
+        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies,
+            and a cable in the mean.
         log_root: Root of their shared covariance, by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the surveys measured, by what each mode has of the shapes that it saw, less what is lost
@@ -132,7 +133,7 @@ def predict_modes(
     """The lowest ``count`` modes that are not rigid, in ``environment``.
 
     Without gravity a weak cable may hold the article, with any frequency up to ``umbilical_hz``
-    (`tie_umbilical`): intervals have what it changes.
+    (`tie_umbilical`), all as likely: frequencies have what it adds in the mean, intervals how that varies.
     """
     return predict_at(refined, solve_there(refined, environment, count), umbilical_hz)
 
@@ -149,12 +150,13 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
     if np.any(unseen > LITTLE):
         rest = rest + (unseen * finer) ** 2
+    cable, spread = _by_a_cable(modes, index, umbilical_hz)
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=shared @ found.d[: shared.shape[1]],
+        log_shift=shared @ found.d[: shared.shape[1]] + cable,
         log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
-        log_rest=np.hypot(np.sqrt(rest), _by_a_cable(modes, index, umbilical_hz)),
+        log_rest=np.hypot(np.sqrt(rest), spread),
         **(
             _damping(refined, modes, index, share, errors)
             if roots is None
@@ -165,16 +167,16 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     )
 
 
-def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> np.ndarray:
-    """Deviation of ln f by an umbilical of which all frequencies to ``umbilical_hz`` are as likely."""
+def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> Float[np.ndarray, "2 mode"]:
+    """Mean and deviation of what a cable to ``umbilical_hz``, all frequencies as likely, adds to ln f."""
     structure, place = modes.equilibrium.model.structure, modes.equilibrium.environment
     if not structure.attach_points or place.clamps or np.any(place.gravity):
-        return np.zeros(len(index))
+        return np.zeros((2, len(index)))
     point = umbilical_point(structure).name
     motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]
-    stiffer = structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
-    # The rms of the square of a number up to one.
-    return np.sqrt(0.2) * 0.5 * stiffer
+    most = 0.5 * structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
+    # Of the square of a number up to one.
+    return np.outer([1.0 / 3.0, np.sqrt(4.0 / 45.0)], most)
 
 
 def _on_the_ground(share: np.ndarray, errors: OwnErrors | None, compared: Sequence[Compared]) -> np.ndarray:

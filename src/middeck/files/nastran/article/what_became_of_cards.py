@@ -24,6 +24,7 @@ NOT_SELECTED = "not selected by case control"
 # What an article has in place of cards that are passed over, by the beginning of their names.
 ELSEWHERE = {
     ("ROTOR", "RSPIN", "RGYRO"): "rotors do not spin: give a [[wheel]] and its speed in the environment",
+    ("PBUSHT", "PELAST"): "stiffness by frequency or load: the article has that of PBUSH, PELAS",
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): "damping: give it in the article's [damping]",
 }
 DIVIDES = "which superelement something is in: the article is not divided"

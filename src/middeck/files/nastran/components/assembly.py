@@ -35,6 +35,8 @@ PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBU
 WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
 # Largest distance, over the size, of grids that are joined by place.
 NEAR = 1e-5
+# Relative difference of modal masses that is none: printed digits.
+MODAL = 1e-5
 LONGEST = 100_000  # points in a range
 
 
@@ -68,6 +70,7 @@ def read_assembly(
         joined = _joined(card, number, bulk, part, places, units)
         frames = tuple(f"g{grid}" for grid in joined.values())
         parts[f"{name}-se{number}.npz"] = dataclasses.replace(part, frames=frames)
+        bulk.notes.extend(_scaled(part, units))
     if not parts:
         raise ConfigError(
             "no SEBULK in the bulk data", where=str(path), hint="does all of it stand behind BEGIN BULK?"
@@ -81,6 +84,16 @@ def read_assembly(
     selection = read_selection(bulk.head[cend + 1 :], subcase)
     entries, notes = read_entries(cards), tuple(bulk.notes)
     return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
+
+
+def _scaled(part: Component, units: Units) -> Iterator[str]:
+    """A note where all modal masses, which Nastran writes as one in its own units, are another number."""
+    modal = np.diagonal(part.mass)[6 * len(part.grids) :] / (units.mass * units.length**2)
+    if len(modal) and abs(modal[0] - 1.0) > MODAL and np.abs(modal - modal[0]).max() <= MODAL * abs(modal[0]):
+        yield (
+            f"{part.name} has modal masses of {modal[0]:.6g}, Nastran writes 1: is its mass a weight "
+            "(386.1, 9.81), or are its matrices in units other than the deck's? Frequencies would be wrong"
+        )
 
 
 def _unread(bulk: Bulk) -> Iterator[Fault]:

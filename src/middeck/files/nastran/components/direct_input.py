@@ -1,7 +1,6 @@
 """Matrices by direct input: what case control adds by K2GG and M2GG, both as a component of the article."""
 
 import dataclasses
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,6 @@ from middeck.structure.model.component import Component
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
 NAME = "direct"
-MANTISSA = re.compile(r"[+-]?(\d*)\.(\d*)")
 
 
 class Lone(NamedTuple):
@@ -55,18 +53,12 @@ def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
     if not columns:
         faults.append(entry.fault("has no entries"))
         return None
-    grids, scalars, matrix = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
+    grids, scalars, matrix, digits = basic_matrix(_cards(deck), chosen[alone[0]], READ[alone[0]], deck.path)
     if scalars:
         what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
         faults.append(entry.fault(what, hint="K2GG and M2GG"))
         return None
-    return Lone(READ[alone[0]], entry, grids, matrix, max(map(_digits, columns)))
-
-
-def _digits(column: Entry) -> int:
-    """The most digits of a number on a card, zeros at its end counted."""
-    numbers = filter(None, (MANTISSA.match(text) for text in column.card.fields))
-    return max((len("".join(number.groups()).lstrip("0")) for number in numbers), default=1)
+    return Lone(READ[alone[0]], entry, grids, matrix, digits)
 
 
 def _cards(deck: Deck) -> list[Card]:

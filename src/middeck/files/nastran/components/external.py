@@ -19,10 +19,16 @@ from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
 from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
 from middeck.files.nastran.deck.entries import read_entries
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
-from middeck.structure.model.component import ROUNDING, UNEQUAL, Component, require_component
+from middeck.structure.model.component import (
+    ROUNDING,
+    UNEQUAL,
+    Component,
+    require_component,
+    rigid_vectors,
+)
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
 
@@ -35,6 +41,8 @@ NAMES = {
 }
 GEOMETRY = ("GRID", "GRDSET", "CORD1R", "CORD2R", "CORD1C", "CORD2C", "CORD1S", "CORD2S")
 ALL = "123456"
+# Rounding of a printed matrix in basic axes, with that of its grids' places and axes, over its own.
+NOISE = 10.0
 _SUPER = re.compile(r"\s*BEGIN(?:\s+BULK)?\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNORECASE)
 _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
 
@@ -177,13 +185,19 @@ def component_of(
     stiffness, mass, damping = si(K, 1.0), si(M, units.time**2), si(B, units.time)
     assert stiffness is not None
     assert mass is not None
+    positions = np.array([places.grids[g] for g in boundary.grids]).reshape(-1, 3) * units.length
+    if matrices is None:
+        printed = np.abs(turn) @ np.abs(K) @ np.abs(turn.T) * energy
+        digits = max(punched.digits[name] for name in names["stiffness"] if name in punched.digits)
+        noise = NOISE * rounding_of(digits) * printed
+        stiffness = _without_grounding(stiffness, noise, positions, present)
     try:
         return require_component(
             Component(
                 name=name,
                 grids=tuple(map(str, boundary.grids)),
                 frames=tuple(f"g{grid}" for grid in boundary.grids),
-                positions=np.array([places.grids[g] for g in boundary.grids]).reshape(-1, 3) * units.length,
+                positions=positions,
                 stiffness=stiffness,
                 mass=mass,
                 damping=damping,
@@ -196,10 +210,29 @@ def component_of(
         ) from None
 
 
+def _without_grounding(
+    stiffness: np.ndarray, rounding: np.ndarray, positions: np.ndarray, present: np.ndarray
+) -> np.ndarray:
+    """The stiffness of a free part without the resistance to rigid motion that its digits leave.
+
+    That may be a negative stiffness as well as a positive one. ``rounding`` bounds that of each entry and of
+    the positions of its grids together; beyond it nothing is changed.
+    """
+    R = rigid_vectors(positions, len(stiffness))
+    R[: present.size][~present.ravel()] = 0.0
+    if not np.all(np.abs(stiffness @ R) <= rounding @ np.abs(R)):
+        return stiffness
+    size = np.sqrt(np.abs(np.diagonal(stiffness)))
+    P = np.eye(len(stiffness)) - R @ np.linalg.lstsq(size[:, None] * R, np.diag(size))[0]
+    return P.T @ stiffness @ P
+
+
 def basic_matrix(
     cards: Sequence[Card], name: str, what: str, where: str
-) -> tuple[tuple[int, ...], tuple[int, ...], np.ndarray]:
+) -> tuple[tuple[int, ...], tuple[int, ...], np.ndarray, int]:
     """Grids and scalar points of one DMIG; its rows, six of each grid, in units of the deck and basic axes.
+
+    Last comes the number of digits of its longest number.
 
     ``what`` it is; raises `ConfigError` or `DataError` as `component_of` does, and for one that is not
     symmetric.
@@ -223,7 +256,7 @@ def basic_matrix(
             hint="export it as a symmetric matrix (form 6), in more digits",
         )
     turn, _ = _to_basic(boundary, places, BARE, where)
-    return boundary.grids, boundary.scalars, turn @ matrix @ turn.T
+    return boundary.grids, boundary.scalars, turn @ matrix @ turn.T, punched.digits[name]
 
 
 def geometry_of(cards: Iterable[Card]) -> Places:
@@ -339,10 +372,14 @@ def _to_basic(boundary: Boundary, places: Places, units: Units, where: str) -> t
 
 
 class Punched(NamedTuple):
-    """Punched matrices: by name whether one triangle stands for both, and entries by two (point, way)."""
+    """Punched matrices: by name whether one triangle stands for both, and entries by two (point, way).
+
+    ``digits`` are the most that a number of the matrix has.
+    """
 
     symmetric: dict[str, bool]
     columns: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]]
+    digits: dict[str, int]
 
     def pairs(self, names: Mapping[str, tuple[str, ...]]) -> list[tuple[int, str]]:
         """Points of the stiffness and mass with their components, grids first, in ascending order."""
@@ -383,6 +420,7 @@ def read_dmig(cards: Sequence[Card]) -> Punched:
     """Real DMIG by name; raises `ConfigError` with file and line for complex ones and entries given twice."""
     symmetric: dict[str, bool] = {}
     columns: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]] = {}
+    digits: dict[str, int] = {}
     for card in cards:
         name, fields = card.fields[0], card.fields
         if len(fields) > 2 and fields[1] == "0":
@@ -391,6 +429,7 @@ def read_dmig(cards: Sequence[Card]) -> Punched:
                 _refuse(card, 2, "a matrix that is not real, or of a form other than 1, 2, 6, 9")
             symmetric[name] = integer(fields[2]) == 6
             columns.setdefault(name, {})
+            digits.setdefault(name, 1)
             continue
         if name not in symmetric:
             _refuse(card, 0, "a column before the head of its matrix")
@@ -405,7 +444,8 @@ def read_dmig(cards: Sequence[Card]) -> Punched:
             if entry in columns[name] or (symmetric[name] and entry[::-1] in columns[name]):
                 _refuse(card, i, "an entry given twice")
             columns[name][entry] = value
-    return Punched(symmetric, columns)
+            digits[name] = max(digits[name], count_digits(fields[i + 2]))
+    return Punched(symmetric, columns, digits)
 
 
 def _point(card: Card, at: int) -> tuple[int, int]:

@@ -4,7 +4,11 @@ import math
 import re
 
 _REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d{1,4})|[ED](\d{1,4}))?", re.ASCII)
+_MANTISSA = re.compile(r"[+-]?(\d*)\.(\d*)", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d{1,15}", re.ASCII)
+
+# Numbers of fewer digits are written by hand, and exact: the narrowest field prints as many.
+PRINTED, EXACT = 5, 1e-15
 
 
 def real(text: str) -> float | None:
@@ -29,3 +33,18 @@ def integer(text: str) -> int | None:
     (-12, None, None)
     """
     return int(text) if _INTEGER.fullmatch(text) else None
+
+
+def count_digits(text: str) -> int:
+    """The digits of a real, zeros at its end counted.
+
+    >>> count_digits("-0.120D+02"), count_digits("7")
+    (3, 0)
+    """
+    found = _MANTISSA.match(text)
+    return len("".join(found.groups()).lstrip("0")) if found else 0
+
+
+def rounding_of(digits: int) -> float:
+    """Largest relative rounding error of numbers of which the longest has ``digits``."""
+    return max(EXACT, 0.5 * 10.0 ** (1 - digits)) if digits >= PRINTED else EXACT

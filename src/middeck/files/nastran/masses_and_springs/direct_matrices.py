@@ -13,6 +13,7 @@ import numpy as np
 from middeck.files.nastran.components.direct_input import Lone
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.deck.numbers import rounding_of
 from middeck.files.nastran.masses_and_springs.bodies import Mass, mass_of_matrix
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.toml.faults import Fault
@@ -23,15 +24,13 @@ UNEQUAL = 1e-6
 LEFT = 1e-7
 # What is left below zero comes of digits too, as those of the grids' places: so many times that is noise.
 NOISE = 10.0
-# Numbers of fewer digits are written by hand, and exact: the narrowest field prints as many.
-PRINTED, EXACT = 5, 1e-15
 
 
 def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
     """Bushings of a stiffness that stands alone; appends to ``faults`` one that is no sum of such."""
     grids, count = lone.grids, len(lone.grids)
     own = [lone.block(k, k).copy() for k in range(count)]
-    half = max(EXACT, 0.5 * 10.0 ** (1 - lone.digits)) if lone.digits >= PRINTED else EXACT
+    half = rounding_of(lone.digits)
     doubt = [half * _sizes(lone, places, k, k) for k in range(count)]
     found: list[Tie] = []
     for i, a in enumerate(grids):

@@ -9,6 +9,7 @@ import scipy.optimize
 from jaxtyping import Complex, Float
 
 STEPS = 200  # of the refit, which takes some tens
+FIRST_STEPS = 20  # of either sign of the gain; the better goes on
 LEAST_DAMPING = 1e-6  # with which a zero on the axis starts
 
 
@@ -55,7 +56,7 @@ def refit_left(
         by = [np.ones((1, len(s))), -over / (1.0 + over), a * s / b / quadratic, 1.0 / quadratic - 1.0]
         return H * np.concatenate(by)
 
-    def left(sign: float) -> float:
+    def refined(sign: float, theta: np.ndarray, steps: int) -> Any:
         def residual(theta: np.ndarray) -> np.ndarray:
             return ((sign * factors(theta)[0] - data) / size).view(float)
 
@@ -63,7 +64,11 @@ def refit_left(
             return np.ascontiguousarray(sign * derivative(theta) / size).view(float).T
 
         least_squares: Any = scipy.optimize.least_squares
-        found = least_squares(residual, np.concatenate([[0.0], start]), jac=slope, max_nfev=STEPS)
-        return float(np.sqrt(2.0 * found.cost))
+        return least_squares(residual, theta, jac=slope, max_nfev=steps)
 
-    return min(left(1.0), left(-1.0))
+    first_of = {sign: refined(sign, np.concatenate([[0.0], start]), FIRST_STEPS) for sign in (1.0, -1.0)}
+    sign = min(first_of, key=lambda sign: first_of[sign].cost)
+    found = first_of[sign]
+    if not found.success:
+        found = refined(sign, found.x, STEPS)
+    return float(np.sqrt(2.0 * found.cost))

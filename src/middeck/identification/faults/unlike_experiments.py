@@ -1,0 +1,125 @@
+"""Faults seen by comparing the experiments of one session: swapped outputs, turned signs, other gains."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.identification.faults.equal_runs import Found, fault
+from middeck.identification.faults.lost_samples_and_feedback import (
+    ANSWER,
+    FEWEST_SAMPLES,
+    correlation,
+    whitened,
+)
+from middeck.signals.fault import Fault
+from middeck.signals.record import Record
+
+# Correlation of two answers from which they are one (or, negative, one turned round), and by how much another
+# output's must be better.
+ALIKE, BETTER = 0.6, 0.2
+# Power of an answer over that of noise from which it is compared.
+HEARD = 4.0
+# A gain is told from so many of its deviations and this share, if half the lines agree with it within a half.
+SURE, SHARE, AGREE = 6.0, 0.005, 0.5
+# Lines that a gain is told from: their power over that of their noise, and how many.
+CLEAR, FEWEST_LINES = 30.0, 20
+# Times the median weight that a line may have: few lines at a resonance tell nothing of a gain.
+HEAVIEST = 10.0
+
+
+def find_unlike_experiments(record: Record) -> list[Fault]:
+    """Outputs that answer the inputs in one experiment otherwise than in the first."""
+    experiments, periods, samples, _ = record.u.shape
+    if experiments < 2 or periods * samples < FEWEST_SAMPLES:
+        return []
+    a = _answers(record)
+    found: list[Fault] = []
+    for e in range(1, experiments):
+        alike = np.array([[_cosine(y, z) for z in a[e]] for y in a[0]])
+        for o, port in enumerate(record.outputs):
+            what = _swapped(record, alike, o) or _turned(record, a[0, o], a[e, o])
+            found += [] if what is None else [what.at("output", port, e)]
+    return found or _gains(record)
+
+
+def _answers(record: Record) -> Float[np.ndarray, "experiment output input lag"]:
+    """What each output answers each input, both whitened, in deviations of noise."""
+    u, y = (
+        np.array([[whitened(x) for x in e.reshape(-1, e.shape[2]).T] for e in side])
+        for side in (record.u, record.y)
+    )
+    return np.stack([correlation(*each, 0, ANSWER) for each in zip(u, y, strict=True)])
+
+
+def _cosine(a: np.ndarray, b: np.ndarray) -> float:
+    """Correlation of two answers; zero where one is lost in noise."""
+    power = np.array([np.sum(a**2), np.sum(b**2)])
+    return float(np.sum(a * b) / np.sqrt(np.prod(power))) if power.min() > HEARD * a.size else 0.0
+
+
+def _swapped(record: Record, alike: Float[np.ndarray, "output output"], o: int) -> Found | None:
+    for p, port in enumerate(record.outputs):
+        other = min(abs(alike[o, p]), abs(alike[p, o]))
+        if p != o and other > ALIKE and other > max(abs(alike[o, o]), abs(alike[p, p])) + BETTER:
+            what = f"answers the inputs as {port.name} does in experiment 0, and that one as this: swapped"
+            return fault("unlike", what, "check the wiring of both experiments, and exchange the channels")
+    return None
+
+
+def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> Found | None:
+    """The input whose answer has the other sign; ``first`` and ``here`` are answers [input, lag]."""
+    inputs = [p.name for p, a, b in zip(record.inputs, first, here, strict=True) if _cosine(a, b) < -ALIKE]
+    if not inputs:
+        return None
+    what = f"answers {', '.join(inputs)} with the opposite sign of experiment 0"
+    return fault("unlike", what, "turn the sign in one of the two: this sensor's, or the input's if all do")
+
+
+def _gains(record: Record) -> list[Fault]:
+    """Other gains of outputs in repeated records of one input, where each experiment tells a response."""
+    experiments, periods, _, inputs = record.u.shape
+    if periods < 2 or inputs > 1:
+        return []
+    U, Y = (np.fft.rfft(x, axis=2)[:, :, 1:-1] for x in (record.u, record.y))
+    power_u, power_y, noise = _power(U)[0], *_power(Y)
+    driven = power_u[..., 0] > 1e-3 * power_u[..., 0].max(axis=1, keepdims=True)
+    clear = (power_y > CLEAR * noise) & driven[:, :, None]
+    G = np.divide(power_y, power_u, out=np.ones_like(power_y), where=clear)
+    found: list[Fault] = []
+    for e in range(1, experiments):
+        for o, port in enumerate(record.outputs):
+            use = clear[0, :, o] & clear[e, :, o]
+            ratio = (noise / np.maximum(power_y, 1e-300))[[0, e]][:, use, o].sum(axis=0)
+            change = _change(G[0, use, o], G[e, use, o], ratio)
+            if change is not None:
+                what = f"has {np.exp(change):.3f} times the gain of experiment 0, on all lines"
+                hint = "check range, amplifier and level; scale one of the two, or fit them apart"
+                found.append(fault("unlike", what, hint).at("output", port, e))
+    return found
+
+
+def _power(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Power of the mean over periods (second axis) without that of its noise, and that of its noise.
+
+    What different periods have in common is free of noise.
+    """
+    periods = X.shape[1]
+    mean = X.mean(axis=1)
+    noise = np.mean(np.abs(X - mean[:, None]) ** 2, axis=1) / (periods - 1)
+    return np.abs(mean) ** 2 - noise, noise
+
+
+def _change(
+    first: Float[np.ndarray, " line"], here: Float[np.ndarray, " line"], ratio: Float[np.ndarray, " line"]
+) -> float | None:
+    """Logarithm of the gain's change; None where it may be chance, or is not that of all lines."""
+    if len(first) < FEWEST_LINES:
+        return None
+    d = (here - first) / (here + first)  # half of the logarithm of the ratio of powers
+    weight = 1.0 / np.maximum(ratio, 1e-12)
+    weight = np.minimum(weight, HEAVIEST * float(np.median(weight)))
+    mean = float(weight @ d / weight.sum())
+    deviation = float(np.sqrt(np.sum((weight * (d - mean)) ** 2)) / weight.sum())
+    sure = abs(mean) > max(SURE * deviation, SHARE)
+    return mean if sure and abs(float(np.median(d)) - mean) < AGREE * abs(mean) else None

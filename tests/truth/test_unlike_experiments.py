@@ -1,0 +1,86 @@
+"""Experiments of one session that contradict each other are told; those that agree are not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli_runner import middeck
+from middeck.files.records import write_record
+from middeck.identification.faults.detect import detect_faults
+from middeck.identification.spectra.estimate import estimate_response
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
+from repeats import repeats
+
+Change = Callable[[np.ndarray], np.ndarray]
+HZ, PERIOD, PERIODS = 100.0, 512, 4
+PORTS = (Port("force", "N"),), (Port("tip", "m"), Port("root", "m"))
+
+
+def answer(u: np.ndarray) -> np.ndarray:
+    """Three modes in two outputs, in steady state: the closed-form response to held inputs."""
+    z = np.exp(2j * np.pi * np.fft.rfftfreq(PERIOD))
+    H = np.zeros((len(z), 2), dtype=complex)
+    for hz, zeta, shape in ((4.3, 0.02, (1.0, 0.3)), (11.0, 0.015, (-0.6, 0.8)), (19.7, 0.01, (0.4, 1.0))):
+        s = 2.0 * np.pi * hz * complex(-zeta, np.sqrt(1.0 - zeta**2))
+        for pole, residue in ((s, 1.0 / (2j * s.imag)), (s.conjugate(), -1.0 / (2j * s.imag))):
+            e = np.exp(pole / HZ)
+            H += np.outer(residue * (e - 1.0) / pole / (z - e), np.array(shape) * hz)
+    return np.fft.irfft(H * np.fft.rfft(u)[:, None], n=PERIOD, axis=0)
+
+
+def session(
+    rng: np.random.Generator,
+    change: Callable[[np.ndarray], np.ndarray],
+    *,
+    experiments: int = 2,
+    noise: float,
+) -> Record:
+    """Experiments of a multisine each; ``change`` is made to the outputs of the last."""
+    u = np.fft.irfft(np.exp(2j * np.pi * rng.random((experiments, PERIOD // 2 + 1))), n=PERIOD)
+    y = np.stack([answer(x) for x in u])
+    y[-1] = change(y[-1])
+    u, y = (np.repeat(x.reshape(experiments, 1, PERIOD, -1), PERIODS, axis=1) for x in (u, y))
+    y = y + noise * y.std(axis=(0, 1, 2)) * rng.standard_normal(y.shape)
+    return Record(sample_hz=HZ, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=True, held=True)
+
+
+CHANGES = {
+    "swapped": (lambda y: y[:, ::-1], ["tip", "root"], "swapped"),
+    "one sign": (lambda y: y * [1.0, -1.0], ["root"], "opposite sign"),
+    "sign of the input": (lambda y: -y, ["tip", "root"], "opposite sign"),
+    "a gain": (lambda y: y * [1.03, 1.0], ["tip"], r"1\.0(29|30|31) times the gain"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("noise", repeats([0.02, 1e-3, 1e-6]))
+def test_what_an_experiment_has_otherwise_is_told(change: str, noise: float) -> None:
+    make, channels, said = CHANGES[change]
+    record = session(np.random.default_rng(5), make, noise=noise)
+    found = detect_faults(record)
+    assert [(f.kind, f.severity, f.channel, f.experiment) for f in found] == [
+        ("unlike", "serious", name, 1) for name in channels
+    ]
+    with pytest.warns(UserWarning, match=said):
+        estimate_response(record)
+
+
+def test_experiments_that_agree_are_clean(campaign: Callable[[int], range]) -> None:
+    for seed in campaign(200):
+        rng = np.random.default_rng([7, seed])
+        noise = float(rng.choice([1e-6, 0.01, 0.1, 0.5]))
+        assert detect_faults(session(rng, lambda y: y, experiments=2 + seed % 2, noise=noise)) == (), seed
+
+
+def test_a_fit_that_is_refused_names_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "session.npz"
+    write_record(path, session(np.random.default_rng(5), lambda y: -y, noise=0.01))
+    ended = middeck(capfd, "identify", path, "--states", 6, "--json")
+    told = ended.err if ended.code else " ".join(json.loads(ended.out)["warnings"])
+    assert "opposite sign of experiment 0" in told
