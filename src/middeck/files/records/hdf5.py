@@ -143,14 +143,12 @@ def head_hdf5(file: Path) -> tuple[Raw, tuple[int, int, int]]:
     return build_raw(arrays, str(file)), arrays["y"].shape[:3]
 
 
-def pieces_hdf5(file: Path, experiment: int, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """u[sample, input] and y[sample, output] of one experiment, at most ``size`` samples at a time."""
+def pieces_hdf5(file: Path, experiment: int, size: int) -> Iterator[np.ndarray]:
+    """u[sample, input] beside y[sample, output] of one experiment, at most ``size`` samples at a time."""
     with opened(file) as archive:
         u, y = archive["u"], archive["y"]
         for period in range(y.shape[1]):
             for k in range(0, y.shape[2], size):
                 rows = slice(k, k + size)
-                yield (
-                    np.asarray(u[experiment, period % u.shape[1], rows], dtype=float),
-                    np.asarray(y[experiment, period, rows], dtype=float),
-                )
+                both = u[experiment, period % u.shape[1], rows], y[experiment, period, rows]
+                yield np.hstack(both).astype(float)

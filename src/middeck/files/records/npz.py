@@ -84,8 +84,8 @@ def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     return read(member)
 
 
-def pieces_npz(file: Path, experiment: int, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """u[sample, input] and y[sample, output] of one experiment, at most ``size`` samples at a time."""
+def pieces_npz(file: Path, experiment: int, size: int) -> Iterator[np.ndarray]:
+    """u[sample, input] beside y[sample, output] of one experiment, at most ``size`` samples at a time."""
     with (
         _refusing(file),
         zipfile.ZipFile(file) as archive,
@@ -98,7 +98,7 @@ def pieces_npz(file: Path, experiment: int, size: int) -> Iterator[tuple[np.ndar
             of_y.seek(experiment, period)
             for k in range(0, of_y.shape[2], size):
                 count = min(size, of_y.shape[2] - k)
-                yield of_u.read(count), of_y.read(count)
+                yield np.hstack([of_u.read(count), of_y.read(count)])
 
 
 class _Samples:

@@ -1,6 +1,7 @@
 """Record files read piece by piece."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,42 +18,36 @@ def stream_npz(file: Path, columns: Columns | None) -> RecordStream:
     """NPZ, compressed or not."""
     from middeck.files.records.npz import head_npz, pieces_npz
 
-    return _stream_layout(file, columns, head_npz, pieces_npz)
+    return _stream_tables(file, columns, head_npz(file), partial(pieces_npz, file))
 
 
 def stream_hdf5(file: Path, columns: Columns | None) -> RecordStream:
     """HDF5 in the package's layout."""
     from middeck.files.records.hdf5 import head_hdf5, pieces_hdf5
 
-    return _stream_layout(file, columns, head_hdf5, pieces_hdf5)
-
-
-def _stream_layout(
-    file: Path,
-    columns: Columns | None,
-    head: Callable[[Path], tuple[Raw, tuple[int, int, int]]],
-    pieces: Callable[[Path, int, int], Pieces],
-) -> RecordStream:
-    raw, shape = head(file)
-    chosen = choose(raw.heads, columns, str(file))
-
-    def picked(experiment: int, size: int) -> Pieces:
-        for u, y in pieces(file, experiment, size):
-            table = np.hstack([u, y])
-            yield table[:, list(chosen.u)], table[:, list(chosen.y)]
-
-    return _stream(raw, shape, chosen, columns, file, picked)
+    return _stream_tables(file, columns, head_hdf5(file), partial(pieces_hdf5, file))
 
 
 def stream_csv(file: Path, columns: Columns | None) -> RecordStream:
     """CSV, line by line."""
     from middeck.files.records.csv_text import head_csv, pieces_csv
 
-    raw, shape = head_csv(file)
+    head = head_csv(file)
+    return _stream_tables(file, columns, head, lambda _, size: pieces_csv(file, head[0].sample_hz, size))
+
+
+def _stream_tables(
+    file: Path,
+    columns: Columns | None,
+    head: tuple[Raw, tuple[int, int, int]],
+    tables: Callable[[int, int], Iterator[np.ndarray]],
+) -> RecordStream:
+    """A stream from tables of all channels, of one experiment and of so many samples."""
+    raw, shape = head
     chosen = choose(raw.heads, columns, str(file))
 
     def pieces(experiment: int, size: int) -> Pieces:
-        for table in pieces_csv(file, raw.sample_hz, size):
+        for table in tables(experiment, size):
             yield table[:, list(chosen.u)], table[:, list(chosen.y)]
 
     return _stream(raw, shape, chosen, columns, file, pieces)

@@ -48,28 +48,26 @@ class Directions:
     stiff: Bool[np.ndarray, " delta"]
 
 
-def stiffness_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
-    """Stiffness directions of the modes in ``uncertainty.shifts``; ``finished`` is the nominal plant
-    controlled.
-
-    Raises `ConfigError` where a mode has not its two states in both, or nothing but these is uncertain.
-    """
-    return _directions(plant, finished, uncertainty, damped=False)
-
-
 def shift_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
     """Directions of stiffnesses, then of the dampings that move with them, each free within its bounds.
 
     Raises `ConfigError` as `stiffness_directions`, and where a shift changes more of the plant: outputs that
     read the acceleration of an uncertain mode.
     """
-    found = _directions(plant, finished, uncertainty, damped=True)
+    found = stiffness_directions(plant, finished, uncertainty, damped=True)
     for end in (-1.0, 1.0):
         _require_whole(plant, finished, uncertainty, found, end)
     return found
 
 
-def _directions(plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damped: bool) -> Directions:
+def stiffness_directions(
+    plant: Plant, finished: Plant, uncertainty: Uncertainty, *, damped: bool = False
+) -> Directions:
+    """Stiffness directions of the modes in ``uncertainty.shifts``, and if ``damped`` those of their dampings;
+    ``finished`` is the nominal plant controlled.
+
+    Raises `ConfigError` where a mode has not its two states in both, or nothing but these is uncertain.
+    """
     if not uncertainty.shifts:
         raise ConfigError("no mode is uncertain: this method needs shifts", hint="Uncertainty(shifts=...)")
     # Plant and finished plant may be computed in other units.
