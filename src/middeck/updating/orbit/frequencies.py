@@ -15,6 +15,7 @@ from middeck.structure.model.umbilical import umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
+from middeck.updating.refinement.curvature import bend_of, frequency_curvature
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.posterior import NORMAL_95
@@ -37,7 +38,7 @@ class Prediction:
     Attributes:
         modes, index: Modes of the refined model, and which of them these are.
         log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies,
-            and a cable in the mean.
+            and, in the mean, a cable and what is not linear in the unknowns (`bend_of`).
         log_root: Root of their shared covariance, by unknowns and errors of the refinement.
         log_rest: Standard deviation of what each mode has beside, alone.
         damping: What the surveys measured, by what each mode has of the shapes that it saw, less what is lost
@@ -109,6 +110,7 @@ class There(NamedTuple):
     told: Int[np.ndarray, " mode"]
     slope: Float[np.ndarray, "mode unknown"]
     left_out: Float[np.ndarray, " mode"]
+    curvature: Float[np.ndarray, "mode unknown unknown"]
     roots: LogRoots | None
 
 
@@ -121,7 +123,7 @@ def solve_there(refined: Refined, environment: Environment, count: int = 10) -> 
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     finer = np.diag(left_out(modes, index)) / (2.0 * lam)
     roots = roots_of_lowest(modes, there.bound, int(index[-1]) + 1) if refined.damped else None
-    return There(modes, index, slope, finer, roots)
+    return There(modes, index, slope, finer, frequency_curvature(modes, there.bound, index), roots)
 
 
 def predict_modes(
@@ -140,7 +142,7 @@ def predict_modes(
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
     """The prediction of ``refined`` for modes that are solved already."""
-    modes, index, slope, finer, roots = there
+    modes, index, slope, finer, curvature, roots = there
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
@@ -152,13 +154,15 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
         rest = rest + (unseen * finer) ** 2
     # Less than no shear is another error, which shifts the modes that showed it: of others nobody knows.
     false = np.where(unseen > LITTLE, unseen * finer * min(refined.shear[0], 0.0), 0.0)
-    cable, spread = _by_a_cable(modes, index, umbilical_hz)
+    log_root = np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]]
+    # Mean and deviation of what no linear estimate has.
+    (cable, its), (bend, own) = _by_a_cable(modes, index, umbilical_hz), bend_of(refined, log_root, curvature)
     return Prediction(
         modes=modes,
         index=index,
-        log_shift=shared @ found.d[: shared.shape[1]] - false + cable,
-        log_root=np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]],
-        log_rest=np.hypot(np.sqrt(rest + false**2), spread),
+        log_shift=shared @ found.d[: shared.shape[1]] - false + cable + bend,
+        log_root=log_root,
+        log_rest=np.sqrt(rest + false**2 + its**2 + own**2),
         **(
             _damping(refined, modes, index, share, errors)
             if roots is None

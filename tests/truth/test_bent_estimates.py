@@ -1,0 +1,84 @@
+"""Frequencies predicted to second order in what no test saw, against closed forms and quadrature."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import middeck as md
+import structure_builders as build
+from middeck.structure.correlation.measured_modes import measure_modes
+from middeck.structure.model.article import Structure
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import Environment
+from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.refinement.refine import refine
+from middeck.updating.residuals.surveys import Survey
+from middeck.updating.unknowns.unknowns import Unknown
+
+# Two bodies that twist against each other: f^2 = k (1 / J1 + 1 / J2), and k / J2 where the first is clamped.
+J1, J2, K, SPREAD, STD = 0.5, 0.3, 40.0, 0.4, 1e-5
+CLAMPED = Environment(title="stand", gravity=np.zeros(3), clamps=(Clamp(node="hub"),))
+FREE = dataclasses.replace(CLAMPED, title="free", clamps=())
+UNSEEN = Unknown(name="hub", parameters=("node.hub.inertia.xx",), spread=SPREAD)
+SPRING = Unknown(name="spring", parameters=("joint.ring.stiffness",), spread=0.1)
+
+
+def two_bodies() -> Structure:
+    hub = build.node("hub", (0.0, 0.0, 0.0), build.body(5.0, inertia=(J1, 0.4, 0.4)))
+    disc = build.body(2.0, inertia=(J2, 0.2, 0.2))
+    ring = build.joint("ring", "hub", np.eye(3)[0], disc, stiffness=K, target=0.0)
+    return build.structure([hub], (), [ring])
+
+
+def told(tested: Environment, place: Environment, spring: float) -> Prediction:
+    """The one twisting mode in ``place``, after a test of it in another; ``spring`` is the prior's spread."""
+    modes = md.solve_modes(md.solve_equilibrium(two_bodies(), tested))
+    index = [next(i for i, kind in enumerate(modes.kind) if kind != "rigid")]
+    seen = measure_modes(modes, [("hub", "rx"), ("ring", "angle")], chosen=index)
+    survey = Survey(name="test", measured=seen, environment=tested, frequency_std=STD)
+    found = refine(two_bodies(), [survey], (UNSEEN, dataclasses.replace(SPRING, spread=spring)), 1e-6)
+    return predict_modes(found, place, count=1)
+
+
+def ln_hz(off: np.ndarray, free: bool) -> np.ndarray:
+    """At logarithms of factors on J1, the spring as drawn."""
+    return 0.5 * np.log(K * (free * np.exp(-off) / J1 + 1.0 / J2)) - np.log(2.0 * np.pi)
+
+
+def moments(values: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    mean = weight @ values / weight.sum()
+    return float(mean), float(np.sqrt(weight @ (values - mean) ** 2 / weight.sum()))
+
+
+OFF = np.linspace(-6.0, 6.0, 2001) * SPREAD
+PRIOR = np.exp(-0.5 * (OFF / SPREAD) ** 2)
+
+
+def test_a_frequency_has_the_mean_and_the_deviation_of_what_no_test_saw():
+    """The clamped test says nothing of J1: ln f over its normal prior."""
+    predicted = told(CLAMPED, FREE, 0.1)
+    mean, deviation = moments(ln_hz(OFF, True), PRIOR)
+    assert mean - ln_hz(np.zeros(1), True)[0] > 0.008
+    assert np.log(predicted.frequency_hz[0]) == pytest.approx(mean, abs=0.0008)
+    assert predicted.log_std[0] == pytest.approx(deviation, rel=0.03)
+
+
+def test_a_bent_test_bends_what_is_told_by_it():
+    """A free test holds k to J1 on a bent line: clamped, ln f is bent although it is linear in ln k."""
+    predicted = told(FREE, CLAMPED, 1.0)
+    # On the line the spring makes up for J1; both have their prior.
+    spring = 2.0 * (ln_hz(np.zeros(1), True) - ln_hz(OFF, True))
+    mean, deviation = moments(ln_hz(OFF, False) + 0.5 * spring, PRIOR * np.exp(-0.5 * spring**2))
+    straight = ln_hz(np.zeros(1), False)[0]
+    assert straight - mean > 0.006
+    assert np.log(predicted.frequency_hz[0]) == pytest.approx(mean, abs=0.0015)
+    assert predicted.log_std[0] == pytest.approx(deviation, rel=0.03)
+
+
+def test_where_it_was_tested_a_frequency_is_what_was_measured():
+    predicted = told(FREE, FREE, 1.0)
+    assert np.log(predicted.frequency_hz[0]) == pytest.approx(ln_hz(np.zeros(1), True)[0], abs=STD)
+    assert predicted.log_std[0] < 2.0 * STD
