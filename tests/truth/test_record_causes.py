@@ -310,3 +310,28 @@ def test_feedback_in_a_long_record_is_told_without_much_memory() -> None:
     tracemalloc.stop()
     assert any("comes back in the inputs" in str(fault) for fault in told)
     assert most < 220e6
+
+
+@pytest.mark.parametrize("wander", [1.0, 0.0])
+def test_a_sensor_that_drifts_at_random_is_named_and_harms_no_mode(wander: float) -> None:
+    """A random walk as large as the signal was told as correlation with the inputs, and doubted the mode."""
+    rng = np.random.default_rng(901)
+    pole = np.exp(2.0 * np.pi * 0.12 * complex(-0.01, np.sqrt(1.0 - 0.01**2)))
+    u, noise, walk = rng.standard_normal((3, 1200))
+    y = lfilter([0.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], u)
+    walk = np.cumsum(walk)
+    y += y.std() * (0.01 * noise + wander * (walk - walk.mean()) / walk.std())
+    record = Record(
+        sample_hz=100.0,
+        u=u[None, None, :, None],
+        y=y[None, None, :, None],
+        inputs=(Port("force", "N"),),
+        outputs=(Port("tip", "m"),),
+        periodic=False,
+        held=True,
+    )
+    fit = fit_record(record, states=2, sampled=True)
+    assert fit.standing == ("sound",)
+    assert abs(natural_hz(fit.model)[0] - 12.0) < 4.0 * fit.uncertainty.natural_hz[0]
+    assert any("drifts at random" in said for said in fit.warnings) == (wander > 0.0)
+    assert not any("correlated with the inputs" in said for said in fit.warnings)

@@ -338,6 +338,7 @@ def _result(
         *lacks.said,
         *wrong,
         *residual_tests.doubts_of_level(measured, data, run, heard),
+        *residual_tests.doubts_of_wander(record, data, run, error),
         *doubts_of_lines(fit.lines),
     ]
     alone, standing = (

@@ -43,6 +43,7 @@ TOGETHER, TOGETHER_TOLD, FEWEST_SUMS = (20, 40), 4.5, 4
 # Octaves of lines, from the first so many lines on, over which what is left falls by so much from each to the
 # next if a sensor drifts at random (a random walk falls by four), and the share of it that they then have.
 OCTAVES, FIRST_LINES, FALLS, WANDERS = 3, 6, 1.8, 0.5
+WANDERING = FIRST_LINES * 2**OCTAVES  # lines
 # Standard deviations of a lead that chance does not explain.
 LEADS = 6.0
 # Rates have complex modal constants; a rate is recognised by its unit.
@@ -117,8 +118,12 @@ def causes_of(
     scaled = np.array([_step_score(w, y, n, data, uneven=True) for w, y, n in each])
     steps = bool(np.any(np.maximum(moved, scaled) > STEPS))
     changed = {} if steps else _changed_modes(record, data, run, size, noise)
-    told = np.array([_told_by_inputs(w, data) for w in white])
-    together = np.zeros(len(white)) if late else _told_together(record, data, run, white, noise)
+    quiet = white.copy()
+    for o, r in enumerate(run.residual(data)):
+        if _wander(r, data):  # its few lowest lines outweigh all others, and are correlated with anything
+            quiet[o, :WANDERING] = 0.0
+    told = np.array([_told_by_inputs(w, data) for w in quiet])
+    together = np.zeros(len(white)) if late else _told_together(record, data, run, quiet, noise)
     play = _scores_of_law(_by_direction, record, data, run, size, noise)
     cube = (
         np.zeros(len(play)) if _repeats(record) else _scores_of_law(_by_cube, record, data, run, size, noise)
@@ -146,9 +151,7 @@ def causes_of(
         if port.name in named:
             continue
         enough = TOLD if at_once[o] or left[o] > MUCH else CLEARLY_TOLD
-        wander = _wander(run.residual(data)[o], data) if left[o] > LEFT else None
         scores = (
-            (wander is not None, OF_WANDER.format(*(wander or (0.0, 0.0)))),
             (play[o] > max(STEPS, moved[o], scaled[o], cube[o]), OF_DIRECTION.format(play[o])),
             (cube[o] > max(STEPS, moved[o], scaled[o], told[o]), OF_CUBE.format(cube[o])),
             (moved[o] > STEPS, OF_DELAY.format(moved[o])),
@@ -183,12 +186,23 @@ def _wander(r: Complex[np.ndarray, "line column"], data: Data) -> tuple[float, f
     """
     power = np.sum(np.abs(r) ** 2, axis=1)
     ends = FIRST_LINES * 2 ** np.arange(OCTAVES + 1)
-    if len(power) < 2 * ends[-1] or data.lines[0] > FIRST_LINES:
+    if len(power) < 2 * WANDERING or data.lines[0] > FIRST_LINES:
         return None
     levels = [float(np.median(power[a:b])) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
-    share = float(power[: ends[-1]].sum() / max(power.sum(), np.finfo(float).tiny))
+    share = float(power[:WANDERING].sum() / max(power.sum(), np.finfo(float).tiny))
     falls = all(b * FALLS < a for a, b in itertools.pairwise(levels))
-    return (share, float(data.omega[ends[-1]]) / (2.0 * np.pi)) if falls and share > WANDERS else None
+    return (share, float(data.omega[WANDERING]) / (2.0 * np.pi)) if falls and share > WANDERS else None
+
+
+def doubts_of_wander(
+    record: Record, data: Data, run: RecordRun, left: Float[np.ndarray, " output"]
+) -> list[str]:
+    """Warnings for outputs that drift at random: noise that the deviations count."""
+    found = [
+        (port.name, _wander(r, data) if share > LEFT else None)
+        for port, r, share in zip(record.outputs, run.residual(data), left, strict=True)
+    ]
+    return [f"output {name}: {OF_WANDER.format(*wander)}" for name, wander in found if wander]
 
 
 def _repeats(record: Record) -> bool:
