@@ -493,7 +493,8 @@ def test_a_cable_that_no_model_has_is_in_the_intervals_of_orbit_alone():
     assert np.max(by_cable[2:]) < 2e-6
     assert np.max(np.abs(told.log_shift - without.log_shift)[2:]) < 2e-6
     clamped = dataclasses.replace(orbit, title="held", clamps=(Clamp(node=article.nodes[0].name),))
-    for place in (lab, clamped):  # what hangs or stands has no such cable
+    sprung = tie_umbilical(article, orbit, 0.05)
+    for place in (lab, clamped, sprung):  # what hangs or stands, or is tied already, has no such cable
         held = [predict_modes(found, place, umbilical_hz=hz) for hz in (CABLE_HZ, 0.0)]
         np.testing.assert_array_equal(*(one.log_rest for one in held))
         np.testing.assert_array_equal(*(one.log_shift for one in held))
