@@ -101,7 +101,8 @@ def differentiate_products(
 ) -> Float[np.ndarray, "parameter pair"]:
     """phi_l'(dK - lambda dM) phi_r of pairs of modes, each at its lambda [rad^2/s^2 per unit].
 
-    ``still``: as if elements stayed where they are at rest. Raises `NumericalError` as `differentiate_frequencies`.
+    ``still``: as if elements stayed where they are at rest. Raises `NumericalError` as
+    `differentiate_frequencies`.
     """
     check_beside_modes(modes, "derivatives of frequencies")
     return _whole(modes, move_rest(modes.equilibrium, parameters), _Pairs(left, right, lam), still=still)
