@@ -14,6 +14,7 @@ from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.model.article import Body, Damper, DamperPlace, Damping, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.updating.orbit.damping import Losses
 from middeck.updating.orbit.frequencies import Prediction, There, predict_at, solve_there
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.surveys import Survey
@@ -144,3 +145,21 @@ def test_noise_of_the_tests_is_carried_as_far_as_the_ratios_follow_it(gravity: f
     slope = np.log(np.divide(more, less)) / 0.002
     spread = told(model, measured, gravity).damping_spread
     assert spread == pytest.approx(NOISE * np.linalg.norm(slope, axis=0), rel=1e-4)
+
+
+def test_dampers_of_devices_are_the_suspensions_and_stay_on_the_ground():
+    """A bar that bounces on two loses c over m omega, and keeps nothing of it."""
+    mass, c = 8.0, 0.6
+    bar = dataclasses.replace(
+        build.rigid_bar(mass, 2.0, (0.3, 2.0, 2.0), attach_y=0.1),
+        damping=Damping(
+            flexible=0.01, dampers=tuple(Damper(DamperPlace.DEVICE, at, c) for at in ("left", "right"))
+        ),
+    )
+    lab = build.on_cables(4.0, 0.25, ("xyz", "yz"), attach=("left", "right"))
+    modes = md.solve_modes(md.solve_equilibrium(bar, lab))
+    shape = np.abs(modes.shapes[1]) * np.sqrt(mass)
+    bounce = np.flatnonzero(shape > 0.999)
+    article, suspension = Losses.of(modes, bounce).of_parts
+    assert suspension == pytest.approx([c / mass / (2.0 * np.pi * 0.25)], rel=1e-3)
+    assert article == pytest.approx([0.0], abs=2e-6)

@@ -28,8 +28,7 @@ from middeck.values import record
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
 # What moves farther under its weight is taken for a mechanism (rad, and m or sizes of a large article).
-# Before supports carry an article nothing may hold it back from swinging: this does at first, in g per metre.
-SWING, HOLD_FIRST = 0.8, 10.0
+SWING = 0.8
 # Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
 # then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
@@ -125,8 +124,7 @@ def _settle_pinned(
     for step in range(MAX_ITERATIONS):
         free = static_freedom(model, config)
         first = carried_first and step == 0
-        g = float(np.linalg.norm(loads.gravity))
-        hold = (HOLD_FIRST if first else HOLD_IN_G) * g * free.matrix(mass)
+        hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
         at = assemble_carried(model, config, loads, load)
