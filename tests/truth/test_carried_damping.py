@@ -15,7 +15,9 @@ from middeck.structure.model.article import Body, Damper, DamperPlace, Damping, 
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.updating.orbit.frequencies import Prediction, There, predict_at, solve_there
+from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
+from middeck.updating.residuals.damping import shifted_by_losses
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 
@@ -46,12 +48,17 @@ def stand(gravity: float) -> Environment:
 
 
 def ratios(K: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Of the two modes of a complex stiffness and dampers, by a 4 x 4 eigenvalue problem."""
+    """Of the two modes of a complex stiffness and dampers."""
+    s = roots(K, C)
+    return -s.real / np.abs(s)
+
+
+def roots(K: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """By a 4 x 4 eigenvalue problem."""
     inverse = np.linalg.inv(INERTIA)
     s = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ K, -inverse @ C]]))
     s = s[s.imag > 0.0]
-    s = s[np.argsort(np.abs(s))]
-    return -s.real / np.abs(s)
+    return s[np.argsort(np.abs(s))]
 
 
 def lossy(flexible: float, weight: float, held: bool) -> np.ndarray:
@@ -144,3 +151,22 @@ def test_noise_of_the_tests_is_carried_as_far_as_the_ratios_follow_it(gravity: f
     slope = np.log(np.divide(more, less)) / 0.002
     spread = told(model, measured, gravity).damping_spread
     assert spread == pytest.approx(NOISE * np.linalg.norm(slope, axis=0), rel=1e-4)
+
+
+def test_frequencies_that_losses_move_are_told_where_they_were_taken_for_undamped_ones():
+    """Dampers that move a frequency by more than its stated deviation, and whose losses are no unknowns."""
+    K, C = np.diag(SPRINGS) + WEIGHT * np.eye(2), np.diag([0.004, 0.3])
+    damped, undamped = (np.sort(np.abs(roots(K, lossy))) for lossy in (C, np.zeros((2, 2))))
+    off = np.log(damped / undamped)
+    assert np.max(np.abs(off)) > 1e-3
+    dampers = tuple(Damper(DamperPlace.JOINT, j, c) for j, c in zip("xz", np.diag(C), strict=True))
+    found = refined_on_the_ground(Damping(dampers=dampers))
+    (one,) = found.compared
+    assert shifted_by_losses(one) == pytest.approx(off[one.pairs[:, 1]], rel=1e-6)
+    worst = np.max(np.abs(off))  # of both modes: the product of the four roots has no dampers in it
+    (said,) = [line for line in findings(found) if "that of the undamped mode" in line]
+    assert f"{100.0 * worst:.2g} %, {worst / 1e-4:.2g} of its stated deviations" in said
+    wide = dataclasses.replace(one, survey=dataclasses.replace(one.survey, frequency_std=0.1))
+    same = refined_on_the_ground(Damping(flexible=0.05, suspension=0.05))
+    for silent in (dataclasses.replace(found, compared=(wide,)), same):
+        assert not any("undamped" in line for line in findings(silent))
