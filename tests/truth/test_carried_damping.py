@@ -103,13 +103,18 @@ def test_a_clamped_article_of_unlike_modes_keeps_its_losses(factor: float):
     assert told(Damping(dampers=dampers), ground).damping == pytest.approx(orbit, rel=0.005)
 
 
-def test_losses_of_the_weight_stay_on_the_ground():
-    """Springs and weight lose unlike shares of what the model says: 95 % intervals hold, and are not wide."""
-    rng, model = np.random.default_rng(3), Damping(flexible=0.01, suspension=0.03)
+@pytest.mark.parametrize("ratios_of_both", [(0.01, 0.03), (0.016, 0.004)])
+def test_losses_of_the_weight_stay_on_the_ground(ratios_of_both: tuple[float, float]):
+    """Springs and weight lose unlike shares of what the model says: 95 % intervals hold, and are not wide.
+
+    Where the springs lose more, the modes in orbit do than any on the ground, and no test says how much more.
+    """
+    flexible, suspension = ratios_of_both
+    rng, model = np.random.default_rng(3), Damping(flexible=flexible, suspension=suspension)
     score = []
     for _ in range(DRAWS):
         off = 0.2 * rng.standard_normal(2)
-        own = np.array([0.01, 0.03]) * np.exp(off)
+        own = np.array(ratios_of_both) * np.exp(off)
         measured = lossy(*own, held=True) * np.exp(NOISE * rng.standard_normal(2))
         predicted = told(model, measured)
         error = np.log(predicted.damping / lossy(*own, held=False))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.sensitivity.parameters import list_parameters
-from middeck.updating.refinement.posterior import NORMAL_95, estimate_at, most_probable, unlikely
+from middeck.updating.refinement.posterior import estimate_at, most_probable, unlikely
 from middeck.updating.refinement.refine import Refined, problem_of
 from middeck.updating.residuals.surveys import Compared, compare, set_up
 from middeck.updating.unknowns.unknowns import Bound
@@ -20,6 +20,8 @@ from middeck.updating.unknowns.unknowns import Bound
 MASS, INERTIA = ".mass", ".inertia."
 # A deviation that is so many times larger where inertias move with their masses hangs on the inertias.
 LARGER = 3.0
+# So many times likelier tests are no chance, nor are they often with other errors of a model.
+LIKELIER = 20.0
 
 
 class FixedInertias(NamedTuple):
@@ -27,7 +29,7 @@ class FixedInertias(NamedTuple):
 
     Attributes:
         larger: How many times its deviation is if the inertias are in proportion to the masses.
-        fits: Whether all tests are then likelier than by chance.
+        fits: Whether all tests are then likelier by more than chance.
     """
 
     unknowns: tuple[str, ...]
@@ -52,7 +54,7 @@ def fixed_inertias(refined: Refined) -> FixedInertias | None:
     along, tau = dataclasses.replace(problem, J=J), refined.estimate.tau
     larger = estimate_at(along, tau).x_std / refined.estimate.x_std
     gain = unlikely(problem, tau) - unlikely(along, most_probable(along, tau))
-    most, fits = int(np.argmax(larger)), gain > 0.5 * NORMAL_95**2
+    most, fits = int(np.argmax(larger)), bool(gain > np.log(LIKELIER))
     if larger[most] < LARGER and not fits:
         return None
     named = {b.unknown.name for own in moved for b in own if b.parameters}
