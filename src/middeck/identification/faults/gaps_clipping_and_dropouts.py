@@ -77,8 +77,13 @@ def _exact_limits(x: Signal, step: float) -> Runs:
     low, high = x.min(), x.max()
     at = [(a, b) for a, b in runs if x[a] in (low, high)]
     count = sum(b - a for a, b in at)
-    # A held signal rests at any value.
-    if count < 3 or len(runs) > 2 * len(at) or np.mean((x == low) | (x == high)) > SWITCHED:
+    # A held signal rests at any value; before it is driven, a channel rests.
+    if (
+        count < 3
+        or [a for a, _ in at] == [0]
+        or len(runs) > 2 * len(at)
+        or np.mean((x == low) | (x == high)) > SWITCHED
+    ):
         return []
     beside = [abs(x[k] - x[a]) for a, b in at for k in (a - 1, b) if 0 <= k < len(x)]
     return at if np.mean(beside) > DROP * step else []
