@@ -20,6 +20,7 @@ from middeck.structure.correlation.measured_modes import MeasuredModes, Measurem
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.finer_mesh import add_shear
 from middeck.structure.model.section import Section
 from middeck.structure.model.umbilical import tie_umbilical
 from middeck.structure.modes.solve import Modes
@@ -125,6 +126,30 @@ def test_what_looks_like_less_than_no_shear_is_not_carried_to_other_modes():
     # The modulus alone is left, off by what the shift of the measured modes moved it: 1.6 % before.
     assert np.abs(error).max() < 0.003
     assert np.all(np.abs(error) < found.log_std[upright])
+
+
+def test_drawn_shear_moves_modes_that_no_test_saw_as_on_the_article_that_has_it():
+    """A test as good as one of no shear, by chance a deviation below it: draws have some, of one sign."""
+    wall = Environment(title="wall", gravity=np.zeros(3), clamps=(Clamp(node="n0"),))
+    true, rng = modes_of(bar(0.0), wall), np.random.default_rng(4)
+    flat = [i for i, name in enumerate(true.name) if name.endswith("bending x-y")][:4]
+    at = [(f"n{k}", d) for k in (1, 2, 3) for d in ("y", "rz")]
+    measured = measure_modes(true, at, chosen=flat, noise=MeasurementNoise(2e-3, 1e-3), rng=rng)
+    seen = Survey(name="flat", measured=measured, environment=wall, frequency_std=2e-3)
+    refined = refine(bar(0.0), [seen], [MODULUS])
+    assert -2.0 < refined.shear[0] / refined.shear[1] < -1.0
+    found, free = (
+        predict_modes(refined, wall, count=10),
+        set_up(refined.structure, wall, (), refined.unknowns),
+    )
+    upright = [k for k, i in enumerate(found.index) if found.modes.name[i].endswith("bending x-z")]
+    for n in rng.standard_normal((3, refined.estimate.root.shape[1])):
+        off = refined.with_shear(n)
+        x, shear = refined.drawn_at(off)
+        drawn = free._replace(structure=add_shear(free.structure, shear)).solve(x)
+        told = np.log(found.frequency_hz) + found.log_root @ off
+        moved = np.log(drawn.frequency_hz[found.index]) - told
+        assert np.abs(moved[upright]).max() < 0.001
 
 
 @pytest.mark.parametrize("seed", repeats(range(40), 3))

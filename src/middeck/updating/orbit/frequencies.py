@@ -18,7 +18,7 @@ from middeck.updating.orbit.damping import Losses, carry_damping, measured_dampi
 from middeck.updating.refinement.curvature import bend_of, frequency_curvature
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
-from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.posterior import BELOW, NORMAL_95
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.complex_roots import LogRoots, roots_of_lowest
 from middeck.updating.residuals.surveys import Compared, set_up
@@ -152,8 +152,10 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     unseen = np.maximum(1.0 - share.sum(axis=1), 0.0)
     if np.any(unseen > LITTLE):
         rest = rest + (unseen * finer) ** 2
-    # Less than no shear is another error, which shifts the modes that showed it: of others nobody knows.
-    false = np.where(unseen > LITTLE, unseen * finer * min(refined.shear[0], 0.0), 0.0)
+    # Less than no shear, by more than draws are cut to, is another error, which shifts the modes that showed
+    # it: of others nobody knows.
+    less = refined.shear[0] if refined.shear[0] < -BELOW * refined.shear[1] else 0.0
+    false = np.where(unseen > LITTLE, unseen * finer * less, 0.0)
     log_root = np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]]
     # Mean and deviation of what no linear estimate has.
     (cable, its), (bend, own) = _by_a_cable(modes, index, umbilical_hz), bend_of(refined, log_root, curvature)
