@@ -178,6 +178,16 @@ def test_who_was_relieved_leaves_engine_and_files_alone(tmp_path, real_time, end
     assert np.union1d(*seen).tolist() == list(range(1, again.sample + 1))
 
 
+def test_a_folder_of_the_user_stays(tmp_path):
+    (tmp_path / "temporary").mkdir()
+    old = Supervisor(plain_settings(), random_article(), folder=tmp_path)
+    with Supervisor.attach(old.file.path, plain_settings()) as again:
+        again.run(1)
+    old.close()
+    assert old.process.wait() == 0
+    assert (tmp_path / "temporary").exists()
+
+
 def test_a_number_that_moves_makes_another_layout(monkeypatch):
     """Of an event, an answer or a field; words about them make none."""
     own, text = header.layout_check(), header.source_text("shared.h")

@@ -53,6 +53,16 @@ def test_seconds_that_are_rather_milliseconds_are_doubted(tmp_path: Path, hz: fl
     assert read_record(tmp_path / "ours.csv").faults == ()
 
 
+@pytest.mark.parametrize(("digits", "doubted"), [(0, True), (1, False), (3, False)])
+def test_one_sample_a_second_is_no_count_where_stamps_have_decimals(
+    tmp_path: Path, digits: int, doubted: bool
+) -> None:
+    found = read_record(write(tmp_path / "run.csv", [f"{t:.{digits}f}" for t in range(100)]))
+    assert [f.kind for f in found.faults] == ["rate"] * doubted
+    write_record(tmp_path / "ours.csv", found.record)
+    assert read_record(tmp_path / "ours.csv").faults == ()
+
+
 def test_channels_without_times_need_a_rate(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("u:torque [N m],y:angle [rad]\n" + "1,2\n3,4\n" * 20)

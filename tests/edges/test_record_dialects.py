@@ -129,7 +129,7 @@ def test_a_channel_on_both_sides_is_refused(tmp_path: Path) -> None:
 def test_times_that_are_hardly_seconds_are_doubted(
     tmp_path: Path, heading: str, step: float, said: str
 ) -> None:
-    lines = [f"{k * step:.5f},{u},{y}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
+    lines = [f"{k * step:g},{u},{y}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
     (tmp_path / "run.csv").write_text("\n".join((f"{heading},u:force [N],y:way [m]", *lines)) + "\n")
     (fault,) = read_record(tmp_path / "run.csv").faults
     assert (fault.severity, said in fault.what) == ("serious", True)

@@ -127,7 +127,7 @@ def test_a_file_of_channels_beside_the_record(tmp_path: Path) -> None:
 
 def test_channels_that_the_file_names_are_only_described(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
-    path.write_text("time [s],u:torque [N m],y:angle [rad]\n0,1,2\n1,2,3\n")
+    path.write_text("time [s],u:torque [N m],y:angle [rad]\n0,1,2\n0.01,2,3\n")
     (tmp_path / "r.csv.toml").write_text('[[channel]]\nname = "angle"\nnode = "hinge"\n')
     record = load_record(path)
     assert record.outputs == (Port("angle", "rad", Channel(node="hinge")),)

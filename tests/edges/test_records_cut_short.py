@@ -91,6 +91,14 @@ def test_a_cut_number_whose_line_was_ended_is_told(tmp_path: Path) -> None:
     assert read_record(path).faults == ()
 
 
+@pytest.mark.parametrize("last", ["0", "0.0", "-0.0", "nan"])
+def test_a_signal_that_ends_in_zero_or_in_no_sample_is_not_cut(tmp_path: Path, last: str) -> None:
+    path = tmp_path / "run.csv"
+    whole = written(path, "all digits").decode()
+    path.write_text(f"{whole}3.0,1.25,{last}\n")
+    assert [f.kind for f in read_record(path).faults] == []
+
+
 def test_a_file_of_ours_says_how_many_samples_it_has(tmp_path: Path) -> None:
     path = tmp_path / "ours.csv"
     write_record(path, a_record())

@@ -13,9 +13,11 @@ from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import Section
 from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.refine import refine
-from middeck.updating.residuals.surveys import Survey
+from middeck.updating.residuals.surveys import Survey, set_up
 from middeck.updating.unknowns.unknowns import Unknown
 
 # Two bodies that twist against each other: f^2 = k (1 / J1 + 1 / J2), and k / J2 where the first is clamped.
@@ -82,3 +84,14 @@ def test_where_it_was_tested_a_frequency_is_what_was_measured():
     predicted = told(FREE, FREE, 1.0)
     assert np.log(predicted.frequency_hz[0]) == pytest.approx(ln_hz(np.zeros(1), True)[0], abs=STD)
     assert predicted.log_std[0] < 2.0 * STD
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.80665])
+def test_a_cantilever_that_sags_is_not_bent_by_modulus_and_mass(gravity: float):
+    """ln f is half of ln E - ln rho, but for what its sag of 1 % of its length does."""
+    tube = Section(EA=2.5e7, GJ=2000.0, EI_y=2700.0, EI_z=2500.0, rho_A=1.0, rho_I_y=1e-4, rho_I_z=1e-4)
+    wall = Environment(title="wall", gravity=np.array([0.0, -gravity, 0.0]), clamps=(Clamp(node="a"),))
+    both = [Unknown(name=n, parameters=(f"members.{n}",), spread=0.1) for n in ("E", "rho")]
+    there = set_up(build.straight_beam(tube, 2.1, 6), wall, (), both)
+    curvature = frequency_curvature(there.solve(np.zeros(2)), there.bound, np.arange(4))
+    assert np.abs(curvature).max() < 0.001

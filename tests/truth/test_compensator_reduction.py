@@ -155,17 +155,19 @@ def test_errors_are_those_of_the_difference(plant, law):
     assert np.abs(d * G / (1.0 - G * K)).max() == pytest.approx(found.loop_error[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("direct", [0.0, -1.0])
 @pytest.mark.parametrize("given", [GIVEN, {}])
-def test_errors_are_relative_to_the_rms_of_both_ports(plant, law, given):
+def test_errors_are_relative_to_the_rms_of_both_ports(plant, law, given, direct):
     # Rms of y and u under noise on w, by a Lyapunov equation of the loop put together here.
     G, W = (subsystem(plant, (name,), ("y",)) for name in ("u", "w"))
-    K = law.system
-    A = np.block([[G.A, G.B @ K.C], [K.B @ G.C, K.A]])
+    K = dataclasses.replace(law.system, D=np.array([[direct]]))
+    A = np.block([[G.A + G.B @ K.D @ G.C, G.B @ K.C], [K.B @ G.C, K.A]])
     B = np.vstack([W.B, np.zeros((len(K.A), W.B.shape[1]))])
     X = sla.solve_continuous_lyapunov(A, -B @ B.T)
-    y, u = (np.sqrt(row @ X @ row) for row in (np.r_[G.C[0], 0.0 * K.B[:, 0]], np.r_[0.0 * G.C[0], K.C[0]]))
-    found = reduce_compensator(law, plant, 8, **given)
-    change = peak_gain(subtract(law.system, found.system)).gain
+    rows = np.r_[G.C[0], 0.0 * K.B[:, 0]], np.r_[(K.D @ G.C)[0], K.C[0]]
+    y, u = (np.sqrt(row @ X @ row) for row in rows)
+    found = reduce_compensator(dataclasses.replace(law, dynamics=K), plant, 8, **given)
+    change = peak_gain(subtract(K, found.system)).gain
     assert found.error == pytest.approx(change * y / u, rel=1e-6)
 
 

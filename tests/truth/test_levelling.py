@@ -99,12 +99,15 @@ def test_on_two_cables_it_rolls_until_its_weight_is_under_their_line():
     assert hangs.tension == pytest.approx(4.0 * 9.80665, rel=1e-8)
 
 
-@pytest.mark.parametrize("off", [0.01, 0.25])
-def test_hooks_above_a_body_on_its_node_let_it_roll_until_its_weight_is_under_them(off: float):
+@pytest.mark.parametrize(("off", "size"), [(0.01, 1.0), (0.25, 1.0), (0.25, 0.02), (0.12, 20.0)])
+def test_hooks_above_a_body_on_its_node_let_it_roll_until_its_weight_is_under_them(off: float, size: float):
     """Drawn so, weight gives a roll no stiffness at all: only supports that carry it do."""
+    inertia = (0.3 * size**2, 2.0 * size**2, 2.0 * size**2)
     above = structure(
-        [node("bar", (0, 0, 0), body(8.0, (0.0, 0.0, off), (0.3, 2.0, 2.0)))],
-        attach=[AttachPoint(n, "bar", np.array([x, 0.3, 0.0])) for n, x in (("left", -1.0), ("right", 1.0))],
+        [node("bar", (0, 0, 0), body(8.0, (0.0, 0.0, off * size), inertia))],
+        attach=[
+            AttachPoint(n, "bar", size * np.array([x, 0.3, 0.0])) for n, x in (("left", -1.0), ("right", 1.0))
+        ],
     )
     hangs = estimate_attitude(solve_equilibrium(above, cables()))
     assert hangs.tilt == pytest.approx([np.arctan2(off, 0.3), 0.0, 0.0], abs=ROUNDING)

@@ -364,6 +364,28 @@ def test_converters_with_few_levels_are_not_called_clipped(campaign: Callable[[i
         assert "clipping" not in [f.kind for f in detect_faults(heard(rng, y))]
 
 
+def test_a_response_at_rest_before_its_step_is_not_clipped() -> None:
+    clean = gimbal_record.multisine(1, outputs=2, samples=4096)
+    u = np.zeros((1, 1, 4000, clean.u.shape[3]))
+    u[:, :, 101:] = 1.0
+    pole = 0.98 * np.exp(0.44j)
+    y = scipy.signal.lfilter([0.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], u[..., :1], axis=2) * [
+        1.0,
+        0.5,
+    ]
+    found = detect_faults(replace(clean, u=u, y=y, sample_hz=100.0, periodic=False))
+    assert "clipping" not in [f.kind for f in found]
+
+
+@pytest.mark.parametrize("hz", [5.0, 11.0, 12.5, 25.0])
+def test_a_computed_sine_that_meets_its_peak_is_not_clipped(hz: float) -> None:
+    clean = gimbal_record.multisine(1, outputs=2, samples=4096)
+    u, y = clean.u.reshape(1, 1, -1, clean.u.shape[3]), clean.y.reshape(1, 1, -1, clean.y.shape[3])
+    u = np.broadcast_to(np.sin(2.0 * np.pi * hz * np.arange(u.shape[2]) / 100.0)[:, None], u.shape)
+    found = detect_faults(replace(clean, u=u, y=y, sample_hz=100.0, periodic=False))
+    assert "clipping" not in [f.kind for f in found]
+
+
 @pytest.mark.parametrize("decay", [0.3, 0.5, 0.9])
 def test_a_release_at_the_first_sample_is_no_spike(decay: float) -> None:
     rng = np.random.default_rng(1)

@@ -78,6 +78,41 @@ def test_experiments_that_agree_are_clean(campaign: Callable[[int], range]) -> N
         assert detect_faults(session(rng, lambda y: y, experiments=2 + seed % 2, noise=noise)) == (), seed
 
 
+SCHEMES = {  # phases of each input's own, and weights [experiment, input]
+    "one signal, turned round": (False, [[1.0, 1.0], [1.0, -1.0]]),
+    "one signal, other shares": (False, [[1.0, 0.3], [0.3, 1.0]]),
+    "own signals, one turned round": (True, [[0.05, 1.0], [0.05, -1.0]]),
+}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_orthogonal_experiments_of_several_inputs_are_no_contradiction(scheme: str) -> None:
+    own, weights = SCHEMES[scheme]
+    for seed in range(6):
+        rng = np.random.default_rng([3, seed])
+        X = np.exp(2j * np.pi * rng.random((2, PERIOD // 2 + 1)))
+        u = np.array(weights)[:, None, :] * np.fft.irfft(X if own else X[[0, 0]], n=PERIOD).T
+        gains = rng.standard_normal(2)  # of the second input: the tip moves by it as by the first
+        y = np.array([answer(e[:, 0]) + answer(e[:, 1]) * gains for e in u])
+        u, y = (np.repeat(x[:, None], 8, axis=1) for x in (u, y))
+        y = y + 0.01 * y.std(axis=(0, 1, 2)) * rng.standard_normal(y.shape)
+        inputs = Port("force", "N"), Port("shaker", "N")
+        record = Record(sample_hz=HZ, u=u, y=y, inputs=inputs, outputs=PORTS[1], periodic=True, held=True)
+        assert detect_faults(record) == (), seed
+
+
+def test_a_turned_sensor_of_two_inputs_is_told() -> None:
+    rng = np.random.default_rng(4)
+    u = np.fft.irfft(np.exp(2j * np.pi * rng.random((2, 2, PERIOD // 2 + 1))), n=PERIOD).transpose(0, 2, 1)
+    y = np.array([answer(e[:, 0]) + answer(e[:, 1]) * [0.5, -0.7] for e in u])
+    y[1, :, 1] *= -1.0
+    u, y = (np.repeat(x[:, None], 8, axis=1) for x in (u, y))
+    y = y + 0.01 * y.std(axis=(0, 1, 2)) * rng.standard_normal(y.shape)
+    inputs = Port("force", "N"), Port("shaker", "N")
+    record = Record(sample_hz=HZ, u=u, y=y, inputs=inputs, outputs=PORTS[1], periodic=True, held=True)
+    assert [(f.kind, f.channel, f.experiment) for f in detect_faults(record)] == [("unlike", "root", 1)]
+
+
 def test_a_fit_that_is_refused_names_it(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "session.npz"
     write_record(path, session(np.random.default_rng(5), lambda y: -y, noise=0.01))

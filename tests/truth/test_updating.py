@@ -32,6 +32,7 @@ from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
+from middeck.updating.refinement.fixed_inertias import fixed_inertias
 from middeck.updating.refinement.posterior import (
     KNOWN,
     Linear,
@@ -408,6 +409,47 @@ def test_what_the_surveys_do_not_see_is_named():
     assert "a combination of modulus and top, but not each" in told
 
 
+def test_an_inertia_that_fixes_the_scale_of_masses_and_stiffness_is_named():
+    """All masses and moduli half as much again: all frequencies are as drawn, and tell nothing of it."""
+    body = ("node.top.mass", "node.top.inertia.*")
+    scale = [
+        dataclasses.replace(MODULUS, spread=0.2),
+        Unknown(name="rho", parameters=("members.rho",), spread=0.2),
+    ]
+    alone, whole = (
+        (*scale, dataclasses.replace(TOP, spread=0.2, parameters=own)) for own in (body[:1], body)
+    )
+    drawn = modes_of(mast(), clamped(gravity=0.0))
+    bound = bind(whole, mast(), clamped(gravity=0.0))
+    true = modes_of(*change(mast(), clamped(gravity=0.0), bound, np.full(3, np.log(1.5))))
+    np.testing.assert_allclose(true.frequency_hz[:6], drawn.frequency_hz[:6], rtol=1e-9)
+    seen = survey_of(true, MeasurementNoise(1e-4, 0.01))
+    fixed, both = (refine(mast(), [seen], some) for some in (alone, whole))
+    assert both.estimate.x_std == pytest.approx(np.full(3, 0.2 / np.sqrt(3.0)), rel=0.05)
+    assert np.all(np.abs(fixed.x - np.log(1.5)) > 30.0 * fixed.estimate.x_std)
+    (said,) = [line for line in findings(fixed) if "known exactly" in line]
+    found = fixed_inertias(fixed)
+    assert found is not None
+    larger = both.estimate.x_std / fixed.estimate.x_std
+    assert found.larger == pytest.approx(larger.max(), rel=0.1)
+    assert (found.unknowns, found.bodies) == (("top",), ("node.top",))
+    assert f"deviation of {found.determined} would be" in said
+    assert not any("known exactly" in line for line in findings(both))
+
+
+def test_an_inertia_that_the_tests_say_moves_with_its_mass_is_named():
+    """A heavier top, inertia and all: what does not fit is not the mesh."""
+    whole = dataclasses.replace(TOP, parameters=("node.top.mass", "node.top.inertia.*"))
+    heavy, dense = (
+        modes_of(*change(mast(), clamped(), bind((own,), mast(), clamped()), np.array([0.1])))
+        for own in (whole, TOP)
+    )
+    told = [fixed_inertias(refine(mast(), [survey_of(m, TIGHT)], (MODULUS, TOP))) for m in (heavy, dense)]
+    assert told[0] is not None
+    assert told[0].fits
+    assert told[1] is None or not told[1].fits
+
+
 def test_a_search_that_is_cut_short_is_said_not_to_have_converged(monkeypatch: pytest.MonkeyPatch):
     seen = survey_of(modes_of(mast(EI=1.3), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
     assert not any("did not converge" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
@@ -493,7 +535,8 @@ def test_a_cable_that_no_model_has_is_in_the_intervals_of_orbit_alone():
     assert np.max(by_cable[2:]) < 2e-6
     assert np.max(np.abs(told.log_shift - without.log_shift)[2:]) < 2e-6
     clamped = dataclasses.replace(orbit, title="held", clamps=(Clamp(node=article.nodes[0].name),))
-    for place in (lab, clamped):  # what hangs or stands has no such cable
+    sprung = tie_umbilical(article, orbit, 0.05)
+    for place in (lab, clamped, sprung):  # what hangs or stands, or is tied already, has no such cable
         held = [predict_modes(found, place, umbilical_hz=hz) for hz in (CABLE_HZ, 0.0)]
         np.testing.assert_array_equal(*(one.log_rest for one in held))
         np.testing.assert_array_equal(*(one.log_shift for one in held))

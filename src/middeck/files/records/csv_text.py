@@ -88,7 +88,7 @@ def read_csv(file: Path, variable: str) -> Raw:
     if opening.timed:
         digit = _last_digit(file, opening)
         rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
-        faults = (*faults, *gaps, *_doubts_of_rate(opening, rate))
+        faults = (*faults, *gaps, *_doubts_of_rate(opening, rate, digit))
         share = max(share, open_share(rate, len(table), digit))
         table = table[:, 1:]
     periods = opening.periods or 1
@@ -214,12 +214,12 @@ def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
     return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
 
 
-def _doubts_of_rate(opening: Opening, rate: float) -> tuple[Fault, ...]:
+def _doubts_of_rate(opening: Opening, rate: float, digit: float) -> tuple[Fault, ...]:
     """Times at a rate that no structure is sampled at: a heading that says seconds may be wrong, too.
 
     A file that tells its samples is ours, and its times are seconds.
     """
-    counted = opening.second == 1.0 and rate == 1.0
+    counted = opening.second == 1.0 and rate == 1.0 and digit == 1.0
     meant = opening.in_words and not counted
     what = "" if meant and (opening.samples or rate >= SLOWEST) else doubt_of_seconds(rate, counted)
     if not what:

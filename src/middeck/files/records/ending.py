@@ -32,7 +32,9 @@ def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault,
     cells = [line.split(separator)[-1].strip() for line in lines if not line.startswith("#")]
     if len(cells) < (FEWEST_ENDED if ended else 2):
         return ()
-    short = is_short(cells[-1], cells[:-1])
+    # What is not a number was not cut, and a signal may end in a zero, which is printed short.
+    whole = NUMBER.fullmatch(cells[-1]) is None or (ended and not cells[-1].strip("+-0."))
+    short = not whole and is_short(cells[-1], cells[:-1])
     if ended and not short:
         return ()
     what = f"the last line {'' if ended else 'has no end; it '}ends in the value {cells[-1]}"

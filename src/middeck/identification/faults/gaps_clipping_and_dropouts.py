@@ -26,6 +26,8 @@ AWAY, FEWEST_VISITS = 10.0, 3
 # Equal samples at a limit where each of so many next values is there once: of Gaussian samples in steps of a
 # hundredth of their deviation one record in ten thousand has four.
 FEWEST_EQUAL, NEXT_VALUES = 4, 20
+# Share of the span to which values of a repeated signal are one.
+REPEATED = 1e-6
 # Half of the samples at the limits: a switched signal, not a clipped one.
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
@@ -75,8 +77,13 @@ def _exact_limits(x: Signal, step: float) -> Runs:
     low, high = x.min(), x.max()
     at = [(a, b) for a, b in runs if x[a] in (low, high)]
     count = sum(b - a for a, b in at)
-    # A held signal rests at any value.
-    if count < 3 or len(runs) > 2 * len(at) or np.mean((x == low) | (x == high)) > SWITCHED:
+    # A held signal rests at any value; before it is driven, a channel rests.
+    if (
+        count < 3
+        or [a for a, _ in at] == [0]
+        or len(runs) > 2 * len(at)
+        or np.mean((x == low) | (x == high)) > SWITCHED
+    ):
         return []
     beside = [abs(x[k] - x[a]) for a, b in at for k in (a - 1, b) if 0 <= k < len(x)]
     return at if np.mean(beside) > DROP * step else []
@@ -86,7 +93,8 @@ def _equal_limits(x: Signal) -> Runs:
     """Samples of exactly the largest or smallest value, far more than of each of the values next to it.
 
     A signal too fast to stay at a limit for two samples shows its clipping so. Periods that repeat exactly
-    have each of their values as often.
+    have each of their values as often. A computed sine repeats its peaks exactly and other values to
+    rounding: where the samples before each visit of the limit are one, the signal repeats.
     """
     found = np.zeros(len(x), dtype=bool)
     value, times = np.unique(x, return_counts=True)
@@ -95,7 +103,9 @@ def _equal_limits(x: Signal) -> Runs:
         (value[-1], times[-1], times[-1 - NEXT_VALUES : -1]),
     ):
         most = int(others.max(initial=1))
-        if own >= FEWEST_EQUAL and (most == 1 or own > PILED * most):
+        before = x[np.flatnonzero(x[1:] == limit)]
+        repeats = np.ptp(before) <= REPEATED * (value[-1] - value[0]) if len(before) else True
+        if own >= FEWEST_EQUAL and not repeats and (most == 1 or own > PILED * most):
             found |= x == limit
     runs = runs_of(found)
     return runs if len(runs) >= FEWEST_VISITS and found.mean() <= SWITCHED else []

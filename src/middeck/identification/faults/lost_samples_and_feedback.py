@@ -72,6 +72,8 @@ def whitened(x: Signal) -> Signal:
     """Linear prediction error of a signal, of unit rms; zero for a signal that is fully predictable."""
     x = x - x.mean()
     past = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * len(x))) ** 2)[: PAST + 1]
+    if past[0] == 0.0:
+        return x
     column = past[:-1] + np.eye(1, PAST)[0] * FLOOR * past[0]
     weights = scipy.linalg.solve_toeplitz(column, past[1:])
     left = np.convolve(np.concatenate([[1.0], -weights]), x)[: len(x)]

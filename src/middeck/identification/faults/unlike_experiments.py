@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from middeck.identification.faults.equal_runs import Found, fault
 from middeck.identification.faults.lost_samples_and_feedback import (
@@ -20,6 +20,8 @@ from middeck.signals.record import Record
 ALIKE, BETTER = 0.6, 0.2
 # Power of an answer over that of noise from which it is compared.
 HEARD = 4.0
+# Correlation of two inputs from which their answers cannot be told apart.
+ONE_INPUT = 0.3
 # A gain is told from so many of its deviations and this share, if half the lines agree with it within a half.
 SURE, SHARE, AGREE = 6.0, 0.005, 0.5
 # Lines that a gain is told from: their power over that of their noise, and how many.
@@ -33,23 +35,35 @@ def find_unlike_experiments(record: Record) -> list[Fault]:
     experiments, periods, samples, _ = record.u.shape
     if experiments < 2 or periods * samples < FEWEST_SAMPLES:
         return []
-    a = _answers(record)
+    inputs, outputs = _white(record.u), _white(record.y)
+    a = np.stack([correlation(*each, 0, ANSWER) for each in zip(inputs, outputs, strict=True)])
     found: list[Fault] = []
     for e in range(1, experiments):
-        alike = np.array([[_cosine(y, z) for z in a[e]] for y in a[0]])
+        apart = _apart(inputs[0], inputs[e])[:, None]
+        alike = np.array([[_cosine(y * apart, z * apart) for z in a[e]] for y in a[0]])
         for o, port in enumerate(record.outputs):
-            what = _swapped(record, alike, o) or _turned(record, a[0, o], a[e, o])
+            what = _swapped(record, alike, o) or _turned(record, a[0, o] * apart, a[e, o] * apart)
             found += [] if what is None else [what.at("output", port, e)]
     return found or _gains(record)
 
 
-def _answers(record: Record) -> Float[np.ndarray, "experiment output input lag"]:
-    """What each output answers each input, both whitened, in deviations of noise."""
-    u, y = (
-        np.array([[whitened(x) for x in e.reshape(-1, e.shape[2]).T] for e in side])
-        for side in (record.u, record.y)
-    )
-    return np.stack([correlation(*each, 0, ANSWER) for each in zip(u, y, strict=True)])
+def _white(x: np.ndarray) -> Float[np.ndarray, "experiment channel sample"]:
+    return np.array([[whitened(channel) for channel in e.reshape(-1, e.shape[2]).T] for e in x])
+
+
+def _apart(
+    first: Float[np.ndarray, "input sample"], here: Float[np.ndarray, "input sample"]
+) -> Bool[np.ndarray, " input"]:
+    """Inputs whose answers are their own in two experiments, and not those of inputs that move with them.
+
+    Experiments that drive several inputs by one signal, or by several of which some are turned round in the
+    other one (orthogonal multisines), tell the answers together only.
+    """
+    C, D = (correlation(u, u, -ANSWER, ANSWER) for u in (first, here))
+    largest = np.maximum(np.abs(C), np.abs(D)).max(axis=2) / np.sqrt(first.shape[1])
+    size = np.sqrt(np.sum(C**2, axis=2) * np.sum(D**2, axis=2))
+    turned = np.sum(C * D, axis=2) < -ALIKE * size
+    return ~np.any((turned | (largest > ONE_INPUT)) & ~np.eye(len(first), dtype=bool), axis=1)
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:

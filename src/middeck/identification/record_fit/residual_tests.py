@@ -87,8 +87,8 @@ OF_INPUTS = (
 )
 OF_WANDER = (
     "what the model leaves falls with frequency, and {:.0%} of it lies below {:.3g} Hz: a sensor that drifts "
-    "at random, or free motion that the model lacks; let it warm up, fit a band above that (--band), or add "
-    "--rigid"
+    "at random, or a slow mode or free motion that the model lacks; let it warm up, fit a band above that "
+    "(--band), or add states or --rigid"
 )
 OF_LEAD = (
     "it leads its input by {:.0f} standard deviations, as no article does: feedback, a delayed input "

@@ -11,6 +11,12 @@ from middeck.structure.model.environment import AnchoredSpring, Environment
 LENGTH = 1.0  # m, of the springs that stand for it
 
 
+def floats(environment: Environment) -> bool:
+    """Whether nothing holds an article there: no weight, device, spring, bushing or clamp."""
+    ties = environment.hung, environment.springs, environment.bushings, environment.clamps
+    return not any(ties) and not np.any(environment.gravity)
+
+
 def umbilical_point(structure: Structure) -> AttachPoint:
     """The middle attach point, of one that has any."""
     return structure.attach_points[len(structure.attach_points) // 2]

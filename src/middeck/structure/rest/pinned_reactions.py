@@ -27,9 +27,8 @@ from middeck.values import record
 # 25 km in one step and is found out, so strong that rounding alone does not drive it.
 HOLD_IN_G = 1e-5
 RUNAWAY_M = 10.0
-# What moves farther under its weight is taken for a mechanism (m, rad). Before supports carry an article
-# nothing may hold it back from swinging: this does at first, in g per metre.
-SWING, HOLD_FIRST = 0.8, 10.0
+# What moves farther under its weight is taken for a mechanism (rad, and m or sizes of a large article).
+SWING = 0.8
 # Compliance of a motion, over the largest of the supports, below which it is rigid and held twice: statics
 # then leaves the share of each support open, and they share equally.
 HELD_TWICE = 1e-13
@@ -121,11 +120,11 @@ def _settle_pinned(
     """
     scale = imbalance_scale(model, loads)
     size, swung = np.inf, np.zeros(1)
-    for _ in range(MAX_ITERATIONS):
+    most = SWING * np.where(model.tree.turns, 1.0, max(article_size(model), 1.0))
+    for step in range(MAX_ITERATIONS):
         free = static_freedom(model, config)
-        first = carried_first and not np.any(force)
-        g = float(np.linalg.norm(loads.gravity))
-        hold = (HOLD_FIRST if first else HOLD_IN_G) * g * free.matrix(mass)
+        first = carried_first and step == 0
+        hold = HOLD_IN_G * float(np.linalg.norm(loads.gravity)) * free.matrix(mass)
         load = np.zeros((len(model.points.frame), 6))
         np.add.at(load, (supports.pose, supports.axis), -force)  # a support force is minus an energy gradient
         at = assemble_carried(model, config, loads, load)
@@ -152,9 +151,11 @@ def _settle_pinned(
         if contract and not size <= min(CONTRACTION * before, LONGEST_STEP):
             return None
         if carried_first:
+            if not np.isfinite(size):
+                return None
             q *= LONGEST_STEP / max(size, LONGEST_STEP)
             swung = swung + free.spread(q)
-            if not np.abs(swung).max() <= SWING:
+            if not np.all(np.abs(swung) <= most):
                 return None
         moved = closed(model, move_carried(model.tree, config, free.spread(q)))
         if moved is None:

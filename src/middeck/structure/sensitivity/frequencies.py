@@ -96,13 +96,16 @@ def differentiate_products(
     left: Int[np.ndarray, " pair"],
     right: Int[np.ndarray, " pair"],
     lam: Float[np.ndarray, " pair"],
+    *,
+    still: bool = False,
 ) -> Float[np.ndarray, "parameter pair"]:
     """phi_l'(dK - lambda dM) phi_r of pairs of modes, each at its lambda [rad^2/s^2 per unit].
 
-    Raises `NumericalError` as `differentiate_frequencies`.
+    ``still``: as if elements stayed where they are at rest. Raises `NumericalError` as
+    `differentiate_frequencies`.
     """
     check_beside_modes(modes, "derivatives of frequencies")
-    return _whole(modes, move_rest(modes.equilibrium, parameters), _Pairs(left, right, lam))
+    return _whole(modes, move_rest(modes.equilibrium, parameters), _Pairs(left, right, lam), still=still)
 
 
 class _Pairs(NamedTuple):
@@ -119,11 +122,13 @@ def _pairs(modes: Modes, groups: tuple[tuple[int, ...], ...]) -> _Pairs:
     return _Pairs(left, right, 0.5 * (modes.omega[left] ** 2 + modes.omega[right] ** 2))
 
 
-def _whole(modes: Modes, moved: MovedRest, pairs: _Pairs) -> Float[np.ndarray, "parameter pair"]:
+def _whole(
+    modes: Modes, moved: MovedRest, pairs: _Pairs, *, still: bool = False
+) -> Float[np.ndarray, "parameter pair"]:
     """phi_i'(dK - lambda dM) phi_j: by the parameters themselves, and by the way the rest state moves."""
     at = modes.equilibrium, modes.shapes, *pairs
     out = _explicit(moved, modes.shapes, pairs)
-    if np.any(moved.motion):
+    if np.any(moved.motion) and not still:
         out = out + moved.motion.T @ (element_gradients(*at) + tree_gradients(*at))
     return out + _of_ties(modes, moved, pairs)
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from middeck.structure.correlation.measured_modes import seen, sensor_rows
 from middeck.structure.model.environment import Environment
-from middeck.structure.model.umbilical import umbilical_point
+from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
@@ -176,7 +176,7 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
 def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> Float[np.ndarray, "2 mode"]:
     """Mean and deviation of what a cable to ``umbilical_hz``, all frequencies as likely, adds to ln f."""
     structure, place = modes.equilibrium.model.structure, modes.equilibrium.environment
-    if not structure.attach_points or place.clamps or np.any(place.gravity):
+    if not structure.attach_points or not floats(place):
         return np.zeros((2, len(index)))
     point = umbilical_point(structure).name
     motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]

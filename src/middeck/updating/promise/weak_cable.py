@@ -1,9 +1,7 @@
 """Compensators that a weak cable, which the plan does not state, would make unstable in orbit."""
 
-import numpy as np
-
 from middeck.control.robust.verification.monte_carlo import which_decay
-from middeck.structure.model.umbilical import tie_umbilical
+from middeck.structure.model.umbilical import floats, tie_umbilical
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.orbit.frequencies import CABLE_HZ
 from middeck.updating.promise.blocks_of_draws import Site
@@ -16,8 +14,7 @@ TRIED_HZ = (CABLE_HZ, 0.1 * CABLE_HZ)
 def may_have_cable(site: Site) -> bool:
     """Whether the article floats at an attach point, and the plan states no cable."""
     structure, place, _ = site.drawing.there
-    held = place.clamps or place.springs or place.bushings or np.any(place.gravity)
-    return bool(structure.attach_points) and not held and site.plan.loop.umbilical_hz == 0.0
+    return bool(structure.attach_points) and floats(place) and site.plan.loop.umbilical_hz == 0.0
 
 
 def lost_to_cable(site: Site) -> tuple[str, ...]:

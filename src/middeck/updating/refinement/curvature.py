@@ -7,7 +7,8 @@ a_ij = phi_i'(K' - lambda_i M') phi_j (K', M' slopes by the unknowns),
     lambda_i'' = phi_i'(K'' - lambda_i M'' - 2 a_ii M') phi_i + 2 sum_j a_ij^2 / (lambda_i - lambda_j)
 
 (Fox and Kapoor 1968, AIAA J. 6, once more differentiated). Modes close by are left out of the sum: measured
-shapes say how these mix. K and M are taken as linear in each parameter.
+shapes say how these mix. K and M are taken as linear in each parameter, of elements that stay where they are
+at rest: those that turn as an article sags would mix modes of its length into all others, which K'' undoes.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def frequency_curvature(
     lam, count = modes.omega**2, min(len(modes.omega), max(MODES, int(index.max(initial=-1)) + 1))
     pairs = np.repeat(index, count), np.tile(np.arange(count), len(index))
     of, at = np.append(pairs[0], index), np.append(pairs[1], index)
-    slopes = product_slopes(modes, bound, of, at, np.append(lam[pairs[0]], 0.0 * lam[index]))
+    slopes = product_slopes(modes, bound, of, at, np.append(lam[pairs[0]], 0.0 * lam[index]), still=True)
     mixing = slopes[: len(pairs[0])].reshape(len(index), count, len(bound))
     own = mixing[np.arange(len(index)), index]
     inertia = (slopes[len(pairs[0]) :] - own) / lam[index, None]

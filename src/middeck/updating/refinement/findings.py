@@ -5,8 +5,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.contradictions import CONTRADICT
+from middeck.updating.refinement.fixed_inertias import INERTIA, LARGER, FixedInertias, fixed_inertias
 from middeck.updating.refinement.model_errors import HALF, sorts_of
 from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.posterior import errors_shown
@@ -14,7 +16,7 @@ from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
 from middeck.updating.refinement.wrong_channels import wrong_channels
 from middeck.updating.refinement.wrong_readings import wrong_readings
-from middeck.updating.residuals.damping import log_std
+from middeck.updating.residuals.damping import log_std, shifted_by_losses
 from middeck.updating.residuals.surveys import Compared, left_open
 
 # Share of the prior standard deviation: an unknown that keeps this much was not determined.
@@ -27,6 +29,8 @@ PART = 0.35
 ABOVE = 2.0
 # Deviations: a response that is off by more has a model error that was not stated.
 MISSED = 1.5
+# Stated deviations by which losses, which are not compared, may move a frequency without a word.
+SHIFTED = 1.0
 # Pairs of close modes that are named.
 NAMED = 3
 
@@ -142,6 +146,21 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
         yield f"the tests do not determine {', '.join(names)}"
     for group in together(refined):
         yield f"the tests determine a combination of {' and '.join(group)}, but not each of them"
+    if fixed := fixed_inertias(refined):
+        yield _said_of(fixed)
+
+
+def _said_of(fixed: FixedInertias) -> str:
+    bodies = ", ".join(fixed.bodies[:NAMED]) + ", ..." * (len(fixed.bodies) > NAMED)
+    reasons = ["the tests would fit better"] * fixed.fits
+    if fixed.larger > LARGER:
+        reasons.append(f"the deviation of {fixed.determined} would be {fixed.larger:.2g} times larger")
+    return (
+        f"{', '.join(fixed.unknowns)}: a mass is moved and the inertia of the same body ({bodies}) is not, "
+        f"as if that were known exactly; were it in proportion, {' and '.join(reasons)}. Add "
+        f"{fixed.bodies[0]}{INERTIA}* and the like to the parameters of the unknown of the mass, unless the "
+        "inertia is known better than the mass"
+    )
 
 
 def _of_the_model(refined: Refined) -> Iterator[str]:
@@ -198,6 +217,10 @@ def _of_responses(refined: Refined) -> Iterator[str]:
 
 
 def _of_damping(refined: Refined) -> Iterator[str]:
+    with_losses = {d.survey.name for d in refined.damped}
+    yield from (
+        said for c in refined.compared if c.survey.name not in with_losses for said in _of_undamped(c)
+    )
     if not refined.damped:
         return
     several = [d for d in refined.damped if len(d.pairs)]
@@ -232,6 +255,29 @@ def _of_damping(refined: Refined) -> Iterator[str]:
         yield (
             f"no unknowns fit the damping ratios better than {100.0 * size:.2g} %, where the test states "
             f"{100.0 * known:.2g} %: a model error, which the predicted intervals include"
+        )
+
+
+def _of_undamped(c: Compared) -> Iterator[str]:
+    """Frequencies that losses move, as measured, and that were compared with undamped ones."""
+    cure = (
+        "state the measured damping ratios and make the losses unknowns (damping.*), which compares complex "
+        "modes, or state larger deviations of the frequencies"
+    )
+    try:
+        off = shifted_by_losses(c)
+    except (ConfigError, NumericalError) as error:
+        yield f"{c.survey.name}: undamped modes are compared, and {error.what}: {cure}"
+        return
+    stated, hz = (part[c.pairs[:, 1]] for part in (c.survey.std, c.survey.measured.frequency_hz))
+    some = np.flatnonzero(np.abs(off) > SHIFTED * stated)
+    if len(some):
+        worst = some[np.argmax(np.abs(off[some]) / stated[some])]
+        more = f", and those of {len(some) - 1} more by more than theirs" if len(some) > 1 else ""
+        yield (
+            f"{c.survey.name}: dampers and loss factors move the frequency of the mode of {hz[worst]:.4g} Hz "
+            f"by {100.0 * off[worst]:+.2g} %, {abs(off[worst]) / stated[worst]:.2g} of its stated deviations"
+            f"{more}; it was compared with that of the undamped mode: {cure}"
         )
 
 

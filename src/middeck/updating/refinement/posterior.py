@@ -188,6 +188,11 @@ def errors_shown(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Bool[np.nd
     return np.array([unlikely(row) - unlikely(tau) > 0.5 * NORMAL_95**2 for row in none])
 
 
+def unlikely(problem: Linear, tau: Float[np.ndarray, " sort"]) -> float:
+    """Minus the logarithm of the likelihood of ``tau``, but for a constant."""
+    return _unlikely_of(problem)(tau)
+
+
 def _unlikely_of(problem: Linear) -> Callable[[Float[np.ndarray, " sort"]], float]:
     """Minus the logarithm of the likelihood of tau."""
     of_unknowns = _of_unknowns(problem)

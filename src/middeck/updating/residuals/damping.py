@@ -72,6 +72,18 @@ def solve_damped_near(modes: Modes, survey: Survey) -> DampedModes:
     return solve_damped(modes, count=int(np.count_nonzero(modes.frequency_hz <= top)) + SPARE)
 
 
+def shifted_by_losses(compared: Compared) -> Float[np.ndarray, " pair"]:
+    """ln |s| of each pair's complex mode in the model less ln omega of its undamped one, without friction.
+
+    Ratios that modes have each by itself move nothing; what dampers and loss factors do between modes does.
+    Raises `ConfigError` and `NumericalError` as `solve_damped`.
+    """
+    labels = compared.paired.labels
+    count = min(int(labels.max()) + 1 + SPARE, len(compared.free.omega))
+    s = solve_damped(compared.free, count=count).s[labels]
+    return np.log(np.abs(s) / compared.free.omega[labels])
+
+
 def compare_with_damping(
     modes: Modes,
     damped: DampedModes,

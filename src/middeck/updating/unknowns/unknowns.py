@@ -135,11 +135,16 @@ def product_slopes(
     left: Int[np.ndarray, " pair"],
     right: Int[np.ndarray, " pair"],
     lam: Float[np.ndarray, " pair"],
+    *,
+    still: bool = False,
 ) -> Float[np.ndarray, "pair unknown"]:
-    """phi_l'(dK - lambda dM) phi_r by each unknown, where ``modes`` are."""
+    """phi_l'(dK - lambda dM) phi_r by each unknown, where ``modes`` are; ``still`` as
+    `differentiate_products` has it."""
     rest = modes.equilibrium
     now = [[read_parameter(rest.model.structure, rest.environment, p) for p in b.parameters] for b in bound]
-    found = iter(differentiate_products(modes, [p for own in now for p in own], left, right, lam))
+    found = iter(
+        differentiate_products(modes, [p for own in now for p in own], left, right, lam, still=still)
+    )
     out = np.zeros((len(left), len(bound)))
     for k, own in enumerate(now):
         for parameter in own:

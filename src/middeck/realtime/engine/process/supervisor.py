@@ -56,8 +56,8 @@ from middeck.realtime.engine.rigs.linear_article import LinearArticle, encode_ar
 BEAT_S = 0.05
 PATIENCE_AT_END_S = 5.0
 LOOK_S = 0.01
-TEMPORARY = "temporary"
-"""A file that marks a folder which goes with its engine."""
+TEMPORARY = ".middeck-temporary"
+"""A file that marks a folder which goes with its engine; no name that a user's own folder may hold."""
 
 
 class Supervisor(CommandedEngine):
@@ -184,7 +184,7 @@ class Supervisor(CommandedEngine):
                     hint="end that one first",
                 )
             made._sign()
-        if made.process.poll() is None and (path.parent / TEMPORARY).exists():
+        if made.process.poll() is None and (path.parent / TEMPORARY).is_file():
             made._removes(path.parent.resolve())
         made.beat()
         return made

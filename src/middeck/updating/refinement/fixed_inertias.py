@@ -1,0 +1,88 @@
+"""Masses that unknowns move without the inertias of the same bodies, where that fixes what the tests do not.
+
+Frequencies are ratios of stiffness to mass: they leave the scale of both open. Where every mass is unknown,
+an inertia that stays as drawn fixes it, as sharply as the frequencies were measured.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.structure.sensitivity.parameters import list_parameters
+from middeck.updating.refinement.posterior import estimate_at, most_probable, unlikely
+from middeck.updating.refinement.refine import Refined, problem_of
+from middeck.updating.residuals.surveys import Compared, compare, set_up
+from middeck.updating.unknowns.unknowns import Bound
+
+MASS, INERTIA = ".mass", ".inertia."
+# A deviation that is so many times larger where inertias move with their masses hangs on the inertias.
+LARGER = 3.0
+# So many times likelier tests are no chance, nor are they often with other errors of a model.
+LIKELIER = 20.0
+
+
+class FixedInertias(NamedTuple):
+    """Bodies whose masses alone ``unknowns`` move, and the unknown that their inertias determine most.
+
+    Attributes:
+        larger: How many times its deviation is if the inertias are in proportion to the masses.
+        fits: Whether all tests are then likelier by more than chance.
+    """
+
+    unknowns: tuple[str, ...]
+    bodies: tuple[str, ...]
+    determined: str
+    larger: float
+    fits: bool
+
+
+def fixed_inertias(refined: Refined) -> FixedInertias | None:
+    """None where no unknown moves a mass alone, or where neither a deviation nor the fit hangs on that."""
+    moved = [_inertias(refined, c) for c in refined.compared]
+    bodies = dict.fromkeys(p.name.split(INERTIA)[0] for own in moved for b in own for p in b.parameters)
+    if not bodies:
+        return None
+    problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
+    J, first = problem.J.copy(), 0
+    for c, bound in zip(refined.compared, moved, strict=True):
+        alone = c.paired._replace(added=())
+        J[first : first + len(c.rows)] += compare(c.free, c.survey, bound, alone).slope
+        first += len(c.rows)
+    along, tau = dataclasses.replace(problem, J=J), refined.estimate.tau
+    larger = estimate_at(along, tau).x_std / refined.estimate.x_std
+    gain = unlikely(problem, tau) - unlikely(along, most_probable(along, tau))
+    most, fits = int(np.argmax(larger)), bool(gain > np.log(LIKELIER))
+    if larger[most] < LARGER and not fits:
+        return None
+    named = {b.unknown.name for own in moved for b in own if b.parameters}
+    return FixedInertias(
+        unknowns=tuple(u.name for u in refined.unknowns if u.name in named),
+        bodies=tuple(bodies),
+        determined=refined.unknowns[most].name,
+        larger=float(larger[most]),
+        fits=fits,
+    )
+
+
+def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
+    """Inertias that no unknown moves, under the unknowns that multiply the masses of their bodies."""
+    survey = compared.survey
+    place = set_up(refined.structure, survey.environment, survey.settings, refined.unknowns)
+    taken = {p.name for b in place.bound for p in b.parameters}
+    still = [
+        p
+        for p in list_parameters(place.structure, place.environment)
+        if INERTIA in p.name and p.value and p.name not in taken
+    ]
+    return tuple(
+        Bound(b.unknown, () if b.unknown.added else tuple(p for p in still if _mass_of(p.name) in own))
+        for b in place.bound
+        for own in [{q.name for q in b.parameters}]
+    )
+
+
+def _mass_of(inertia: str) -> str:
+    return inertia.split(INERTIA)[0] + MASS
