@@ -69,6 +69,7 @@ def measure_known(
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
     *halves: Plant | Compensator,
     vague: Callable[[Plant | Compensator], bool] = is_vague_half,
+    least: float = 0.0,
     cure: str = CURE,
     stacklevel: int = 3,
 ) -> Found:
@@ -79,6 +80,7 @@ def measure_known(
     Args:
         what: Names the numbers in the warning.
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
+        least: Largest change by the first move up to which no more are tried.
         cure: Ends the warning: what would tell.
         stacklevel: Of the warning: 3 blames the line that called the caller of this.
     """
@@ -93,7 +95,8 @@ def measure_known(
 
     here = of(found)
     if np.isfinite(here).any():
-        most = _farthest(here, lambda *moved: of(measure(*moved)), list(zip(halves, moves, strict=True)))
+        movable = list(zip(halves, moves, strict=True))
+        most = _farthest(here, lambda *moved: of(measure(*moved)), movable, least)
         if most > UNCERTAIN:
             warnings.warn(
                 f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
@@ -110,10 +113,13 @@ def _move(half: Plant | Compensator, rng: np.random.Generator) -> Plant | Compen
 
 
 def _farthest(
-    here: np.ndarray, numbers: Callable[..., np.ndarray], halves: list[tuple[Plant | Compensator, bool]]
+    here: np.ndarray,
+    numbers: Callable[..., np.ndarray],
+    halves: list[tuple[Plant | Compensator, bool]],
+    least: float,
 ) -> float:
     """The largest change of a number as vague halves move; infinite where one has no value, or stability is
-    open.
+    open. The first move's where that is ``least`` at most.
     """
     rng, most = np.random.default_rng(0), 0.0
     for _ in range(DRAWS):
@@ -129,4 +135,6 @@ def _farthest(
         same = (there == here) | np.isnan(here)
         apart = np.subtract(there, here, out=np.zeros_like(here), where=~same)
         most = max(most, float(np.abs(apart).max()))
+        if most <= least:
+            break
     return most

@@ -3,7 +3,6 @@
 import numpy as np
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
-from middeck.control.law.known_design import DesignView, design_known, spread
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design_model import (
@@ -17,6 +16,7 @@ from middeck.control.lqg.design_model import (
     weigh_effort,
 )
 from middeck.control.lqg.estimator import KalmanFilter, filter_in_units, filter_of, observed_model
+from middeck.control.lqg.known_design import DesignView, design_known
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.errors import ConfigError, NotStabilisableError
@@ -110,9 +110,7 @@ def design_lqg(
 
 
 def _view(law: LQGCompensator) -> DesignView:
-    both = law.regulator, law.estimator
-    values = np.concatenate([one.poles for one in both])
-    return DesignView(law.system, values, law.cost, max(spread(one.X) for one in both))
+    return DesignView(law.system, law.cost, (law.regulator, law.estimator))
 
 
 def _design(

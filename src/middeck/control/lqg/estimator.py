@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.law.known_design import is_mixed
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.lqg.design_model import LQGProblem, own_units, pose_problem
+from middeck.control.lqg.known_design import is_mixed
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.control.riccati.continuous import RiccatiSolution, solve_riccati
 from middeck.systems.plants.plant import Plant

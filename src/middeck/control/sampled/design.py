@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
-from middeck.control.law.known_design import DesignView, design_known, spread
 from middeck.control.law.partition import partition_modes, pose_states
 from middeck.control.law.stabilisability import require_reachable
 from middeck.control.lqg.design import require_authority
+from middeck.control.lqg.known_design import DesignView, design_known
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.riccati.continuous import RiccatiSolution
 from middeck.control.riccati.discrete import solve_discrete_riccati
@@ -111,9 +111,7 @@ def design_sampled_lqg(
         return _design(plant, weights, authority, period_s, form)
 
     def view(law: SampledLQG) -> DesignView:
-        both = law.regulator, law.estimator
-        values = np.concatenate([one.poles for one in both])
-        return DesignView(law.dynamics, values, law.cost, max(spread(one.X) for one in both))
+        return DesignView(law.dynamics, law.cost, (law.regulator, law.estimator))
 
     return design_known("law and cost", design, view, plant)
 
