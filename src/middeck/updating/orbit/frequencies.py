@@ -158,13 +158,14 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     false = np.where(unseen > LITTLE, unseen * finer * less, 0.0)
     log_root = np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]]
     # Mean and deviation of what no linear estimate has.
-    (cable, its), (bend, own) = _by_a_cable(modes, index, umbilical_hz), bend_of(refined, log_root, curvature)
+    cable, cable_std = _by_a_cable(modes, index, umbilical_hz)
+    bend, bend_std = bend_of(refined, log_root, curvature)
     return Prediction(
         modes=modes,
         index=index,
         log_shift=shared @ found.d[: shared.shape[1]] - false + cable + bend,
         log_root=log_root,
-        log_rest=np.sqrt(rest + false**2 + its**2 + own**2),
+        log_rest=np.sqrt(rest + false**2 + cable_std**2 + bend_std**2),
         **(
             _damping(refined, modes, index, share, errors)
             if roots is None
