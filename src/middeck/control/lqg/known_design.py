@@ -26,9 +26,9 @@ SCALINGS = 4
 
 FEEDBACK, APART, REMAINS = 1.5, 1e9, 1e-11
 """Size of a law's A over the plant's, and condition of a Riccati solution whose states have units of their
-own, both above which a design is tried again; or the residual alone (poles all but at rest). Of 588 designs
-with intensities and weights over 18 and 24 decades rounding moved 50 by 1e-4 or more, 48 of them found so;
-of 400 ordinary ones 44 are tried again."""
+own, both above which a design is tried again; or the residual alone (poles all but at rest). Of 1374
+designs with intensities and weights over 18 and 24 decades rounding moved 119 by 1e-4 or more; 9 of these are
+not found so, two of them off by 1e-3 and 1e-2. Of 400 ordinary ones 44 are tried again."""
 LITTLE = 1e-7
 """Change by the first move of a plant's entries up to which such a design is not moved again."""
 
