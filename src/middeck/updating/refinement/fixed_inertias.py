@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.sensitivity.parameters import list_parameters
+from middeck.structure.sensitivity.parameters import Parameter, list_parameters
 from middeck.updating.refinement.posterior import estimate_at, most_probable, unlikely
 from middeck.updating.refinement.refine import Refined, problem_of
 from middeck.updating.residuals.surveys import Compared, compare, set_up
@@ -77,12 +77,10 @@ def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
         for p in list_parameters(place.structure, place.environment)
         if INERTIA in p.name and p.value and p.name not in taken
     ]
-    return tuple(
-        Bound(b.unknown, () if b.unknown.added else tuple(p for p in still if _mass_of(p.name) in own))
-        for b in place.bound
-        for own in [{q.name for q in b.parameters}]
-    )
+    return tuple(Bound(b.unknown, _beside(b, still)) for b in place.bound)
 
 
-def _mass_of(inertia: str) -> str:
-    return inertia.split(INERTIA)[0] + MASS
+def _beside(bound: Bound, still: list[Parameter]) -> tuple[Parameter, ...]:
+    """Those of ``still`` whose bodies' masses ``bound`` multiplies."""
+    own = () if bound.unknown.added else {p.name for p in bound.parameters}
+    return tuple(p for p in still if p.name.split(INERTIA)[0] + MASS in own)
