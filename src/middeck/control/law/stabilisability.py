@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from middeck.errors import NotStabilisableError
 from middeck.systems.poles.rounding import ROUNDINGS, poles_with_rounding
+from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
 
 RANK_FLOOR = 1e-10
@@ -46,9 +47,8 @@ def unreachable_states(
     share = np.zeros(n)
     if not n:
         return share
-    # In balanced coordinates, so that the units of the states do not matter.
-    balanced, unit_of = balance(A)
-    drive = B / unit_of[:, None]
+    unit = _even_units(A, 1.0 if sampled else 0.0)
+    balanced, drive = A * unit / unit[:, None], B / unit[:, None]
     size = float(np.linalg.norm(balanced, 2)) or 1.0
     length = np.linalg.norm(drive, axis=0)
     drive = size * drive[:, length > 0.0] / length[length > 0.0]
@@ -63,6 +63,24 @@ def unreachable_states(
         U, s, _ = np.linalg.svd(np.hstack([balanced - pole * np.eye(n), drive]))
         share += np.sum(np.abs(U[:, s <= floor * size]) ** 2, axis=1)
     return share
+
+
+def _even_units(A: np.ndarray, rest: float) -> Float[np.ndarray, " state"]:
+    """Balanced units of each strongly connected part, which drives the others as strongly as it moves itself
+    (from ``rest``: 1 of sampled systems).
+
+    Those of the whole would have no end where one part drives another and is not driven: a unit of 1e16 of
+    a delay that has decayed within the period hides from B every other state.
+    """
+    unit = np.ones(len(A))
+    done: list[int] = []
+    for part in strong_components(A):
+        inside, own = balance(A[np.ix_(part, part)])
+        drives = float(np.abs(A[np.ix_(done, part)] * own / unit[done, None]).max(initial=0.0))
+        moves = float(np.linalg.norm(inside - rest * np.eye(len(part)), 2))
+        unit[part] = own * np.exp2(np.round(np.log2(moves / drives))) if moves * drives > 0.0 else own
+        done.extend(part)
+    return unit
 
 
 def _may_move_on(A: np.ndarray) -> list[complex]:
