@@ -76,7 +76,7 @@ def _even_units(A: np.ndarray, rest: float) -> Float[np.ndarray, " state"]:
     done: list[int] = []
     for part in strong_components(A):
         inside, own = balance(A[np.ix_(part, part)])
-        drives = float(np.abs(A[np.ix_(done, part)] * own / unit[done, None]).max(initial=0.0))
+        drives = float(np.abs(A[done][:, part] * own / unit[done, None]).max(initial=0.0))
         moves = float(np.linalg.norm(inside - rest * np.eye(len(part)), 2))
         unit[part] = own * np.exp2(np.round(np.log2(moves / drives))) if moves * drives > 0.0 else own
         done.extend(part)
