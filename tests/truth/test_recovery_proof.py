@@ -12,8 +12,11 @@ from scipy.signal import fftconvolve
 from test_gate import lead, negative_pair, one_port
 
 from middeck.control.law.compensator import Compensator
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.gate import recovery_proof
+from middeck.realtime.gate.package_with_hold import with_drives
 from middeck.realtime.gate.recovery_proof import why_unproved
+from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.systems.plants.plant import Plant
@@ -56,21 +59,21 @@ def drawn(seed, outputs):
 
 
 def run(package, matrices, x, samples):
-    """Magnitudes of sensors and of what is asked for, by slew and size in the order of the C."""
+    """Magnitudes of sensors, of what is asked and of its steps, by slew and size in the order of the C."""
     (F, G, C), law, s, L = matrices, package.core, package.slew[:, None], package.upper[:, None]
     z, u = np.zeros((len(law.A), x.shape[1])), np.zeros((len(C), x.shape[1]))
-    seen = np.empty((2, samples, *u.shape))
+    seen = np.empty((3, samples, *u.shape))
     for k in range(samples):
         y = C @ x
         asked = law.C @ z + law.D @ y
-        seen[:, k] = y, asked
+        seen[:, k] = y, asked, asked - u
         u = np.clip(np.clip(asked, u - s, u + s), -L, L)
         z, x = law.A @ z + law.B @ y + law.E @ (u - asked), F @ x + G @ u
     return np.abs(seen)
 
 
 def swings(package, matrices, seed):
-    """Peaks of sensors and of what is asked in the smallest motion that goes on for 45 s after 30.
+    """Peaks of sensors, of what is asked and of its steps in the least motion that goes on for 45 s after 30.
 
     None where none does. Without the law all motions lose a third and more in that time.
     """
@@ -111,6 +114,47 @@ def test_the_range_of_the_sensor_decides(reach, proved):
     assert (why_unproved(package, one_port(system)) == "") == proved
 
 
+def edge(package, matrices, start):
+    """Peaks, as those of `swings`, of the motion between those that die out and those that go on.
+
+    It goes on too, as long as the digits last: until two that start beside it part.
+    """
+    low, high = 1e-2, 1e3
+    for _ in range(10):
+        sizes = np.geomspace(low, high, 16)
+        seen = run(package, matrices, start[:, None] * sizes, 2500)
+        first, last = seen[0, 500:1000].max(axis=(0, 1)), seen[0, -500:].max(axis=(0, 1))
+        k = int(np.argmax(last > 0.6 * first))
+        low, high = sizes[k - 1], sizes[k]
+    parted = np.abs(seen[0, :, :, k] - seen[0, :, :, k - 1]).max(axis=1) > 1e-3 * seen[0, :, :, k].max()
+    end = int(np.argmax(parted))
+    assert end > 1000
+    return seen[:, end // 2 : end, :, k - 1].max(axis=1)
+
+
+@pytest.mark.parametrize(("seed", "outputs", "least"), repeats([(7, 1, 0.4), (9, 2, 0.6)]))
+def test_the_proof_ends_below_the_smallest_motion_that_goes_on_and_not_far_from_it(seed, outputs, least):
+    """By what is asked and its steps: none at those of that motion, one at this share of them."""
+    package, plant, matrices = drawn(seed, outputs)
+    loop = recovery_proof.close_loop(recovery_proof.split_loop(package, plant))
+    start = np.random.default_rng(0).standard_normal(len(matrices[0]))
+    _, asked, steps = edge(package, matrices, start)
+
+    def proved(share):
+        bounds = ((package.upper, asked, False), (package.slew, steps, True))
+        limits = [
+            recovery_proof.Limit(i, slew, 1.0 - limit / (share * most))
+            for limits, peaks, slew in bounds
+            for i, (limit, most) in enumerate(zip(limits, peaks, strict=True))
+            if share * most > limit
+        ]
+        assert limits
+        return recovery_proof.dies_out(loop, limits)
+
+    assert not proved(1.0)
+    assert proved(least)
+
+
 def alone(parts):
     """A law whose plant is not known: sensors may read anything within their ranges."""
     count = len(parts.C)
@@ -122,11 +166,42 @@ def test_no_motion_asks_for_more_than_its_bound(seed, outputs):
     """Nor for a tenth of it, of what swings on within ranges of its own; a known plant makes it less."""
     package, plant, matrices = drawn(seed, outputs)
     parts = recovery_proof.split_loop(package, plant)
-    reads, asked = swings(package, matrices, seed)
+    reads, asked, _ = swings(package, matrices, seed)
     reached = dataclasses.replace(package, input_range=reads, vectors=None)
     bound = recovery_proof.bound_commands(reached, parts)
     assert np.all((asked <= bound) & (bound < 10.0 * asked))
     assert np.all(bound < recovery_proof.bound_commands(reached, alone(parts)))
+
+
+def test_limits_of_law_and_engine_are_the_tighter_ones():
+    """One after the other, as the engine has them, about the last output; none beside a hold."""
+    package, _, _ = drawn(2, 2)
+    y, u = package.inputs, package.outputs
+    drives = tuple(
+        Drive(port=port, lower=-size, upper=size, slew_rate=rate)
+        for port, size, rate in zip(u, (0.1, 5.0), (500.0, 3.0), strict=True)
+    )
+    sensors = tuple(SensorTest(port=port, range=1.0) for port in y)
+    engine = EngineSettings(period_s=SLOW_S, sensors=sensors, drives=drives)
+    package = dataclasses.replace(
+        package,
+        upper=np.array([0.3, 0.2]),
+        lower=-np.array([0.3, 0.2]),
+        slew=np.array([0.2, 0.1]),
+        vectors=None,
+    )
+    both, motors = with_drives(package, engine), np.array([[0.1, 5.0], [5.0, 0.03]])
+    assert (both.upper.tolist(), both.slew.tolist()) == ([0.1, 0.2], [0.2, 0.03])
+    law, one, rng = ReferenceLaw(package), ReferenceLaw(both), np.random.default_rng(2)
+    last = np.zeros(2)
+    for reading in 3.0 * rng.standard_normal((400, 2)):
+        last = np.clip(
+            np.clip(law.compute(reading), last - motors[1], last + motors[1]), -motors[0], motors[0]
+        )
+        law.commit(last)
+        assert np.array_equal(one.step(reading), last)
+    spring = (LoopPath(0, 0, Section(np.array([-1.0, 0.0, 0.0]), np.zeros(2))),)
+    assert with_drives(package, dataclasses.replace(engine, hold=spring)) is None
 
 
 def held_back(package, seed):
