@@ -1,9 +1,8 @@
 """The law by which losses go to another environment, against complex eigenvalues of matrices.
 
-Of a shape, a hysteretic loss takes the same of the energy at each frequency, zeta omega^2 stays; a viscous one
-takes it with the speed, zeta omega stays. Where each shape of the ground has a factor of its own on what the
-model says that the article and its suspension lose in it, the losses of any mode elsewhere are sums over
-the shapes that it is made of.
+Of a shape, a hysteretic loss is the same at each frequency: zeta omega^2 stays. A viscous one goes with the
+speed: zeta omega stays. Where each shape of the ground has a factor of its own on what the model says that
+article and suspension lose in it, losses of any mode elsewhere are sums over the shapes it is made of.
 """
 
 from __future__ import annotations
