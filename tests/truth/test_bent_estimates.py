@@ -98,7 +98,7 @@ def test_a_cantilever_that_sags_is_not_bent_by_modulus_and_mass(gravity: float):
 
 
 def test_a_bar_on_cables_is_not_bent_by_their_length_their_bounce_and_its_mass():
-    """Turning on its cables: omega^2 = W b^2 / (L I), I by the mass; its bounce is tuned, whatever its mass."""
+    """Turning on its cables: omega^2 = W b^2 / (L I), I by the mass; bounce as tuned, whatever its mass."""
     bar = build.rigid_bar(8.0, 2.0, (0.3, 2.0, 2.0), attach_y=0.1)
     lab = build.on_cables(4.0, 0.4, ("xyz", "yz"), attach=("left", "right"))
     names = ("environment.cable_length", "environment.bounce_hz", "node.bar.mass")
