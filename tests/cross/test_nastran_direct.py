@@ -99,7 +99,7 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
         ("K2GG = KPOINT\n", "scalar point 9 in a matrix that stands alone"),
         ("K2GG = KHALF\nM2GG = NONE\n", "no DMIG NONE"),
         ("K2GG = KHALF\nM2GG = 2.0*MHALF\n", "a factor"),
-        ("K2GG = KHALF\nM2GG = MHALF\nB2PP = KHALF\n", "B2PP"),
+        ("K2GG = KHALF\nM2GG = MHALF\nA2GG = KHALF\n", "A2GG"),
         ("K2GG = MHALF\nM2GG = KHALF\n", "mass"),
         ("K2GG = KHALF\nM2GG = MCUT\n", "DMIG MCUT: a column without entries"),
         ("K2GG = KHALF\nM2GG = MLOSS\n", "DMIG MLOSS: type TIN = 4, form IFO = 6: real matrices (TIN 1, 2)"),

@@ -393,3 +393,36 @@ def test_a_sampled_law_has_no_limits_and_no_other_rate(files: Path, capfd: Captu
         ended = middeck(capfd, "qualify", files / "law.json", files / "model.json", *arguments)
         assert ended.code == 2
         assert says in ended.err
+
+
+def sampled_return_ratio(law: Compensator, omega: np.ndarray, period_s: float) -> np.ndarray:
+    """u = K y broken at u: `measured` behind sample and hold, its delay exact, K by Tustin's rule."""
+    model, z = measured(), np.exp(1j * omega * period_s)
+    late_s = float(model.delay_s[0])
+    whole = int(np.ceil(late_s / period_s))
+    rest_s, path = whole * period_s - late_s, np.zeros(len(omega), dtype=complex)
+    terms = model.shapes[0] * model.participation[:, 0]
+    both = (np.concatenate([x, x.conj()]) for x in (model.poles, terms))
+    for pole, term in zip(*both, strict=True):
+        step = np.exp(pole * period_s)
+        path += term / pole * (np.exp(pole * rest_s) * (step - 1.0) / (z - step) + np.expm1(pole * rest_s))
+    A, B, C, D = (np.asarray(x) for x in (law.system.A, law.system.B, law.system.C, law.system.D))
+    s = 2.0 / period_s * (z - 1.0) / (z + 1.0)
+    gain = [(C @ np.linalg.solve(x * np.eye(len(A)) - A, B) + D)[0, 0] for x in s]
+    return np.asarray(gain) * z**-whole * path
+
+
+@pytest.mark.parametrize("hold_s", [0.004, 0.01, 0.0])
+def test_the_hold_that_a_model_excludes_is_added_once(capfd: Capture, files: Path, hold_s: float) -> None:
+    """Whatever hold was taken out of a model's data, a rate adds that of the loop."""
+    write_model(files / "model.json", dataclasses.replace(measured(), hold_s=hold_s))
+    found = qualify(capfd, files, "--rate", 250)
+    row = next(r for r in found["rows"] if r["setting"] == "250 Hz")
+    near = [2.0 * np.pi * f * (1.0 + np.linspace(-0.3, 0.3, 4000)) for f in (2.0, 5.0, 9.0)]
+    omega = np.unique(np.concatenate([*near, np.linspace(0.1, 0.99 * np.pi / 0.004, 4000)]))
+    ratio = sampled_return_ratio(load_compensator(files / "law.json"), omega, 0.004)
+    # u = K y is added: the critical point is +1, and the disk margin 1 / max |S - 1/2|.
+    assert row["disk"] == pytest.approx(1.0 / np.abs(1.0 / (1.0 - ratio) - 0.5).max(), rel=1e-3)
+    edge = ratio[np.nonzero(np.diff(np.abs(ratio) > 1.0))[0]]
+    assert row["phase_deg"] == pytest.approx(np.abs(np.degrees(np.angle(edge))).min(), abs=0.5)
+    assert not any("held" in warning for warning in found["warnings"])

@@ -551,6 +551,16 @@ def test_rotors_and_dampers_that_are_passed_over_say_what_an_article_has_for_the
     assert why["TABDMP1"] == "no effect on stiffness and mass"
 
 
+@pytest.mark.parametrize("command", ["B2GG", "B2PP", "K42GG"])
+def test_damping_by_direct_input_is_left_out_as_other_damping_is(tmp_path, command):
+    """It moves no undamped mode: nothing else of the article may change."""
+    damping = ("DMIG,BB,0,6,1,0", "DMIG,BB,4,1,,4,1,5.")
+    made, without = (convert(write(tmp_path, *damping, case=c)) for c in ([f"{command}=BB"], []))
+    assert document_text(made.document, "a") == document_text(without.document, "a")
+    rows = {card: (count, why) for card, count, why in made.left_out}
+    assert rows[f"DMIG of {command}"] == (2, "damping: give it in the article's [damping]")
+
+
 PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
 
 

@@ -359,7 +359,9 @@ def test_every_claim_is_in_the_summary(page, numbers):
     claims = [c for figure in numbers.values() for c in figure.get("claims", ())]
     assert len({c["claim"] for c in claims}) == len(claims) > 40
     for claim in claims:
-        assert rows[claim["claim"]] == ("yes" if claim["holds"] else "no")
+        # The unit stands with the number.
+        said = claim["claim"].removesuffix(f" [{claim['unit']}]")
+        assert rows[said] == ("yes" if claim["holds"] else "no")
     # So few states are too few for the mirror, and the page says so.
     assert "no" in {holds for claim, holds in rows.items() if claim.startswith("mirror")}
 
@@ -472,6 +474,22 @@ def test_nothing_is_cut_off(chromium, written, tmp_path, width):
     assert sorted(set(found["wide"])) == (sorted(set(drawings)) if width < 640 else [])
     if width >= 1000:
         assert found["end"] < 900.0  # the summary is on the first screen
+
+
+def test_long_words_in_a_table_break(written):
+    """Numbers stay on one line; a sentence was cut off at the edge of a wide page."""
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert ".tables td.text { white-space: normal; }" in text
+    cells = [(kind, html.unescape(cell)) for kind, cell in re.findall(r"<td([^>]*)>([^<]*)</td>", text)]
+    assert any(len(cell) > 60 for _, cell in cells)
+    assert all(('class="text"' in kind) == (len(cell) > 60) for kind, cell in cells)
+
+
+def test_a_limit_has_its_unit_once(numbers):
+    for row in claim_rows(numbers):
+        assert not re.search(r" \[[^\]]*\]$", row.claim), row
+        assert "never decades" not in row.asked
+        assert row.asked != "any %"
 
 
 def test_the_first_lines_say_that_the_rig_is_simulated(written):

@@ -95,3 +95,23 @@ def test_a_cantilever_that_sags_is_not_bent_by_modulus_and_mass(gravity: float):
     there = set_up(build.straight_beam(tube, 2.1, 6), wall, (), both)
     curvature = frequency_curvature(there.solve(np.zeros(2)), there.bound, np.arange(4))
     assert np.abs(curvature).max() < 0.001
+
+
+def test_a_bar_on_cables_is_not_bent_by_their_length_their_bounce_and_its_mass():
+    """Turning on its cables: omega^2 = W b^2 / (L I), I by the mass; bounce as tuned, whatever its mass."""
+    bar = build.rigid_bar(8.0, 2.0, (0.3, 2.0, 2.0), attach_y=0.1)
+    lab = build.on_cables(4.0, 0.4, ("xyz", "yz"), attach=("left", "right"))
+    names = ("environment.cable_length", "environment.bounce_hz", "node.bar.mass")
+    own = [Unknown(name=n, parameters=(n,), spread=0.1) for n in names]
+    there = set_up(bar, lab, (), own)
+
+    def ln_hz(x: np.ndarray) -> np.ndarray:
+        modes = there.solve(x)
+        return np.log([modes.frequency_hz[modes.name.index(n)] for n in ("yaw", "bounce")])
+
+    modes, step = there.solve(np.zeros(3)), 0.02 * np.eye(3)
+    middle = ln_hz(np.zeros(3))
+    for way in (*step, step[0] + step[2], step[1] + step[2]):
+        assert ln_hz(way) + ln_hz(-way) - 2.0 * middle == pytest.approx(0.0, abs=2e-7)
+    index = np.array([modes.name.index(n) for n in ("yaw", "bounce")])
+    assert np.abs(frequency_curvature(modes, there.bound, index)).max() < 0.001

@@ -95,6 +95,66 @@ def test_superelements_are_joined_by_pairs_and_ranges(tmp_path, component, field
         assert parts["join-se101.npz"].frames == frames
 
 
+def joined_masses(folder, component, places, joins, method="MANUAL", tol=""):
+    """A deck of the component with bodies of 1 and 0.1 on its grids, whose own cards print ``places``."""
+    from middeck.files.nastran.components.assembly import read_assembly
+
+    write_external(folder / "part", component)
+    cards = (folder / "part.pch").read_text().splitlines()
+    grids = iter(f"GRID,{k + 1},,{','.join(place)}" for k, place in enumerate(places))
+    kept = [line for line in cards if not line.startswith("* ")]
+    own = "\n".join(next(grids) if line.startswith("GRID*") else line for line in kept)
+    (folder / "part.pch").write_text(own + "\n")
+    bulk = f"SEBULK,101,EXTOP4,,{method},{tol},,101\n"
+    bulk += "" if method == "AUTO" else "SECONCT,101,0,,NO\n,1,11,2,12\n"
+    bulk += "".join(
+        f"GRID,{k + 11},,{','.join(at)}\nCONM2,{k + 1},{k + 11},,1.\n,0.1,,0.1,,,0.1\n"
+        for k, at in enumerate(joins)
+    )
+    deck = f"ASSIGN INPUTT4='part.op4',UNIT=101\nSOL 103\nCEND\nBEGIN BULK\n{bulk}INCLUDE 'part.pch'\n"
+    (folder / "join.dat").write_text(deck + "ENDDATA\n")
+    deck, parts = read_assembly(folder / "join.dat", SI, "join")
+    made = convert_deck(deck, SI, "consistent", "join", parts)
+    for file, part in parts.items():
+        write_component(folder / file, part)
+    (folder / "join.toml").write_text(document_text(made.document, "joined"))
+    modes = md.solve_modes(
+        md.solve_equilibrium(md.load_structure(folder / "join.toml"), md.Environment.orbit())
+    )
+    return modes.frequency_hz, deck.notes
+
+
+def printed(places, digits):
+    return [[f"{x:.{digits}g}" + "." * (f"{x:.{digits}g}".isdigit()) for x in place] for place in places]
+
+
+@pytest.mark.parametrize("digits", [5, 6, 7])
+@pytest.mark.parametrize("method", ["AUTO", "MANUAL"])
+def test_places_of_few_digits_join_as_the_matrices_do(tmp_path, component, digits, method):
+    """Nastran makes coordinates equal, whatever the places: the pencil of the matrices with both bodies."""
+    away = dataclasses.replace(
+        component, positions=component.positions + np.array([3.1234567, -0.31234567, 1.1234567])
+    )
+    M = component.mass.copy()
+    M[:12, :12] += np.diag(np.tile(np.repeat([1.0, 0.1], 3), 2))
+    squared = scipy.linalg.eigh(component.stiffness, M, eigvals_only=True)
+    places = printed(away.positions, digits)
+    found, notes = joined_masses(tmp_path, component, places, places, method)
+    np.testing.assert_allclose(found[6:], np.sqrt(squared[6:]) / (2.0 * np.pi), rtol=10.0 ** (1 - digits))
+    assert np.all(found[:6] < 1e-3 * found[6])
+    assert digits == 7 or any("of se101 is joined to g1" in note for note in notes)
+
+
+def test_grids_within_a_tolerance_are_joined_over_it(tmp_path, component):
+    """TOL of SEBULK, in units of the deck; beyond it grids that do not coincide are refused."""
+    places = printed(component.positions, 12)
+    beside = [[f"{float(places[0][0]) + 1e-3:.9f}", *places[0][1:]], places[1]]
+    with pytest.raises(ConfigError, match=r"grid 2 stands 0\.001 m from frame 'g12'"):
+        joined_masses(tmp_path, component, places, beside)
+    _, notes = joined_masses(tmp_path, component, places, beside, tol="0.01")
+    assert any("over a distance of 0.0005 (m-kg-s-N)" in note for note in notes)
+
+
 def punch(name, matrix, points, digits=10):
     """Nastran's DMIG of a symmetric matrix: one triangle, large fields."""
     lines = [f"DMIG    {name:8}{0:8d}{6:8d}{2:8d}{0:8d}"]

@@ -1,5 +1,7 @@
 """A search does not end where rounding of its normal equations says that nothing is to be gained."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.gram_blocks import Functions
 from middeck.identification.problem.residual_and_slopes import build_terms
 from middeck.identification.problem.unknowns_layout import Layout, Point, pack
-from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.search.least_squares_costs import by_normal_equations, least_cost, weighted
 
 CURVATURE = np.array([[2.0, 1.0], [1.0, 3.0]])
 # The same with a product that rounding has made larger than both lengths allow.
@@ -17,7 +19,7 @@ NO_GRAM = np.array([[2.0, -9.0], [-9.0, 3.0]])
 
 
 def a_bowl(gram):
-    def evaluate(x):
+    def evaluate(x, _below):
         return Step(
             cost=0.5 * float(x @ CURVATURE @ x), gradient=CURVATURE @ x, gram=gram, linear=np.zeros((1, 0))
         )
@@ -36,7 +38,7 @@ def test_an_indefinite_gram_is_formed_again_and_never_the_end(start):
 
 
 def test_what_is_not_finite_is_no_convergence():
-    def evaluate(x):
+    def evaluate(x, _below):
         return Step(cost=1.0, gradient=np.full(2, np.nan), gram=CURVATURE, linear=np.zeros((1, 0)))
 
     assert not search(evaluate, np.ones(2), 10).converged
@@ -74,10 +76,10 @@ def test_damped_low_modes_under_weights_over_decades():
     """Sums alone ended here at a thousand times the cost, and said that they had converged."""
     layout, data, theta = damped_low_modes(2, decades=1)
 
-    def by_lines(x):
-        return weighted(layout, data, x, from_sums=False)
+    def by_lines(x, below):
+        return weighted(layout, data, x, below, from_sums=False)
 
-    found = search(lambda x: weighted(layout, data, x), theta, 60, exactly=by_lines)
+    found = search(functools.partial(weighted, layout, data), theta, 60, exactly=by_lines)
     reference = search(by_lines, theta, 60)
     # Both are still on their way down a narrow valley after 60 steps; the false end was 1700 times above.
     assert found.step.cost < 1.1 * reference.step.cost
@@ -104,3 +106,16 @@ def test_gram_from_sums_of_pairs_without_a_frequency():
     size = np.sqrt(np.einsum("gnn->gn", lines))
     # Rounding of forty terms, times the distance of the lines over the decay rate of 0.4: some hundred.
     assert (np.abs(sums - lines) <= 1e-11 * size[:, :, None] * size[:, None]).all()
+
+
+@pytest.mark.parametrize("every", [1, 100], ids=["from sums", "by columns"])
+def test_what_is_not_below_a_cost_is_no_step_and_what_is_below_is_the_whole_one(every):
+    layout, data, theta = damped_low_modes(2, decades=1)
+    data = Data(s=data.s[::every], H=data.H[:, ::every], weight=data.weight[:, ::every])
+    assert by_normal_equations(layout, data) == (every == 1)
+    whole = weighted(layout, data, theta)
+    cost, linear = least_cost(layout, data, theta)
+    assert cost == whole.cost
+    np.testing.assert_array_equal(linear, whole.linear)
+    assert weighted(layout, data, theta, whole.cost) is None
+    assert weighted(layout, data, theta, 1.001 * whole.cost) == whole

@@ -385,8 +385,11 @@ def test_a_law_that_is_stable_by_itself_must_recover_from_limits_too():
     assert [step.name for step in steps if not step.passed] == ["recovery lags"]
     assert steps[-1].said.startswith("while 0 of u1 is applied: a root at 0 Hz grows (0.198 1/s)")
     alone = steps_of(package_of(np.random.default_rng(1), 1e-4))
-    found = "nothing grows at any of 30 limits of outputs; it is not proved for limits that come and go"
-    assert alone["recovery beam"].said == found
+    found = "nothing grows at any of 30 limits of outputs; proved for limits that come and go"
+    assert (
+        alone["recovery beam"].said
+        == found + ", at full authority, while the sensors stay within their ranges"
+    )
 
 
 def test_an_inner_loop_of_the_package_is_no_excuse():
@@ -404,7 +407,7 @@ def test_an_inner_loop_of_the_package_is_no_excuse():
     falling = dataclasses.replace(package, paths=paths[1:], vectors=None)
     own = LoopPath(0, 0, Section(np.array([-1.0, 0.0, 0.0]), np.zeros(2)))
     falling = add_test_vectors(dataclasses.replace(falling, paths=(own, *paths[1:])))
-    assert check_recovery(falling, "falls", plant_of(falls), held=False).passed
+    assert check_recovery(falling, "falls", plant_of(falls), held=False, alone=None).passed
 
 
 def test_a_limited_law_is_what_a_package_computes_that_learns_what_is_applied():
@@ -479,7 +482,11 @@ def test_a_law_must_recover_from_its_limit_of_slew(pole, recovers):
     verdict = examine_package(slow, {"mode": plant})
     assert verdict.passed == recovers
     assert verdict.steps[-1].name == "recovery mode"
-    said = "both at once are not proved" if recovers else "of each step of u0 is applied: a root at"
+    said = (
+        "nor for size and slew at once: no multipliers"
+        if recovers
+        else "of each step of u0 is applied: a root at"
+    )
     assert said in verdict.steps[-1].said
     quick = package_law(lead(0.5, 3.0, pole), "law", **given)
     unlimited = examine_package(quick, {"mode": plant})
@@ -500,7 +507,7 @@ def test_a_limit_of_slew_that_no_sensor_s_range_reaches_is_none(reach, rate, pas
     package = package_law(lead(0.5, 3.0, 60.0), "law", input_range=reach, limit=300.0, slew_rate=rate)
     plant = one_port(system)
     assert (swings_on(plant, package, reach, seconds=20.0) < 0.7) == passes
-    assert check_recovery(package, "mode", plant, held=False).passed == passes
+    assert check_recovery(package, "mode", plant, held=False, alone=None).passed == passes
 
 
 def test_a_limit_of_slew_that_is_not_reached_hides_no_other():
@@ -515,6 +522,8 @@ def test_a_limit_of_slew_that_is_not_reached_hides_no_other():
     whole = package_law(law, "law", slew_rate=5.0, **given)
     assert swings_on(one_port(one), whole, 2.0) > 1.0
     package = package_law(Compensator(split, y, u), "law", slew_rate=[1.0] * 5 + [1e5] * 2, **given)
-    found = check_recovery(package, "mode", Plant(dynamics=seven, inputs=u, outputs=y), held=False)
+    found = check_recovery(
+        package, "mode", Plant(dynamics=seven, inputs=u, outputs=y), held=False, alone=None
+    )
     assert not found.passed
     assert "of each step of u0, u1, u2, u3, u4 is applied: a root at" in found.said

@@ -17,7 +17,7 @@ import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
-from middeck.structure.model.article import Member, Structure
+from middeck.structure.model.article import AttachPoint, Member, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer_mesh import add_shear
@@ -342,6 +342,17 @@ def test_where_a_budget_cannot_part_the_terms_there_are_none():
     assert removed_terms(found, predict_modes(found, clamped(gravity=0.0), count=3)) is None
 
 
+def build_nothing(modes: Modes) -> Plant:
+    """A plant of the three lowest modes, which nothing drives and nobody sees."""
+    kept, force, angle = 3, Port("force", "N"), Port("way", "m")
+    none = np.zeros((kept, 1))
+    modal = ModalSystem(
+        omega=modes.omega[:kept], zeta=np.full(kept, 0.01), psi=none, phi=none.T, phi_rate=none.T,
+        names=tuple(modes.name[:kept]),
+    )  # fmt: skip
+    return Plant(dynamics=modal, inputs=(force,), outputs=(angle,))
+
+
 def test_a_draw_that_buckles_is_named_with_what_would_help():
     """A column at 90 % of Euler's load, whose survey saw torsion alone: of its bending the prior is all."""
     bending = Unknown(name="bending", parameters=("member.mast.EI_y", "member.mast.EI_z"), spread=0.1)
@@ -349,15 +360,6 @@ def test_a_draw_that_buckles_is_named_with_what_would_help():
     torsion = [k for k, name in enumerate(floating.name) if "torsion" in name]
     found = refine(mast(mass=11.0), [survey_of(floating, TIGHT, chosen=torsion[:1])], (bending,))
     assert found.estimate.x_std[0] > 0.09
-
-    def build_nothing(modes: Modes) -> Plant:
-        kept, force, angle = 3, Port("force", "N"), Port("way", "m")
-        none = np.zeros((kept, 1))
-        modal = ModalSystem(
-            omega=modes.omega[:kept], zeta=np.full(kept, 0.01), psi=none, phi=none.T, phi_rate=none.T,
-            names=tuple(modes.name[:kept]),
-        )  # fmt: skip
-        return Plant(dynamics=modal, inputs=(force,), outputs=(angle,))
 
     def drawn(spread_of: Refined) -> DrawnPlants:
         rng = np.random.default_rng(0)
@@ -369,6 +371,29 @@ def test_a_draw_that_buckles_is_named_with_what_would_help():
     assert refused.value.hint == "narrower spreads of the unknowns that the surveys do not see"
     narrow = dataclasses.replace(bending, spread=0.01)
     assert len(drawn(refine(found.structure, [c.survey for c in found.compared], (narrow,))).plants) == 40
+
+
+def test_a_stated_cable_ties_no_draw_of_an_article_that_is_held():
+    """Its mean has no cable there either; tied at its top, its lowest mode would be a tenth higher."""
+    article = mast()
+    article = dataclasses.replace(article, attach_points=(AttachPoint("top", "top", np.zeros(3)),))
+    place, seen = clamped(gravity=0.0), []
+    found = refine(article, [survey_of(modes_of(article, place), TIGHT, chosen=range(2))], (MODULUS,))
+    mean = predict_modes(found, place, count=3)
+
+    def build_and_look(modes: Modes) -> Plant:
+        seen.append(modes.frequency_hz[0])
+        return build_nothing(modes)
+
+    for cable_hz in (0.0, 2.0):
+        rng, loop = np.random.default_rng(0), LoopSpread(umbilical_hz=cable_hz)
+        drawing = draw_plants(found, place, build_and_look, draws=1, rng=rng, loop=loop, mean=mean)
+        seen.clear()
+        drawn = drawing.plants(range(1)).drawn
+        assert seen == pytest.approx(mean.modes.frequency_hz[:1], rel=1e-3)
+        assert drawn[0, drawing.names.index("umbilical")] == 0.0
+    tied = set_up(article, tie_umbilical(article, place, 2.0), (), found.unknowns).solve(found.x)
+    assert tied.frequency_hz[0] > 1.1 * seen[0]
 
 
 def test_measured_damping_goes_with_the_shape():

@@ -83,6 +83,25 @@ def test_a_channel_that_is_wrong_is_named(change, what: list[str], kept: list[tu
         assert all(expected in line for expected, line in zip(what, said, strict=True))
 
 
+MIXED = [("c", "x"), ("c", "y"), ("d", "z"), ("a", "x")]
+
+
+def test_many_that_no_factor_sets_right_are_not_told_as_so_many_instruments():
+    """Each reads the next one's motion, as turns of nodes have otherwise on a coarse mesh; one is turned."""
+
+    def mix(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
+        rows = [place[channel] for channel in MIXED]
+        shape[rows] = shape[rows[1:] + rows[:1]]
+        shape[place["b", "y"]] *= -1.0
+
+    for seed in repeats(range(8)):
+        alone, many = said_of(with_rows(surveyed(seed), mix))
+        assert "channel b y reads with the opposite sign" in alone
+        named = many.partition("channels ")[2].partition(" do not follow")[0]
+        assert set(named.split(", ")) == {f"{n} {d}" for n, d in MIXED}
+        assert "elements_per_strut" in many
+
+
 def test_no_channel_is_named_without_cause():
     """Of right surveys, of few channels, and of another article than the model's, whose shapes all differ."""
     for seed in repeats(range(8), 2):

@@ -6,6 +6,7 @@ import datetime
 import functools
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
@@ -64,6 +65,8 @@ class Verb(click.Command):
             for value in _texts(ctx.params.get(param.name or "")):
                 file = os.path.realpath(value)
                 named = f"{param.opts[0]} {value}" if isinstance(param, click.Option) else value
+                if isinstance(param, click.Argument):
+                    refuse_nameless(value, param.make_metavar(ctx))
                 if isinstance(param, Target) and file in taken:
                     _refuse_over(named, taken[file])
                 if os.path.isfile(file) or isinstance(param, Target):
@@ -338,6 +341,7 @@ model_file = output("model_file", SYSTEMS, "Write the model.", "MODEL.json|mat")
 
 def require_writable(path: str, endings: Sequence[str], option: str) -> None:
     """Refuse, before any work, a file whose folder is not there or whose ending no writer has."""
+    refuse_nameless(path, option)
     file = Path(path)
     where, known = f"{option} {path}", ", ".join(endings)
     if file.is_dir():
@@ -346,16 +350,41 @@ def require_writable(path: str, endings: Sequence[str], option: str) -> None:
         what = f"no writer for {file.suffix!r} files" if file.suffix else "no ending says what to write"
         raise ConfigError(what, where=where, hint=f"a file that ends in {known}")
     if not file.parent.is_dir():
+        above = next(p for p in file.parents if p.exists())
+        if not above.is_dir():
+            raise ConfigError(f"no such folder: {above} is a file", where=where, hint="another folder")
         raise ConfigError("no such folder", where=where, hint=f"mkdir -p {file.parent}")
+    _refuse_locked(file.parent, where)
 
 
-def require_folder(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
-    """``value``, the folder of results; refused where a file is there or its name is that of a file."""
-    where, hint = f"{param.opts[0]} {value}", f"a folder, such as {value.with_suffix('')}"
+def refuse_nameless(name: str, option: str) -> None:
+    """Refuse the empty name that a variable without a value leaves."""
+    if not name.strip():
+        raise ConfigError("no name of a file: the text is empty", where=option, hint="the path of a file")
+
+
+def _refuse_locked(folder: Path, where: str) -> None:
+    """Refuse a folder that takes no new file; the system is asked, as rights alone do not tell."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        what = f"{error.strerror}: no file can be written there"
+        raise ConfigError(what, where=where, hint="a folder of yours") from None
+
+
+def require_folder(ctx: click.Context, param: click.Parameter, name: str) -> Path:
+    """The folder of results; refused where a file is there or its name is that of a file."""
+    refuse_nameless(name, param.opts[0])
+    value = Path(name)
+    where = f"{param.opts[0]} {value}"
     if value.exists() and not value.is_dir():
         raise ConfigError("is a file, not a folder", where=where, hint="another name")
     if value.suffix.lower() in (".html", ".htm", ".pdf", *FIGURES, *SYSTEMS, *RECORDS):
+        hint = f"a folder, such as {value.with_suffix('')}"
         raise ConfigError(f"a study fills a folder, not a {value.suffix} file", where=where, hint=hint)
+    above = next(p for p in (value, *value.absolute().parents) if p.is_dir())
+    _refuse_locked(above, where)
     return value
 
 
@@ -372,11 +401,13 @@ def chained(
 
 
 def separate_names(values: tuple[str, ...]) -> tuple[str, ...]:
-    """Names given by several options, by commas or both.
+    """Names given by several options, by commas or both; raises `ConfigError` for an empty text.
 
     >>> separate_names(("a,b", "c"))
     ('a', 'b', 'c')
     """
+    if not all(value.strip(", ") for value in values):
+        raise ConfigError("an option that takes names has none", hint="a name, or leave the option out")
     return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
 
 

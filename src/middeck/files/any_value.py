@@ -35,12 +35,16 @@ def write(path: str | Path, value: object) -> None:
     `ControllerPackage` to .mdk, .json, .c with its header or .h; a component to .npz or .mat, a drawing to
     .vtu.
 
-    Raises `ConfigError` for another kind of value, and for an ending that its writer does not know.
+    Raises `ConfigError` for another kind of value, for both arguments swapped, and for an ending that its
+    writer does not know.
     """
     for kind, writer in WRITERS.items():
         if isinstance(value, kind):
             writer(path, value)
             return
+    if isinstance(path, tuple(WRITERS)):
+        what = f"a {type(path).__name__} stands where the path belongs"
+        raise ConfigError(what, where="write", hint="write(path, value)")
     kinds = ", ".join(kind.__name__ for kind in WRITERS)
     raise ConfigError(f"no file holds a {type(value).__name__}", where=str(path), hint=f"one of {kinds}")
 
@@ -50,16 +54,25 @@ def is_mat(path: str | Path) -> bool:
     return Path(path).suffix.lower() == ".mat"
 
 
+def _to_mat(path: str | Path, value: object) -> bool:
+    """Whether to write MATLAB's form in place of JSON; raises `ConfigError` for the ending of neither."""
+    ending = Path(path).suffix
+    if ending.lower() not in (".json", ".mat"):
+        what = f"no writer for a {type(value).__name__} in {ending!r} files"
+        raise ConfigError(what, where=str(path), hint="name it .json or .mat")
+    return is_mat(path)
+
+
 def _law(path: str | Path, law: Compensator) -> None:
-    (write_mat if is_mat(path) else write_compensator)(path, law)
+    (write_mat if _to_mat(path, law) else write_compensator)(path, law)
 
 
 def _model(path: str | Path, model: MeasurementModel) -> None:
-    (write_mat_model if is_mat(path) else write_model)(path, model)
+    (write_mat_model if _to_mat(path, model) else write_model)(path, model)
 
 
 def _fit(path: str | Path, fit: FitResult) -> None:
-    if is_mat(path):
+    if _to_mat(path, fit):
         write_mat_model(path, fit.model)
     else:
         write_model(path, fit.model, fit.covariance, fit.standing)

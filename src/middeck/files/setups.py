@@ -124,7 +124,7 @@ def _check_all(
 ) -> list[Checked[Any]]:
     """Override and check documents that belong to one case; raises all their faults together."""
     article = next((str(s.data.get("name")) for s, form, _ in sources if form is ArticleForm), "")
-    targets = [Target(s.file, s.data, form, article) for s, form, _ in sources]
+    targets = [Target(called(s.file), s.data, form, article) for s, form, _ in sources]
     documents, changed = apply_overrides(targets, overrides)
     checked = [
         check(source, data, marks, form, more)
@@ -149,6 +149,11 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
             c.form, attach_names(data), node_names(data), wheel_names(data), data["name"]
         )
     ]
+
+
+def called(file: str) -> str:
+    """The file, or the name of an environment that needs none."""
+    return next((f"environment {name!r}" for name, path in BUILT_IN.items() if str(path) == file), file)
 
 
 def find_stated(name: str, document: str | Path) -> Path:
@@ -189,4 +194,6 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     files = [p for folder in folders for p in folder.glob("*.toml")]
     known = sorted({*built_in, *(p.stem for p in files if kind_of_content.looks_like(p) == wanted)})
     advice = nearest(name, known) or f"give the path of {wanted} file"
+    if (given.suffix or len(given.parts) > 1) and not advice.startswith("did"):
+        advice = f"check the path; {advice}" if known else "check the path"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

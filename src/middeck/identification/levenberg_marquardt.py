@@ -56,18 +56,20 @@ def is_positive(gram: Float[np.ndarray, "unknown unknown"]) -> bool:
 
 
 def search(
-    evaluate: Callable[[np.ndarray], Step | None],
+    evaluate: Callable[[np.ndarray, float], Step | None],
     theta: Float[np.ndarray, " unknown"],
     most_steps: int = MOST_STEPS,
     *,
-    exactly: Callable[[np.ndarray], Step | None] | None = None,
+    exactly: Callable[[np.ndarray, float], Step | None] | None = None,
 ) -> Refined | None:
     """Levenberg-Marquardt with Marquardt's scaling and Nielsen's (1999) damping; None if it cannot start.
+
+    ``evaluate`` may give None too for a cost that is not below its second argument.
 
     Rounding of a Gram matrix may promise little, or nothing, where there is much to gain. Before a search
     ends, theta is evaluated again ``exactly``; and what a matrix promises that has lost its sign is no end.
     """
-    step = evaluate(theta)
+    step = evaluate(theta, np.inf)
     if step is None:
         return None
     damping, growth, again = DAMPING, GROWTH, exactly
@@ -78,12 +80,12 @@ def search(
         promised = -1.0 if move is None else float(-move @ step.gradient - 0.5 * move @ step.gram @ move)
         if not promised > SMALLEST_GAIN:
             if again is not None:
-                step, again = again(theta) or step, None
+                step, again = again(theta, np.inf) or step, None
                 damping, growth = min(damping, DAMPING), GROWTH
                 continue
             if promised >= 0.0:
                 return Refined(theta, step, tuple(history), is_positive(step.gram))
-        trial = evaluate(theta + move) if move is not None and promised > 0.0 else None
+        trial = evaluate(theta + move, step.cost) if move is not None and promised > 0.0 else None
         gain = -1.0 if trial is None else (step.cost - trial.cost) / promised
         if trial is not None and gain > 0.0:
             theta, step, again = theta + move, trial, exactly

@@ -69,7 +69,7 @@ def claim_rows(figures: Numbers) -> list[ClaimRow]:
     return [
         ClaimRow(
             entry.claims_at,
-            row["claim"],
+            row["claim"].removesuffix(f" [{row['unit']}]"),  # which stands with the number
             row["holds"],
             with_unit(row["number"], row["unit"]),
             with_unit(row["asked"], row["unit"]),
@@ -109,7 +109,7 @@ def came_out(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
 def does_not_hold(figures: Numbers, claims: list[ClaimRow]) -> list[Line]:
     """Claims that fail, what else the chapters report, and what warns."""
     lines = [
-        Line(f"{row.claim.partition(' [')[0]}: {row.number}, required {row.asked}.", row.section)
+        Line(f"{row.claim}: {row.number}, required {row.asked}.", row.section)
         for row in claims
         if not row.holds
     ]
@@ -128,5 +128,10 @@ def with_unit(value: float | str | None, unit: str) -> str:
 
     >>> with_unit(-4.4861, "dB"), with_unit(None, "dB"), with_unit(3.0, "")
     ('−4.486 dB', '–', '3')
+    >>> with_unit("any", "%"), with_unit("> 1, or never", "decades")
+    ('any', '> 1 decades, or never')
     """
-    return significant(value) if value in (None, "") else f"{significant(value)} {unit}".rstrip()
+    if value in (None, "", "any"):
+        return significant(value)
+    number, other, never = significant(value).partition(", or ")
+    return f"{number} {unit}".rstrip() + other + never

@@ -9,7 +9,7 @@ from middeck.errors import MiddeckError
 
 @contextmanager
 def reading(*files: str | Path) -> Generator[None]:
-    """Put ``files`` before the place of an error that names none of them.
+    """Put ``files`` before the place of an error that names none of them, nor another document.
 
     >>> from middeck.errors import DataError
     >>> with reading("a.npz"):
@@ -21,14 +21,9 @@ def reading(*files: str | Path) -> Generator[None]:
     try:
         yield
     except MiddeckError as error:
-        names = [_called(f) for f in files]
-        if not any(name in str(error) for name in names):
+        from middeck.files.setups import called  # forms of articles, which a record is read without
+
+        names = [called(str(f)) for f in files]
+        if "faults" not in error.data and not any(name in str(error) for name in names):
             error.where = ", ".join([*names, *([error.where] if error.where else [])])
         raise
-
-
-def _called(file: str | Path) -> str:
-    """The path, or the name of a built-in environment, whose file nobody wrote."""
-    from middeck.files.setups import BUILT_IN  # forms of articles, which a record is read without
-
-    return next((f"environment {name!r}" for name, path in BUILT_IN.items() if path == file), str(file))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,9 @@ EXAMPLES = """\
     --log10-authority 12 --angle-noise 1e-7 --disturbance 0.1 -o law.json
 """
 
+# Parameters that one kind of source alone has a use for.
+FOR_ARTICLES = ("load_case", "environment", "count")
+FOR_RECORDS = ("pade_order", "periods", "states", "fit_band_hz")
 UNREACHED = "left out of the design, as no port reaches or sees it"
 
 
@@ -96,6 +100,7 @@ def verb(
         "disturbance_nm_per_rthz": given["disturbance"],
         **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz", "periods")},
     }
+    _refuse_unused(FOR_RECORDS if from_article else FOR_ARTICLES, from_article)
     settings = settle(LoopSettings, asked, () if from_article else overrides)
     wanted = Wanted(options.separate_names(control), options.separate_names(measure))
     warnings: tuple[str, ...] = ()
@@ -105,9 +110,8 @@ def verb(
 
         case = options.Case(sources[0], environment, overrides, load_case)
         modes = solve_case(case, count, standstill=True)
-        plant, band_hz = article_plant(modes, count, wanted)
-    elif load_case is not None:
-        raise ConfigError("--load-case is for an article", hint="name an article, or leave it out")
+        with reading(sources[0]):
+            plant, band_hz = article_plant(modes, count, wanted)
     else:
         fitted = _fitted_plant(sources, settings, wanted)
         plant, band_hz, warnings = fitted.plant, fitted.band_hz, fitted.warnings
@@ -120,6 +124,17 @@ def verb(
         with reading(*sources):
             _draw(plant, designed, settings, figure_file)
     show(as_json, document, *_tables(document))
+
+
+def _refuse_unused(options_of_others: Sequence[str], from_article: bool) -> None:
+    """Refuse what was typed and would have no effect on this kind of source."""
+    context = click.get_current_context()
+    source = context.get_parameter_source
+    names = {p.name: p.opts[0] for p in context.command.params}
+    typed = [names[n] for n in options_of_others if source(n) is click.core.ParameterSource.COMMANDLINE]
+    if typed:
+        other = "a fitted model or a record" if from_article else "an article"
+        raise ConfigError(f"{typed[0]} is for {other}", hint=f"name {other}, or leave it out")
 
 
 def _draw(plant: md.Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:

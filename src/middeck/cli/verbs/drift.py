@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -102,6 +103,9 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
         warnings += [] if covariance is not None else [f"{before}: {EXACT}"]
         return describe(before, after, found, None, warnings)
     first = identify([before], settings)
+    if os.path.realpath(before) == os.path.realpath(after):
+        what = "the same record twice, in which nothing can have changed"
+        raise ConfigError(what, where=after, hint="two records, of before and after")
     same = {"sampled": first.fit.model.sample_hz is not None, "states": first.fit.model.states}
     second = identify([after], settings.model_copy(update=same))
     with reading(before, after):

@@ -97,12 +97,13 @@ def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | No
 def _read(
     files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
 ) -> tuple[md.Record, Recognised | None, tuple[Fault, ...]]:
-    from middeck.files.records import join_records, read_record, split_periods
+    from middeck.cli.work.fit_records import split_each
+    from middeck.files.records import join_records, read_record
 
     readings = [read_record(path, told) for path in files]
-    taken = join_records([r.record for r in readings], list(files))
+    whole = [r.record for r in readings]
+    taken = join_records(whole if periods is None else split_each(whole, periods, files), list(files))
     with reading(*files):
-        taken = taken if periods is None else split_periods(taken, periods)
         expected = None if reference is None else _expected(reference, taken)
         found = md.detect_faults(taken, expected)
         excitation = _excitation(taken)

@@ -27,7 +27,7 @@ EXAMPLES = """\
     "-o",
     "--output",
     "out",
-    type=click.Path(path_type=Path),
+    metavar="PATH",
     required=True,
     callback=options.require_folder,
     help="Folder of the results.",

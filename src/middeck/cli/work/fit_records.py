@@ -228,11 +228,11 @@ def load_periods(
     """
     readings = [read_record(path, told) for path in files]
     whole = [check_finite(one.record, str(path)) for one, path in zip(readings, files, strict=True)]
+    if periods is not None:
+        whole = split_each(whole, periods, files)
     taken = join_records(whole, list(files))
     with reading(*files):
         mended = tuple(f.in_a_line for one in readings for f in one.faults if f.severity != "note")
-        if periods is not None:
-            return split_periods(taken, periods), mended
         if taken.periodic:
             return taken, mended
         found = recognise_excitation(taken)
@@ -244,6 +244,15 @@ def load_periods(
         cut = cut_periods(taken, found)
         how = f"cut into {cut.u.shape[1]} steady periods of {cut.u.shape[2]} samples: {found.what}"
         return cut, (*mended, how)
+
+
+def split_each(records: Sequence[Record], periods: int, files: Sequence[str]) -> list[Record]:
+    """Each record in whole steady periods; an error names the file that it is about."""
+    found: list[Record] = []
+    for one, file in zip(records, files, strict=True):
+        with reading(file):
+            found.append(split_periods(one, periods))
+    return found
 
 
 def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovariance | None) -> FitSettings:

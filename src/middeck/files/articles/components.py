@@ -148,12 +148,14 @@ def build_component(form: ComponentForm, folder: Path) -> Component:
             where=f"{where}, nodes",
             hint=f'{lost[0]} = "name of a frame"',
         )
+    given = np.array([form.offsets_m.get(grid, (0.0, 0.0, 0.0)) for grid in found.grids])
+    axes = form.axes(where)
     return dataclasses.replace(
         found,
         name=form.name,
         frames=tuple(form.nodes[grid] for grid in found.grids),
-        offsets=np.array([form.offsets_m.get(grid, (0.0, 0.0, 0.0)) for grid in found.grids]),
-        axes=form.axes(where),
+        offsets=given + found.fixed_at @ axes.T,
+        axes=axes,
     )
 
 

@@ -25,7 +25,7 @@ def load_verdicts(paths: Iterable[str | Path], *, without: Collection[str] = ())
     if over := sorted(ALWAYS & set(without)):
         raise ConfigError(f"a verdict without {', '.join(over)}", hint="every package must pass these steps")
     admitted: dict[str, str] = {}
-    for path in paths:
+    for path in [paths] if isinstance(paths, (str, Path)) else paths:
         found = read_sealed(path, VERDICT)
         if not _passed(found):
             raise _refused(found, "did not pass", path, "a verdict that is passed")

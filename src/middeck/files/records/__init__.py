@@ -102,6 +102,8 @@ def load_campaign(paths: Sequence[str | Path], columns: Columns | None = None) -
 
     Raises `DataError` as `load_record` does, and for unlike rates or channels.
     """
+    if isinstance(paths, (str, Path)):  # whose letters would be taken for files
+        paths = [paths]
     return Campaign(tuple(r for p in paths for r in _experiments(p, columns)))
 
 

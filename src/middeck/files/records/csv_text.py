@@ -37,7 +37,12 @@ from middeck.values import record
 
 # A rate [Hz] below which a heading in seconds is rather that of milliseconds.
 SLOWEST = 0.5
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
+SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
+# Headings of such a column, and a unit that is part of the name, as in time_s.
+TIMES = re.compile(
+    r"(?:t|zeit|epoch|timestamp|(?:unix|elapsed)?[ _]?time(?:[ _]stamp)?)(?:[ _](s|sec|ms|us|µs))?",
+    re.IGNORECASE,
+)
 # In square brackets anything is a unit; in round ones what is made of these. All else, as (in), is a name.
 _SYMBOL = r"(?:[kmuµ]?(?:N|m|g|s|V|A|Pa|rad)|lbf|ft|deg|°|%|Hz|kg)"
 _UNIT = rf"\[([^\]]*)\]|\(({_SYMBOL}(?:[ */·]?{_SYMBOL}|\^?-?[234²])*)\)"
@@ -48,6 +53,7 @@ ADVICE = "the first line must read like: time [s],u:torque [N m],y:angle [rad]"
 NAMES_FIRST = (
     "one line names the columns and comes first, units in brackets behind the names; begin other words with #"
 )
+DATES = "times as seconds in a column headed time [s], in place of dates and clock times"
 SEPARATOR_LINE = re.compile(r"sep=.?", re.IGNORECASE)  # for a spreadsheet program
 Row = tuple[int, list[str]]
 
@@ -88,7 +94,7 @@ def read_csv(file: Path, variable: str) -> Raw:
     if opening.timed:
         digit = _last_digit(file, opening)
         rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
-        faults = (*faults, *gaps, *_doubts_of_rate(opening, rate, digit))
+        faults = (*faults, *gaps, *_doubts_of_rate(opening, rate, digit, float(table[0, 0])))
         share = max(share, open_share(rate, len(table), digit))
         table = table[:, 1:]
     periods = opening.periods or 1
@@ -188,8 +194,12 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     named = not all(map(_is_number, cells))
     heads = [_head(cell, k, told, where) if named else Head("", None, "") for k, cell in enumerate(cells)]
-    timed = heads[0].name.lower() in ("time", "t")
-    if heads[0].unit not in (*SECONDS, None) if timed else any(h.side for h in heads) and not heads[0].side:
+    times = TIMES.fullmatch(heads[0].name)
+    timed = times is not None
+    unit = heads[0].unit
+    if times is not None and unit is None and times.group(1) is not None:
+        unit = times.group(1).lower()
+    if unit not in (*SECONDS, None) if timed else any(h.side for h in heads) and not heads[0].side:
         raise DataError(f"the first column is {cells[0]!r}, not time [s]", where=where, hint=ADVICE)
     return Opening(
         line=number if named else number - 1,
@@ -198,8 +208,8 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
         periods=periods,
         separator=separator,
         samples=samples,
-        second=SECONDS.get(heads[0].unit or "s", 1.0) if timed else 1.0,
-        in_words=heads[0].unit is not None,
+        second=SECONDS.get(unit or "s", 1.0) if timed else 1.0,
+        in_words=unit is not None,
     )
 
 
@@ -214,14 +224,14 @@ def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
     return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
 
 
-def _doubts_of_rate(opening: Opening, rate: float, digit: float) -> tuple[Fault, ...]:
+def _doubts_of_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[Fault, ...]:
     """Times at a rate that no structure is sampled at: a heading that says seconds may be wrong, too.
 
     A file that tells its samples is ours, and its times are seconds.
     """
     counted = opening.second == 1.0 and rate == 1.0 and digit == 1.0
     meant = opening.in_words and not counted
-    what = "" if meant and (opening.samples or rate >= SLOWEST) else doubt_of_seconds(rate, counted)
+    what = "" if meant and (opening.samples or rate >= SLOWEST) else doubt_of_seconds(rate, counted, first)
     if not what:
         return ()
     hint = "state the rate (--sample-hz) if it is right; if not, head the column time [ms], or leave it out"
@@ -309,6 +319,8 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
         return [float(c) for c in cells]
     except ValueError as error:
         hint = "numbers with a decimal point only" if any(map(_is_number, cells)) else NAMES_FIRST
+        if re.match(r"\d{4}-\d\d-\d\d|\d{1,2}[.:/]\d\d[.:/]\d", cells[0].strip()):
+            raise DataError(f"{cells[0]!r} is a date or a clock time", where=where, hint=DATES) from None
         raise DataError(str(error), where=where, hint=hint) from None
 
 

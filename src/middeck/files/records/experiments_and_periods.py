@@ -15,6 +15,13 @@ from middeck.signals.record import Record
 # Scatter of the input over its periods, as a share of their mean: signals that do not repeat have 1 and more,
 # a measured input that repeats has its sensor's noise.
 REPEATS = 0.5
+# What makes records alike that differ in this.
+ALIKE = {
+    "sampling rate [Hz]": "resample them alike",
+    "inputs": "name the channels and their units alike",
+    "outputs": "name the channels and their units alike",
+    "periods and samples": "cut them alike",
+}
 
 
 def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
@@ -29,7 +36,7 @@ def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
             ("outputs", first.outputs, other.outputs, same_ports(first.outputs, other.outputs)),
             (
                 "periods and samples",
-                *(r.u.shape[1:3] for r in (first, other)),
+                *(_length(r) for r in (first, other)),
                 first.u.shape[1:3] == other.u.shape[1:3],
             ),
             ("periodic", first.periodic, other.periodic, first.periodic == other.periodic),
@@ -45,7 +52,7 @@ def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
                 raise DataError(
                     f"mismatched {what}: {_words(b)}, in {names[0]} {_words(a)}",
                     where=name,
-                    hint="resample or cut the files alike, or use them one at a time",
+                    hint=f"{ALIKE.get(what, 'record them alike')}, or use the files one at a time",
                 )
     for k, (name, other) in enumerate(zip(names, records, strict=True)):
         twin = next((i for i in range(k) if np.array_equal(other.y, records[i].y)), None)
@@ -55,6 +62,11 @@ def join_records(records: Sequence[Record], names: Sequence[str]) -> Record:
     u, y = np.concatenate([r.u for r in records]), np.concatenate([r.y for r in records])
     held = first.held if all(r.held == first.held for r in records) else None
     return dataclasses.replace(first, u=u, y=y, held=held)
+
+
+def _length(record: Record) -> str:
+    periods, samples = record.u.shape[1:3]
+    return f"{samples} samples" if periods == 1 else f"{periods} periods of {samples} samples"
 
 
 def _words(value: object) -> str:

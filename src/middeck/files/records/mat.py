@@ -103,7 +103,7 @@ def _rate(
         rate, digit = _rate_of_times(time, f"{file}, {name}")
         rates[name], share = rate, max(share, open_share(rate, samples, digit))
         if not told:
-            doubt = doubt_of_seconds(rate, rate == 1.0)
+            doubt = doubt_of_seconds(rate, rate == 1.0, float(time[0]))
             what = doubt or f"the times {name}, taken as seconds, give {rate:.9g} Hz: no fs or Ts is there"
             hint = "state the rate (fs or Ts) if it is another one"
             faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)

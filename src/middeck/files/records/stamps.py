@@ -17,6 +17,8 @@ JITTER = 0.01
 SURE = 4.0
 # A rate [Hz] below which times without a unit are rather milliseconds or lines counted.
 SLOW = 10.0
+# Seconds since 1970 of a record made from 2001 to 2096.
+EPOCH = (1e9, 4e9)
 # Half a unit of the last digit, and what printed decimals lose as binary numbers.
 HALF = 0.5 + 1e-6
 
@@ -89,10 +91,10 @@ def _least_deviation(index: Int[np.ndarray, " line"], off: Float[np.ndarray, " l
     return float(found.fun) * size if found.success else np.inf
 
 
-def doubt_of_seconds(rate: float, counted: bool) -> str:
+def doubt_of_seconds(rate: float, counted: bool, first: float) -> str:
     """Words about stamps that were read as seconds, at a ``rate`` [Hz] that no structure is sampled at; none
-    where nothing is odd."""
-    if not counted and rate >= SLOW:
+    where nothing is odd, or where the ``first`` can be seconds since 1970 only."""
+    if (not counted and rate >= SLOW) or EPOCH[0] <= first < EPOCH[1]:
         return ""
     meant = "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
     return f"times are read as seconds, so that the rate is {rate:.6g} Hz: {meant}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -16,6 +18,8 @@ ONE_SIGNAL = 1e-9
 # prediction from noisy samples makes noise up to 2.5 times as large. Earlier samples that foretell the next,
 # and the samples that are looked at.
 SHARED, PAST, MOST = 0.2, 12, 4096
+# Share of an output that is foretold but for rounding: it was computed, and has no noise.
+NOISELESS = 1e-7
 # Correlation from which two collocated sensors of one quantity are taken to see the same motion.
 ALIKE = 0.7
 # Delay between collocated sensors, in samples, from which it is told: the phase of a sixth of a cycle at a
@@ -37,7 +41,8 @@ def find_pair_faults(record: Record) -> list[Fault]:
     for k, (port, y) in enumerate(outputs):
         for other, z in outputs[:k]:
             same = _duplicate(y, z, other)
-            same = same if same and _shares_noise(y[0], z[0], [u[0] for _, u in inputs]) else []
+            noise = _noise_of_either(y[0], z[0], [u[0] for _, u in inputs]) if same else None
+            same = [_unsure(f) if noise is None else f for f in same if noise is None or noise < SHARED]
             here = same or _collocated(record, port, y, other, z)
             found += [f.at("output", port) for f in here]
         for at, u in inputs:
@@ -64,21 +69,29 @@ def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
     return [fault("duplicate", f"{how} {other.name}", "check the wiring; leave one of them out")]
 
 
-def _shares_noise(y: Run, z: Run, inputs: list[Run]) -> bool:
-    """Whether two proportional outputs differ by less than the noise of either, so that they share it.
+def _unsure(same: Found) -> Found:
+    """Of outputs without noise: two sensors of one mode are equal as well."""
+    what = f"{same.what}; no noise tells whether both are one signal or one mode"
+    return replace(same, what=what, severity="note")
 
-    Sensors of one mode are proportional, too. Noise is what neither past nor inputs foretell.
+
+def _noise_of_either(y: Run, z: Run, inputs: list[Run]) -> float | None:
+    """What two proportional outputs differ by over the noise of either: none if they share it.
+
+    Sensors of one mode are proportional, too. Noise is what neither past nor inputs foretell; None: there is
+    no noise.
     """
     past = min(PAST, len(y) // (8 * (1 + len(inputs))))
     if past < 1:
-        return True
+        return 0.0
     y, z = y - y.mean(), z - z.mean()
     rest = y - (y @ z) / (z @ z) * z
     channels = [x - x.mean() for x in (y, *inputs)]
     rows = [x[past - k : len(x) - k][-MOST:] for x in channels for k in range(past + 1)]
     basis = np.column_stack(rows[1:])
     left = rows[0] - basis @ np.linalg.lstsq(basis, rows[0], rcond=None)[0]
-    return bool(np.std(rest) < SHARED * np.std(left))
+    noise = float(np.std(left))
+    return float(np.std(rest)) / noise if noise > NOISELESS * float(np.std(y)) else None
 
 
 def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[Found]:

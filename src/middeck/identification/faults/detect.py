@@ -26,7 +26,9 @@ from middeck.identification.faults.offset_drift_and_transient import (
     find_transient,
     find_unsteady_input,
 )
+from middeck.identification.faults.random_drift import find_random_drift
 from middeck.identification.faults.spikes import find_spikes, is_impact, spike_runs
+from middeck.identification.faults.stuck_and_gain_drift import find_gain_drift, find_stuck
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
 from middeck.signals.fault import Fault, Side
 from middeck.signals.ports import Port
@@ -35,9 +37,9 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # With these a channel is compared with none; with LOCAL, what an output leaves of its inputs is no noise.
 MISSING = ("gap", "dead")
-LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift")
+LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift", "stuck")
 # What biases an estimate as a whole.
-BIASING = ("shift", "joint", "feedback", "delay", "truncated", "unlike")
+BIASING = ("shift", "joint", "feedback", "delay", "truncated", "unlike", "stuck")
 SEVERITIES = ("unusable", "serious", "note")
 
 
@@ -57,9 +59,9 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     coarse steps, channels held at a slower rate; in periodic records transients and inputs that do not
     repeat; between channels duplicates, and where node and direction are known (`Channel`) signs and delays
     of collocated channels; between experiments outputs that are swapped, turned round or of another gain;
-    between inputs and outputs sines that no input makes, samples lost or repeated on one side, runs that were
-    joined, feedback and long delays. docs/explanation/records-and-faults.md says how, with rates of detection
-    and false alarm.
+    between inputs and outputs sines that no input makes, drift at random, channels that stick for a while,
+    samples lost or repeated on one side, runs that were joined, gains that change, feedback and long delays.
+    docs/explanation/records-and-faults.md says how, with rates of detection and false alarm.
 
     Raises `DataError` for samples so large or so small that their squares are no numbers.
 
@@ -88,10 +90,17 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     if moving is not None:
         found += find_pair_faults(moving)
         found += [what.at("output", port, e) for what, port, e in find_hum(moving)]
+        drifting = {f.channel for f in found if f.kind == "drift"}
+        at_random = find_random_drift(moving)
+        found += [what.at("output", port, e) for what, port, e in at_random if port.name not in drifting]
     clean = None if struck else _without(record, found, (*MISSING, *LOCAL))
+    if clean is not None:
+        found += find_stuck(clean)
+        clean = _without(record, found, (*MISSING, *LOCAL))
     if clean is not None:
         found += find_relation_faults(clean)
         found += find_unlike_experiments(clean)
+        found += find_gain_drift(clean)
     if reference is not None and not any(f.kind in MISSING for f in found):
         found += compare_with_reference(record, reference)
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))

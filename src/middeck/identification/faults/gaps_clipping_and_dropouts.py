@@ -32,6 +32,8 @@ REPEATED = 1e-6
 SWITCHED = 0.5
 # Dropouts: eight equal samples are no peak seen through steps if the signal then leaps.
 STUCK = 8
+# Steps of the converter within which the samples before are at rest.
+AT_REST = 2.5
 # Equal samples in a row that show a stuck output if nearly all others differ: not by chance, nor at a peak
 # that turns within twenty samples (second over first differences are 2 pi over the samples of a cycle).
 STUCK_AMONG_UNLIKE, UNLIKE, TURNS = 3, 0.98, 0.3
@@ -156,6 +158,9 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
 def _leaps(x: Signal, run: tuple[int, int], step: float) -> bool:
     """Whether the jump exceeds the quantisation step and the usual change between samples."""
     a, b = run
+    # A converter shows motion below its step as rest, until something moves the article again.
+    if step > 0.0 and np.abs(x[max(0, a - STUCK) : a] - x[a]).max() < AT_REST * step:
+        return False
     moves = np.abs(np.concatenate([np.diff(x[max(0, a - 50) : a]), np.diff(x[b : b + 50])]))
     usual = float(np.median(moves)) if len(moves) else 0.0
     edges = [abs(x[a] - x[a - 1])] + ([abs(x[b] - x[b - 1])] if b < len(x) else [])

@@ -25,6 +25,8 @@ FORETOLD = 1e-3
 # Parts of a record that are compared, by how many samples they may be apart, and over how many an answer is.
 PARTS, APART, ANSWER = 9, 40, 48
 FEWEST_SAMPLES = 1024
+# Events in a record, such as steps, from which its parts each tell an answer.
+FEWEST_EVENTS = 100.0
 # Correlation of the answers of two parts from which they are one answer, and by how much it must be better
 # than without a shift.
 ALIKE, BETTER = 0.45, 0.2
@@ -37,7 +39,8 @@ SURE, SHARE = 7.0, 0.02
 LONGER, ROWS, ENOUGH = (2, 4, 8), 6, 20_000
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
-FEWEST_LARGE, BEYOND, LEAP = 20, 12.0, 12.0
+# Of computed samples rounding is all that is left: below LEAST, in rms of the output, nothing is told.
+FEWEST_LARGE, BEYOND, LEAP, LEAST = 20, 12.0, 12.0, 1e-4
 # Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
 AS_BEFORE = 2.0
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
@@ -134,12 +137,18 @@ def _shift(
     answers: Float[np.ndarray, "part input lag"],
 ) -> tuple[int, int] | None:
     """Sample near which, and samples by which, the answer moves within the record; None if it does not."""
-    if not (U.any() and y.any()):
+    if not y.any() or _events(U) < FEWEST_EVENTS:
         return None
     lags = _lags(answers)
     step = None if lags is None else _best_step(lags)
     at = None if step is None else _where(U, y, parts, *step)
     return None if step is None or at is None else (at, step[1])
+
+
+def _events(U: Float[np.ndarray, "input sample"]) -> float:
+    """Of how many samples of one size the power of the inputs is: of steps, as many as there are."""
+    power = U**2
+    return float(np.max(power.sum(axis=1) ** 2 / np.maximum(np.sum(power**2, axis=1), 1e-300)))
 
 
 def _lags(answers: Float[np.ndarray, "part input lag"]) -> Float[np.ndarray, " part"] | None:
@@ -204,13 +213,13 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
     lags = max(4, PAST // len(U))
     later = max(2, lags // 2) + LEADS
     span = lags, U.shape[1] - lags - later
-    after = _beside(U, range(LEADS + 1, later + 1), *span)
-    until = np.vstack([_beside(U, range(-lags, LEADS + 1), *span), _tails(after, len(U))])
+    after = beside(U, range(LEADS + 1, later + 1), *span)
+    until = np.vstack([beside(U, range(-lags, LEADS + 1), *span), _tails(after, len(U))])
     repeated = record.periodic or find_repetition(record.u.reshape(len(record.u), -1, len(u))) is not None
     found: list[Place] = []
     for o, port in enumerate(record.outputs):
         x = Y[o, lags : Y.shape[1] - later]
-        own = np.vstack([_beside(Y[o : o + 1], range(-lags, 0), *span), until])
+        own = np.vstack([beside(Y[o : o + 1], range(-lags, 0), *span), until])
         left = _left(x, own)
         at = _alone(left)
         if at is None and not repeated and float(left.std()) > FORETOLD:
@@ -221,7 +230,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
             # As its past foretells it, a spike is gone; after a joint the next samples are wrong, too.
             mended = Y[o].copy()
             mended[lags + at] -= left[at]
-            past = np.vstack([_beside(mended[None], range(-lags, 0), *span), until])
+            past = np.vstack([beside(mended[None], range(-lags, 0), *span), until])
             after_it = _left(mended[lags : lags + len(x)], past)[at + 1 : at + 1 + PAST]
             gone = (
                 at > PAST
@@ -248,7 +257,7 @@ def _alone(left: Signal) -> int | None:
     large = rest[-max(FEWEST_LARGE, len(rest) // 100) :]
     slope = float(np.mean(np.log(large / max(float(large[0]), 1e-300))))
     limit = float(large[0]) * np.exp(slope * (np.log(len(large)) + BEYOND))
-    limit = max(limit, LEAP * float(rest[len(rest) // 2]))
+    limit = max(limit, LEAP * float(rest[len(rest) // 2]), LEAST)
     first = max(at - PAST, 0)
     return first + int(np.argmax(size[first : at + 1] > limit)) if size[at] > limit else None
 
@@ -287,10 +296,10 @@ def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool
         if (1 + len(U)) * past > count // ROWS:
             break
         span = past, count, 1 + count // ENOUGH
-        after = _beside(U, range(LEADS + 1, later + 1), *span)
-        own = [_beside(y, range(-past, 0), *span), _beside(U, range(-past, LEADS + 1), *span)]
+        after = beside(U, range(LEADS + 1, later + 1), *span)
+        own = [beside(y, range(-past, 0), *span), beside(U, range(-past, LEADS + 1), *span)]
         own = np.vstack([*own, _tails(after, len(U))])
-        if _told_later(_beside(y, range(1), *span)[0], own, after) is None:
+        if _told_later(beside(y, range(1), *span)[0], own, after) is None:
             return True
     return False
 
@@ -309,7 +318,7 @@ def _fed_back(share: float) -> Found:
     return fault("feedback", what, hint)
 
 
-def _beside(
+def beside(
     x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int, every: int = 1
 ) -> Float[np.ndarray, "row sample"]:
     """Of ``count`` samples from ``first`` on each ``every``-th, shifted by each of ``shifts``."""

@@ -8,7 +8,7 @@ from middeck.identification.order.add_or_exchange_modes import exchanges
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
-from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.search.least_squares_costs import least_cost
 from middeck.identification.search.refine_and_reweigh import Polished, polish
 from middeck.identification.spectra.excess_variance import Spread
 from middeck.identification.start.start import starts
@@ -51,8 +51,8 @@ def spread_to_follow(best: Polished, spread: Spread) -> Spread:
 
 def hopeful(part: Data, started: list[Start]) -> list[Start]:
     """The starts that are worth a few steps."""
-    steps = [weighted(start.layout, part, start.theta) for start in started]
-    costs = [np.inf if step is None else step.cost for step in steps]
+    each = [least_cost(start.layout, part, start.theta) for start in started]
+    costs = [np.inf if found is None else found[0] for found in each]
     return [start for start, cost in zip(started, costs, strict=True) if cost <= HOPELESS * min(costs)]
 
 

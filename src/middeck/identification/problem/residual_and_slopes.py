@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.problem.data import Data
-from middeck.identification.problem.terms import Fractions, columns, fractions, slopes
+from middeck.identification.problem.terms import Driven, Fractions, columns, drive_terms, fractions, slopes
 from middeck.identification.problem.transient import (
     FreeMotion,
     free_motion,
@@ -24,6 +24,7 @@ class Terms:
     def __init__(self, layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> None:
         self.layout, self.data = layout, data
         self.point: Point = unpack(layout, theta)
+        self._delay_factors: dict[int, np.ndarray] = {}
         self.parts: Fractions = fractions(layout, self.point.poles, data.s)
         self.motion: FreeMotion | None = (
             None if data.transient is None else free_motion(self.point.poles, data.transient, data.s)
@@ -37,7 +38,12 @@ class Terms:
     @functools.cached_property
     def X(self) -> Complex[np.ndarray, "column line experiment"]:
         """Columns of the model's linear unknowns, without delay; not all evaluations need them."""
-        return columns(self.layout, self.point, self.parts, self.data.s, self.data.drive)
+        return columns(self.layout, self.point, self.parts, self.data.s, self.data.drive, self.driven)
+
+    @functools.cached_property
+    def driven(self) -> Driven:
+        """What drives the terms of every output, without delay."""
+        return drive_terms(self.point, self.data.drive)
 
     @property
     def finite(self) -> bool:
@@ -47,7 +53,9 @@ class Terms:
 
     def delay_factors(self, output: int) -> Complex[np.ndarray, "line path"]:
         """exp(-s tau) of one output: for all its paths, or for each."""
-        return np.exp(-self.data.s[:, None] * self.point.delay_s[output])
+        if output not in self._delay_factors:
+            self._delay_factors[output] = np.exp(-self.data.s[:, None] * self.point.delay_s[output])
+        return self._delay_factors[output]
 
     def split(
         self, linear: Float[np.ndarray, " column"]
@@ -75,15 +83,17 @@ class Terms:
     ) -> Complex[np.ndarray, "unknown line experiment"]:
         """Slopes of one output by theta, those of its delays and of its transients included."""
         layout, data, (x, t) = self.layout, self.data, self.split(linear)
-        G = np.zeros((layout.size, *data.H.shape[1:]), dtype=complex)
         factors = self.delay_factors(output)
         if data.drive is None or factors.shape[1] == 1:
-            by_terms = slopes(layout, self.point, self.parts, x, data.s, data.drive) * factors
+            by_terms = slopes(layout, self.point, self.parts, x, data.s, data.drive, self.driven)
+            by_terms *= factors
         else:
             by_terms = slopes(layout, self.point, self.parts, x, data.s, data.drive * factors[:, :, None])
-        G[: len(by_terms)] = by_terms
-        if layout.options.delay_of:
-            first = len(by_terms) + (0 if layout.options.delay_of == "common" else output * factors.shape[1])
+        G = by_terms
+        if delay_of := layout.options.delay_of:
+            G = np.zeros((layout.size, *data.H.shape[1:]), dtype=complex)
+            G[: len(by_terms)] = by_terms
+            first = len(by_terms) + (0 if delay_of == "common" else output * factors.shape[1])
             G[first : first + factors.shape[1]] = self._delay_slopes(x, factors)
         if self.motion is not None:
             by_poles = transient_slopes(layout, self.point, self.motion, t)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -18,6 +20,13 @@ class Fractions:
     slope: Complex[np.ndarray, " mode"]
 
 
+class Driven(NamedTuple):
+    """Input vectors of each term and their conjugates, times the drive."""
+
+    along: Complex[np.ndarray, "term line column"]
+    conjugate: Complex[np.ndarray, "term line column"]
+
+
 def fractions(layout: Layout, poles: np.ndarray, s: Complex[np.ndarray, " line"]) -> Fractions:
     """The partial fractions at ``s`` = j omega."""
     T = layout.options.period_s
@@ -32,8 +41,12 @@ def columns(
     parts: Fractions,
     s: Complex[np.ndarray, " line"],
     drive: Complex[np.ndarray, "line input column"] | None = None,
+    driven: Driven | None = None,
 ) -> Complex[np.ndarray, "unknown line column"]:
-    """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2 and 1/s, constant."""
+    """Factors of the linear unknowns of an output, without its delay: modes, 1/s^2 and 1/s, constant.
+
+    ``driven`` is what `drive_terms` makes of the drive, where that is known.
+    """
     each_input = _of_inputs(layout, drive)
     X = np.empty((layout.columns, len(s), each_input.shape[2]), dtype=complex)
     up, low = (np.repeat(x, layout.copies, axis=0)[:, :, None] for x in (parts.upper, parts.lower))
@@ -42,8 +55,8 @@ def columns(
         X[:pairs] = _along(np.real(point.b)[:pairs], drive) * (up * low)[:pairs]
         used = pairs
     else:
-        first = _along(point.b[:pairs], drive) * up[:pairs]
-        second = _along(point.b[:pairs].conj(), drive) * low[:pairs]
+        along, conjugate = driven or drive_terms(point, drive)
+        first, second = along[:pairs] * up[:pairs], conjugate[:pairs] * low[:pairs]
         X[0 : 2 * pairs : 2] = first + second
         X[1 : 2 * pairs : 2] = 1j * (first - second)
         used = 2 * pairs
@@ -58,6 +71,11 @@ def columns(
     if layout.options.direct:
         X[used:] = each_input
     return X
+
+
+def drive_terms(point: Point, drive: Complex[np.ndarray, "line input column"] | None) -> Driven:
+    """What drives each term, and the conjugate of its pole."""
+    return Driven(_along(point.b, drive), _along(point.b.conj(), drive))
 
 
 def _along(b: np.ndarray, drive: np.ndarray | None) -> np.ndarray:
@@ -103,12 +121,16 @@ def slopes(
     x: Float[np.ndarray, " column"],
     s: Complex[np.ndarray, " line"],
     drive: Complex[np.ndarray, "line input column"] | None = None,
+    driven: Driven | None = None,
 ) -> Complex[np.ndarray, "unknown line column"]:
-    """Derivative of one output's response by theta (delays apart), at the linear unknowns ``x``."""
+    """Derivative of one output's response by theta (delays apart), at the linear unknowns ``x``.
+
+    ``driven`` is what `drive_terms` makes of the drive, where that is known.
+    """
     modes, pairs = len(layout.pair), layout.pairs
     free, free_psi = layout.free_b, layout.free_psi
     c = linear_of_terms(layout, x)
-    along, conjugate = _along(point.b, drive), _along(point.b.conj(), drive)
+    along, conjugate = driven or drive_terms(point, drive)
     each_input = _of_inputs(layout, drive)
     used = modes + pairs + len(free)
     G = np.zeros((used + len(free_psi), len(s), along.shape[2]), dtype=complex)

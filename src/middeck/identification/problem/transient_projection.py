@@ -21,8 +21,8 @@ class TransientProjection:
         self._factors: list[tuple[np.ndarray, np.ndarray]] = []
         if len(B):
             once = bool(np.all(weight == weight[:, :1]))
-            factors = [_factors(B * w) for w in (weight[:, :1] if once else weight).T]
-            self._factors = factors * weight.shape[1] if once else factors
+            found = [factors(_real(B * w)) for w in (weight[:, :1] if once else weight).T]
+            self._factors = found * weight.shape[1] if once else found
 
     def coincident(self, share: float) -> bool:
         """Whether some column of B is the rest, up to ``share``."""
@@ -50,7 +50,7 @@ class TransientProjection:
         targets = _real((left * self._weight).T)
         return np.array(
             [
-                scipy.linalg.solve_triangular(R, Q.T @ y)
+                scipy.linalg.solve_triangular(R, Q.T @ y, check_finite=False)
                 for y, (Q, R) in zip(targets, self._factors, strict=True)
             ]
         )
@@ -66,6 +66,10 @@ def _real(rows: Complex[np.ndarray, "row line"]) -> Float[np.ndarray, "row numbe
     return np.ascontiguousarray(rows).view(float)
 
 
-def _factors(B: Complex[np.ndarray, "column line"]) -> tuple[np.ndarray, np.ndarray]:
-    Q, R = np.linalg.qr(_real(B).T)
+def factors(
+    columns: Float[np.ndarray, "column number"],
+) -> tuple[Float[np.ndarray, "number column"], Float[np.ndarray, "column column"]]:
+    """Q and R of the columns, given as rows; ``columns`` is overwritten."""
+    # NumPy would turn them over, twice as long as the factorisation of few columns takes.
+    Q, R = scipy.linalg.qr(columns.T, mode="economic", overwrite_a=True, check_finite=False)
     return Q, R

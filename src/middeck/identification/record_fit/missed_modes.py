@@ -18,7 +18,7 @@ from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.problem.unknowns_layout import Start, pack
 from middeck.identification.record_fit.record_starts import start_of
 from middeck.identification.record_fit.refine_record import RecordRun
-from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.search.least_squares_costs import least_cost
 
 # A new mode's damping ratio, and lines to either side over which the residual is averaged, as a share of all.
 DAMPING, WIDTH = 0.03, 0.01
@@ -44,10 +44,10 @@ def exchanges(data: Data, options: FitOptions, run: RecordRun) -> Iterator[Start
         kept = np.arange(len(pair)) != m
         b = None if run.layout.options.full_rank else point.b[kept]
         start = start_of(data, options, point.poles[kept], pair[kept], b)
-        step = None if start is None else weighted(start.layout, at, start.theta)
-        if start is not None and step is not None:
-            left = residual_of(start.layout, data, start.theta, step.linear)
-            without.append((step.cost, start, left))
+        found = None if start is None else least_cost(start.layout, at, start.theta)
+        if start is not None and found is not None:
+            left = residual_of(start.layout, data, start.theta, found[1])
+            without.append((found[0], start, left))
     for _, start, left in sorted(without, key=lambda t: t[0])[:GIVEN_UP]:
         other = _with_peaks(data, options, start, left, 1)
         if other is not None:

@@ -15,7 +15,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.terms import columns, fractions, shapes
 from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack
 from middeck.identification.record_fit.time_subspace import PastFuture, Weighting, compress_past, record_poles
-from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.search.least_squares_costs import least_cost
 from middeck.identification.start.frequency_subspace import reflected
 from middeck.identification.start.start import starts_from, upper_half
 from middeck.signals.record import Record
@@ -131,11 +131,11 @@ def _response_of(data: Data, wanted: FitOptions, poles: np.ndarray, pair: np.nda
     layout = dataclasses.replace(layout, integral_pivot=integral)
     b, psi = np.tile(np.eye(inputs), (len(poles), 1)), np.eye(inputs)[: len(integral)]
     point = Point(poles, b, np.zeros((outputs, 1)), psi)
-    step = weighted(layout, data, pack(layout, point))
-    if step is None:
+    found = least_cost(layout, data, pack(layout, point))
+    if found is None:
         return None
     X = columns(layout, point, fractions(layout, poles, data.s), data.s)
-    H = np.tensordot(step.linear[:, : layout.columns], X, axes=1)
+    H = np.tensordot(found[1][:, : layout.columns], X, axes=1)
     strength = np.sqrt(np.mean(np.abs(data.U) ** 2, axis=2))
     weight = data.weight.mean(axis=2)[:, :, None] * strength
     return Data(s=data.s, H=H, weight=weight)
@@ -191,11 +191,11 @@ def _input_vectors(
     options = dataclasses.replace(options, full_rank=True)
     layout = _layout(data, options, poles, pair, np.zeros(len(poles), dtype=int))
     point = Point(poles, np.tile(np.eye(inputs), (len(poles), 1)), np.zeros((outputs, 1)))
-    step = weighted(layout, data, pack(layout, point))
-    if step is None:
+    found = least_cost(layout, data, pack(layout, point))
+    if found is None:
         return None
     residues: Float[np.ndarray, "output mode input"] = np.array(
-        [shapes(layout, point, x[: layout.columns]) for x in step.linear]
+        [shapes(layout, point, x[: layout.columns]) for x in found[1]]
     ).reshape(outputs, len(poles), inputs)
     level = data.weight.mean(axis=(1, 2))[:, None, None]
     b = np.linalg.svd(np.moveaxis(residues * level, 0, 1))[2][:, 0]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.levenberg_marquardt import Refined, Step, search
+from middeck.identification.levenberg_marquardt import Step, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.problem.unknowns_layout import Layout, Start
@@ -20,7 +21,7 @@ from middeck.identification.record_fit.sensor_or_force_noise import (
     negative_log_likelihood,
     noise_variance,
 )
-from middeck.identification.search.least_squares_costs import weighted
+from middeck.identification.search.least_squares_costs import least_cost, weighted
 from middeck.identification.search.refine_and_reweigh import Run
 from middeck.values import record
 
@@ -56,38 +57,40 @@ def refine_record(
     """Search and estimate the noise in turn; None for no finite model, or one of several slow real poles."""
     layout = start.layout
     theta = np.clip(start.theta, *_bounds(layout, data))
-    first = weighted(layout, data, theta)
+    first = least_cost(layout, data, theta)
     if first is None:
         return None
-    found = Refined(theta, first, (first.cost,), False)
-    r = residual_of(layout, data, theta, first.linear)
+    r = residual_of(layout, data, theta, first[1])
     v = _variance_of(r, data, layout, theta, weighting)
-    first_run = RecordRun(layout=layout, refined=found, weighting=weighting, variance=v, likelihood=np.inf)
-    return _refined(data, first_run, rounds, steps)
+    return _refined(data, Start(layout, theta), weighting, v, rounds, steps)
 
 
 def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun:
     """A run refined further on the data that it was refined on; itself where that fails."""
-    return _refined(data, run, rounds, steps) or run
+    return _refined(data, run.start, run.weighting, run.variance, rounds, steps) or run
 
 
-def _refined(data: Data, run: RecordRun, rounds: int, steps: int) -> RecordRun | None:
-    layout, found, weighting, v = run.layout, run.refined, run.weighting, run.variance
-    bounds, likelihood = _bounds(layout, data), run.likelihood
+def _refined(
+    data: Data, start: Start, weighting: Weighting, v: np.ndarray, rounds: int, steps: int
+) -> RecordRun | None:
+    """From weights of the variance ``v``, one round or more."""
+    layout, theta, bounds = start.layout, start.theta, _bounds(start.layout, data)
+    found, likelihood = None, np.inf
     for _ in range(rounds):
         again = data.reweighted(1.0 / np.sqrt(v))
-        evaluate = _bounded(lambda x, again=again: weighted(layout, again, x), *bounds)
-        better = search(evaluate, found.theta, steps)
+        evaluate = _bounded(functools.partial(weighted, layout, again), *bounds)
+        better = search(evaluate, theta, steps)
         if better is None or not np.isfinite(better.step.cost):
             return None
-        found = dataclasses.replace(better, theta=np.clip(better.theta, *bounds))
-        r = residual_of(layout, data, found.theta, found.step.linear)
-        v = _variance_of(r, data, layout, found.theta, weighting)
+        theta = np.clip(better.theta, *bounds)
+        found = dataclasses.replace(better, theta=theta)
+        r = residual_of(layout, data, theta, found.step.linear)
+        v = _variance_of(r, data, layout, theta, weighting)
         likelihood = negative_log_likelihood(r, v)
-    decays = np.exp(found.theta[layout.pairs : len(layout.pair)]) * data.length_s
-    if layout.options.period_s > 0.0 and int(np.sum(decays < SLOW_REAL)) > 1:
+    decays = np.exp(theta[layout.pairs : len(layout.pair)]) * data.length_s
+    if found is None or (layout.options.period_s > 0.0 and int(np.sum(decays < SLOW_REAL)) > 1):
         return None
-    return dataclasses.replace(run, refined=found, variance=v, likelihood=likelihood)
+    return RecordRun(layout=layout, refined=found, weighting=weighting, variance=v, likelihood=likelihood)
 
 
 def _variance_of(
@@ -124,12 +127,12 @@ def _bounds(layout: Layout, data: Data) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bounded(
-    evaluate: Callable[[np.ndarray], Step | None], low: np.ndarray, high: np.ndarray
-) -> Callable[[np.ndarray], Step | None]:
+    evaluate: Callable[[np.ndarray, float], Step | None], low: np.ndarray, high: np.ndarray
+) -> Callable[[np.ndarray, float], Step | None]:
     """The cost on the box; an unknown that is held by its bound is no direction of the search."""
 
-    def at(theta: np.ndarray) -> Step | None:
-        step = evaluate(np.clip(theta, low, high))
+    def at(theta: np.ndarray, below: float) -> Step | None:
+        step = evaluate(np.clip(theta, low, high), below)
         if step is None or not (np.isfinite(step.gram).all() and np.isfinite(step.gradient).all()):
             return None
         held = ((theta <= low) & (step.gradient > 0.0)) | ((theta >= high) & (step.gradient < 0.0))

@@ -12,6 +12,7 @@ all unknowns are searched together.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -22,9 +23,10 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.normal_equations import Solved, ZeroSum, solve_normal
 from middeck.identification.problem.residual_and_slopes import Terms, build_terms
-from middeck.identification.problem.transient_projection import TransientProjection, as_real
+from middeck.identification.problem.transient_projection import TransientProjection, as_real, factors
 from middeck.identification.problem.unknowns_layout import Layout
 
+T = TypeVar("T")
 # Linear unknowns are not solved for where one column is the rest up to this share: coinciding poles.
 COINCIDENT = 1e-13
 # Products in an output's normal equations below which forming them directly, by QR, takes less than to find
@@ -36,20 +38,26 @@ ROUNDED = 0.02
 
 
 def weighted(
-    layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], *, from_sums: bool = True
+    layout: Layout,
+    data: Data,
+    theta: Float[np.ndarray, " unknown"],
+    below: float = np.inf,
+    *,
+    from_sums: bool = True,
 ) -> Step | None:
     """Half the sum of |weight (H - E)|^2, the linear unknowns solved for; None where it has no value.
 
+    None as well where it is not ``below`` so much: most of the work is in derivatives that nobody needs then.
     Not ``from_sums``: with the Gram matrix of theta line by line, which costs more and rounds less.
     """
     terms = build_terms(layout, data, theta)
     if terms is None:
         return None
-    solved = _solve(terms, from_sums=from_sums)
+    solved = _solve(terms, below, from_sums=from_sums)
     if solved is None:
         return None
     cost = sum(one.cost for one in solved)
-    if not np.isfinite(cost):
+    if not cost < below:
         return None
     gradient = np.sum([one.gradient for one in solved], axis=0)
     gram = np.sum([one.gram for one in solved], axis=0)
@@ -65,7 +73,22 @@ def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output l
     return np.concatenate(left).mT / data.weight
 
 
-def _solve(terms: Terms, *, from_sums: bool) -> list[Solved] | None:
+def least_cost(
+    layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]
+) -> tuple[float, Float[np.ndarray, "output column"]] | None:
+    """Cost and linear unknowns of `weighted` alone."""
+    if by_normal_equations(layout, data):
+        step = weighted(layout, data, theta)
+        return None if step is None else (step.cost, step.linear)
+    terms = build_terms(layout, data, theta)
+    found = None if terms is None else _all_of(_by_columns(terms, o) for o in range(layout.outputs))
+    if found is None:
+        return None
+    cost = sum(one.cost for one in found)
+    return (cost, np.stack([one.linear for one in found])) if np.isfinite(cost) else None
+
+
+def _solve(terms: Terms, below: float, *, from_sums: bool) -> list[Solved] | None:
     """All outputs: by normal equations from sums or else line by line where they pay, or by QR."""
     layout, data, solved = terms.layout, terms.data, None
     ways = (True, False) if from_sums else (False,)
@@ -79,16 +102,19 @@ def _solve(terms: Terms, *, from_sums: bool) -> list[Solved] | None:
             return solved
     if data.mix is not None:
         return solved
-    return _all_of(solve_by_qr(terms, o) for o in range(layout.outputs))
+    found = _all_of(_by_columns(terms, o) for o in range(layout.outputs))
+    if found is None or not sum(one.cost for one in found) < below:
+        return None
+    return [one.solved(terms) for one in found]
 
 
 def _rounding(solved: list[Solved]) -> float:
     return float(np.linalg.norm([one.rounding for one in solved]))
 
 
-def _all_of(solved: Iterable[Solved | None]) -> list[Solved] | None:
+def _all_of(solved: Iterable[T | None]) -> list[T] | None:
     """None where one of them is."""
-    found: list[Solved] = []
+    found: list[T] = []
     for one in solved:
         if one is None:
             return None
@@ -106,6 +132,38 @@ def by_normal_equations(layout: Layout, data: Data) -> bool:
 
 def solve_by_qr(terms: Terms, output: int) -> Solved | None:
     """One output by orthogonal columns, from Kaufman's Jacobian; None where two of them coincide."""
+    found = _by_columns(terms, output)
+    return None if found is None else found.solved(terms)
+
+
+class _ByColumns(NamedTuple):
+    """Linear unknowns of one output, and what is left of it beside its columns ``A``, of the basis ``Q``."""
+
+    output: int
+    own: TransientProjection
+    tied: ZeroSum
+    A: Float[np.ndarray, "column number"]
+    Q: Float[np.ndarray, "number free"]
+    x: Float[np.ndarray, " column"]
+    linear: Float[np.ndarray, " unknown"]
+    residual: Float[np.ndarray, " number"]
+
+    @property
+    def cost(self) -> float:
+        return 0.5 * float(self.residual @ self.residual)
+
+    def solved(self, terms: Terms) -> Solved:
+        """With the derivatives by theta."""
+        G = self.own.removed(terms.slopes(self.linear, self.output))
+        gained = self.tied.moved(self.x, self.A)
+        if isinstance(gained, np.ndarray):
+            G[: len(gained)] += gained
+        J = G - (G @ self.Q) @ self.Q.T
+        return Solved(self.linear[None], self.cost, -J @ self.residual, J @ J.T)
+
+
+def _by_columns(terms: Terms, output: int) -> _ByColumns | None:
+    """None where two columns coincide."""
     layout, data = terms.layout, terms.data
     own = TransientProjection(terms.B, data.weight[output])
     X = terms.columns(output)
@@ -114,20 +172,14 @@ def solve_by_qr(terms: Terms, output: int) -> Solved | None:
     size = np.linalg.norm(free, axis=1)
     if not (np.isfinite(size).all() and size.all()):
         return None
-    Q, R = np.linalg.qr((free / size[:, None]).T)
+    Q, R = factors(free / size[:, None])
     if np.abs(np.diag(R)).min() <= COINCIDENT or own.coincident(COINCIDENT):
         return None
     target = own.removed(data.H[output][None])[0]
     on_columns = Q.T @ target
-    x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns)) / size)
+    x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns, check_finite=False)) / size)
     t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
-    linear = np.concatenate([x, t.ravel()])
-    G = own.removed(terms.slopes(linear, output))
-    gained = tied.moved(x, A)
-    if isinstance(gained, np.ndarray):
-        G[: len(gained)] += gained
-    residual, J = target - Q @ on_columns, G - (G @ Q) @ Q.T
-    return Solved(linear[None], 0.5 * float(residual @ residual), -J @ residual, J @ J.T)
+    return _ByColumns(output, own, tied, A, Q, x, np.concatenate([x, t.ravel()]), target - Q @ on_columns)
 
 
 def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:

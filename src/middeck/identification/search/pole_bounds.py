@@ -53,13 +53,13 @@ def bound_theta(layout: Layout, data: Data, theta: Vector) -> Vector:
 
 
 def bounded(
-    layout: Layout, data: Data, evaluate: Callable[[Vector], Step | None]
-) -> Callable[[Vector], Step | None]:
+    layout: Layout, data: Data, evaluate: Callable[[Vector, float], Step | None]
+) -> Callable[[Vector, float], Step | None]:
     """``evaluate`` at the bounded theta; what a bound holds against the gradient stays where it is."""
 
-    def at_bounds(theta: Vector) -> Step | None:
+    def at_bounds(theta: Vector, below: float) -> Step | None:
         inside = bound_theta(layout, data, theta)
-        step = evaluate(inside)
+        step = evaluate(inside, below)
         if step is None or np.array_equal(inside, theta):
             return step
         held = (theta - inside) * step.gradient < 0.0

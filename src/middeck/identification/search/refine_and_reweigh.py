@@ -105,9 +105,10 @@ def settle(data: Data, start: Polished, spread: Spread) -> Polished:
 
 def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int) -> Refined | None:
     """A search with poles where they may be."""
-    by_lines = bounded(layout, data, lambda x: weighted(layout, data, x, from_sums=False))
+    by_lines = bounded(layout, data, functools.partial(weighted, layout, data, from_sums=False))
     exactly = by_lines if by_normal_equations(layout, data) else None
-    found = search(bounded(layout, data, lambda x: weighted(layout, data, x)), theta, steps, exactly=exactly)
+    by_sums = bounded(layout, data, functools.partial(weighted, layout, data))
+    found = search(by_sums, theta, steps, exactly=exactly)
     return None if found is None else dataclasses.replace(found, theta=bound_theta(layout, data, found.theta))
 
 
@@ -132,7 +133,7 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     again = Data(
         s=data.s, H=data.H, weight=1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log)))
     )
-    found = search(bounded(layout, again, lambda x: logarithmic(layout, again, x)), theta)
+    found = search(bounded(layout, again, lambda x, _: logarithmic(layout, again, x)), theta)
     if found is None:
         return start
     found = dataclasses.replace(found, theta=bound_theta(layout, again, found.theta))

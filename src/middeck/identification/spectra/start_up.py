@@ -168,7 +168,9 @@ def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     """The poles at which least is left, counted in units of that."""
     for _ in range(2):
         unit = float(np.sqrt(np.mean(_rest(theta, target) ** 2))) + np.finfo(float).tiny
-        found: Refined | None = search(lambda x, unit=unit: _step(x, target / unit), theta, STEPS)
+        found: Refined | None = search(
+            lambda x, below, unit=unit: _step(x, target / unit, below), theta, STEPS
+        )
         if found is None:
             return None
         theta = found.theta
@@ -180,8 +182,8 @@ def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
     return target - basis @ np.linalg.lstsq(basis, target, rcond=SAME)[0]
 
 
-def _step(theta: np.ndarray, target: np.ndarray) -> Step | None:
-    """Half of what is left, and its slopes by decays and frequencies (Kaufman 1975)."""
+def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
+    """Half of what is left, if ``below`` so much, and its slopes by decays and frequencies (Kaufman 1975)."""
     poles, half = _poles(theta), len(theta) // 2
     if np.real(poles).min() < -np.pi:
         return None
@@ -192,6 +194,9 @@ def _step(theta: np.ndarray, target: np.ndarray) -> Step | None:
         return None
     on = Q.T @ target
     left, a = target - Q @ on, np.linalg.solve(R, on)
+    cost = 0.5 * float(np.sum(left**2))
+    if not cost < below:
+        return None
     n = np.arange(len(target))[:, None]
     motion = np.exp(poles * n) * n
     rows = np.empty((2 * half, target.size))
@@ -202,9 +207,7 @@ def _step(theta: np.ndarray, target: np.ndarray) -> Step | None:
         by_turn = -imag * a[m] - real * a[half + m]
         for row, slope in ((m, poles[m].real * by_p), (half + m, by_turn)):
             rows[row] = (slope - Q @ (Q.T @ slope)).ravel()
-    return Step(
-        cost=0.5 * float(np.sum(left**2)), gradient=-rows @ left.ravel(), gram=rows @ rows.T, linear=a
-    )
+    return Step(cost=cost, gradient=-rows @ left.ravel(), gram=rows @ rows.T, linear=a)
 
 
 def _continued(

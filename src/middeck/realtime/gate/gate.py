@@ -8,7 +8,7 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, Proved
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
-from middeck.realtime.gate.package_with_hold import with_hold
+from middeck.realtime.gate.package_with_hold import with_drives, with_hold
 from middeck.realtime.gate.steps_on_paper import (
     GateMargins,
     GateStep,
@@ -129,8 +129,10 @@ def examine_package(
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
         if _good(steps):
+            alone = package if engine is None else with_drives(package, engine)
             steps += [
-                check_recovery(held, name, plant, held=held is not package) for name, plant in models.items()
+                check_recovery(held, name, plant, held=held is not package, alone=alone)
+                for name, plant in models.items()
             ]
         if engaged is not None and _good(steps):
             share = 1.0 if trials is None else trials.share

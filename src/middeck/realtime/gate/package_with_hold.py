@@ -60,6 +60,24 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
     )
 
 
+def with_drives(package: ControllerPackage, settings: EngineSettings) -> ControllerPackage | None:
+    """``package`` with the tighter limits of its own and the engine's; None beside a hold, which has more.
+
+    Both keep the last output within their bounds, so that one after the other they are the tighter ones.
+    """
+    if settings.hold:
+        return None
+    drives = {drive.port.name: drive for drive in settings.drives}
+    own = [drives[port.name] for port in package.outputs]
+    return dataclasses.replace(
+        package,
+        lower=np.maximum(package.lower, [drive.lower for drive in own]),
+        upper=np.minimum(package.upper, [drive.upper for drive in own]),
+        slew=np.minimum(package.slew, [drive.slew_rate * settings.period_s for drive in own]),
+        vectors=None,
+    )
+
+
 def _joined(own: tuple[Port, ...], used: list[Port]) -> tuple[Port, ...]:
     return tuple(dict.fromkeys((*own, *used)))
 

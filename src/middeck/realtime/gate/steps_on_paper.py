@@ -21,6 +21,7 @@ from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.gate.linear_law import faded_laws, limited_law, linear_law
 from middeck.realtime.gate.reached_slews import reached_slews
+from middeck.realtime.gate.recovery_proof import why_unproved
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
@@ -36,8 +37,11 @@ NOT_DECIDED = (NumericalError, ConfigError, ValueError)
 """ValueError: of NumPy and SciPy, where numbers overflow."""
 FASTER = 2.0
 """How much faster than without the law what is not held may grow."""
-UNPROVED = "; it is not proved for limits that come and go"
-AT_ONCE = ", nor of size and slew: both at once are not proved (an effort trip of the engine stands behind)"
+PROVED, UNPROVED = "; proved for limits that come and go", "; not proved for limits that come and go"
+AT_ONCE, NOR_AT_ONCE = ", of size and slew at once", ", nor for size and slew at once"
+WITHIN = ", at full authority, while the sensors stay within their ranges"
+BEHIND = " (the engine's effort trip stands behind)"
+BESIDE_HOLD = "beside a hold there are limits of the law and of the sum"
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
@@ -167,7 +171,9 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
     return check_loops(f"model {name}", plant, fades, least)
 
 
-def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held: bool) -> GateStep:
+def check_recovery(
+    package: ControllerPackage, name: str, plant: Plant, *, held: bool, alone: ControllerPackage | None
+) -> GateStep:
     """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
 
     Limited are motors, u = g (p + c), in slew too where the package has such limits, and beside an inner
@@ -176,7 +182,9 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
     by itself, or its own inner loop (p, where it is not ``held`` by the engine's) moves an article that rests
     without. An output whose limit of slew a growing motion within the sensors' ranges does not reach
     (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so, each
-    with limits of one kind: it is no proof for limits that come and go, nor for size and slew at once.
+    with limits of one kind. For limits that come and go, of size and slew at once, a proof is tried
+    (`why_unproved`) and told, of the law ``alone`` with all limits that act on it; None where a hold adds
+    more. It decides nothing.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -208,7 +216,10 @@ def check_recovery(package: ControllerPackage, name: str, plant: Plant, *, held:
         return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
     said = f"nothing grows at any of {len(limits)} limits of outputs"
     said += f", but at {unheld} what does so without the law too" if unheld else ""
-    return _step(step, [], said + UNPROVED + (AT_ONCE if len(slews) else ""))
+    reason = BESIDE_HOLD if alone is None else why_unproved(alone, plant)
+    if not reason:
+        return _step(step, [], f"{said}{PROVED}{AT_ONCE if len(slews) else ''}{WITHIN}")
+    return _step(step, [], f"{said}{UNPROVED}{NOR_AT_ONCE if len(slews) else ''}: {reason}{BEHIND}")
 
 
 def _limits(places: np.ndarray, levels: Sequence[float] = FADES[:-1]) -> np.ndarray:

@@ -37,14 +37,13 @@ class Losses(NamedTuple):
     def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Losses:
         """Those of some modes: the suspension's are what its ratio and its dampers add.
 
-        Weight that softens an article takes from its ratio rather than adding: the article has what is left.
+        That is never negative: shares of the energy lie between 0 and 1, whatever weight softens.
         """
         damping = modes.equilibrium.model.structure.damping
         own = tuple(d for d in damping.dampers if d.place is not DamperPlace.DEVICE)
         alone = dataclasses.replace(damping, suspension=0.0, dampers=own)
         found = (estimate_damping(modes, d, count=int(index.max(initial=-1)) + 1) for d in (damping, alone))
         whole, article = (np.array([f.base + f.material, f.device])[:, index] for f in found)
-        article = np.minimum(article, whole)
         rest = whole - article
         article[0] = np.maximum(article[0], LEAST)
         return Losses(modes.omega[index], np.array([article, rest]))

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer_mesh import add_shear
-from middeck.structure.model.umbilical import tie_umbilical
+from middeck.structure.model.umbilical import floats, tie_umbilical
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
@@ -41,8 +41,9 @@ class LoopSpread:
         delay_tolerance_s: Its tolerance to both sides, all values within as likely.
         gain_tolerance: Relative tolerance of each sensor's gain; an angle and its rate share one.
         damping_std: Standard deviation of ln zeta for a mode that no survey measured.
-        umbilical_hz: Frequency that a weak cable may give the article where there is no gravity, all from
-            zero to this as likely (`tie_umbilical`). Frequencies of flexible modes allow for 0.03 Hz.
+        umbilical_hz: Frequency that a weak cable may give the article where it floats, all from zero to this
+            as likely (`tie_umbilical`); what holds an article makes a weak cable nothing. Frequencies of
+            flexible modes allow for 0.03 Hz.
     """
 
     delay_s: float = 0.0
@@ -143,8 +144,9 @@ class Drawing:
 
     def _one(self, number: int) -> tuple[Plant, Float[np.ndarray, " name"]]:
         mean, loop, n, late = self.mean, self.loop, self.n[number], self.late[number]
+        cable_hz = loop.umbilical_hz * floats(self.there.environment)
         try:
-            modes = _drawn_modes(self.refined, self.there, n, loop.umbilical_hz * self.pulls[number])
+            modes = _drawn_modes(self.refined, self.there, n, cable_hz * self.pulls[number])
         except NumericalError as error:
             error.where = f"draw {number} of {len(self.n)}, {error.where}"
             raise
@@ -161,7 +163,7 @@ class Drawing:
         # A number without tolerance was not drawn, and no risk depends on it.
         of_loop = [
             late * (loop.delay_tolerance_s > 0.0),
-            (2.0 * self.pulls[number] - 1.0) * (loop.umbilical_hz > 0.0),
+            (2.0 * self.pulls[number] - 1.0) * (cable_hz > 0.0),
             *(self.gains[number] * (loop.gain_tolerance > 0.0)),
         ]
         own = (shift - mean.log_shift) / mean.log_std

@@ -9,6 +9,8 @@ a_ij = phi_i'(K' - lambda_i M') phi_j (K', M' slopes by the unknowns),
 (Fox and Kapoor 1968, AIAA J. 6, once more differentiated). Modes close by are left out of the sum: measured
 shapes say how these mix. K and M are taken as linear in each parameter, of elements that stay where they are
 at rest: those that turn as an article sags would mix modes of its length into all others, which K'' undoes.
+A suspension's stiffness is not linear: it goes with a cable's length and with a bounce by powers (W / L,
+m omega^2), and the logarithm of a frequency that it holds is straight in theirs.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from middeck.updating.unknowns.unknowns import Bound, product_slopes
 
 # Lowest modes of which a bent one is made: those above are too far away to matter.
 MODES = 40
+BY_POWERS = ("cable_length", "bounce_hz")
 
 
 def frequency_curvature(
@@ -48,7 +51,10 @@ def frequency_curvature(
     crossed = own[:, :, None] * inertia[:, None]
     bent = own[:, :, None] * factor - crossed - np.swapaxes(crossed, 1, 2) + turned
     square = own[:, :, None] * own[:, None]
-    return 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
+    curvature = 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
+    straight = [any(p.name.endswith(BY_POWERS) for p in b.parameters) for b in bound]
+    curvature[:, straight] = curvature[:, :, straight] = 0.0
+    return curvature
 
 
 def bend_of(

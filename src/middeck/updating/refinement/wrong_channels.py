@@ -1,6 +1,7 @@
 """Channels of a survey that read other than the model moves where the rest of the survey agrees with it."""
 
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +21,18 @@ ALIKE, NOISE = 0.8, 5.0
 PART, STILL = 0.2, 0.01
 # Of what the model moves: less that is not alike is nothing.
 NOTHING = 0.05
+# Instruments fail one by one: more channels than these that no factor sets right are the model's matter too.
+ALONE = 2
+SHOWN = 5
 EVERY_WAY = ("x", "y", "z", "rx", "ry", "rz")
 TINY = np.finfo(float).tiny
 
 
 def wrong_channels(compared: Compared) -> tuple[str, ...]:
-    """A sentence for each; none where channels are too few to tell, or most of them disagree."""
+    """A sentence for each; none where channels are too few to tell, or most of them disagree.
+
+    One for all that no factor sets right, if they are many: as turns of nodes where a mesh is too coarse.
+    """
     measured = compared.survey.measured
     if not measured.node:
         return ()
@@ -45,10 +52,13 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
     if float(np.sqrt(np.mean(shapes.left(moved)[kept] ** 2))) > RIGHT:
         return ()
     still = STILL * shapes.elsewhere(moved)
-    return tuple(
-        _said(compared, r, how_it_reads(shapes.read[r], moved[r], still[r]))
-        for r in np.flatnonzero(~kept & wrong)
-    )
+    rows = np.flatnonzero(~kept & wrong)
+    odd = [r for r in rows if not _by_a_factor(shapes.read[r], moved[r])]
+    odd = odd if len(odd) > ALONE else []
+    said = [
+        _said(compared, r, how_it_reads(shapes.read[r], moved[r], still[r])) for r in rows if r not in odd
+    ]
+    return (*said, *([_said_of_many(compared, odd)] if odd else []))
 
 
 class _Shapes(NamedTuple):
@@ -119,6 +129,15 @@ def _shapes(compared: Compared) -> _Shapes:
     )  # fmt: skip
 
 
+def _by_a_factor(read: np.ndarray, moved: np.ndarray) -> bool:
+    """Whether the model's motion, times any number, is what is read, as nearly as right channels are; or
+    nothing is."""
+    size, other = np.linalg.norm(read), np.linalg.norm(moved)
+    return bool(
+        size < NOTHING * other or (read @ moved) ** 2 >= (1.0 - (2.0 * RIGHT) ** 2) * (size * other) ** 2
+    )
+
+
 def how_it_reads(read: np.ndarray, moved: np.ndarray, still: float) -> str:
     """The matter with an instrument that reads ``read`` where the model moves by ``moved``.
 
@@ -142,4 +161,16 @@ def _said(compared: Compared, row: int, matter: str) -> str:
     return (
         f"{compared.survey.name}: {channel} {matter} other channels agree with the model; "
         "correct it or leave it out, for it biases all results and widens their intervals"
+    )
+
+
+def _said_of_many(compared: Compared, rows: Sequence[int]) -> str:
+    measured = compared.survey.measured
+    some = ", ".join(f"{measured.node[r]} {measured.direction[r]}" for r in rows[:SHOWN])
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    return (
+        f"{compared.survey.name}: channels {some}{more} do not follow the model's motion there, nor would a "
+        "factor on each: local motion that its mesh is too coarse for (more elements_per_strut), or their "
+        "axes and places? The other channels agree; mend the mesh, or correct or leave these out, for they "
+        "bias all results and widen their intervals"
     )

@@ -139,6 +139,11 @@ def _supports(
 def _component_tables(components: Mapping[str, Component]) -> list[dict[str, Any]]:
     return [
         {"name": part.name, "file": file, "nodes": dict(zip(part.grids, part.frames, strict=True))}
+        | (
+            {"offsets_m": dict(zip(part.grids, part.fixed_at.tolist(), strict=True))}
+            if np.any(part.fixed_at)
+            else {}
+        )
         for file, part in components.items()
     ]
 

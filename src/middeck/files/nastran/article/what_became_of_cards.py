@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
+from middeck.files.nastran.components.direct_input import DAMPING
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unread_params
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.formats import DIVIDING
@@ -20,12 +21,13 @@ NO_PART = {
     "free or held, an article needs no reference supports": ("SUPORT", "SUPORT1"),
     "eigenvalue method: middeck has its own": ("EIGR", "EIGRL"),
 }
+DAMPS = "damping: give it in the article's [damping]"
 NOT_SELECTED = "not selected by case control"
 # What an article has in place of cards that are passed over, by the beginning of their names.
 ELSEWHERE = {
     ("ROTOR", "RSPIN", "RGYRO"): "rotors do not spin: give a [[wheel]] and its speed in the environment",
     ("PBUSHT", "PELAST"): "stiffness by frequency or load: the article has that of PBUSH, PELAS",
-    ("CDAMP", "PDAMP", "CVISC", "PVISC"): "damping: give it in the article's [damping]",
+    ("CDAMP", "PDAMP", "CVISC", "PVISC"): DAMPS,
 }
 DIVIDES = "which superelement something is in: the article is not divided"
 
@@ -58,6 +60,9 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
     idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
     rows.append(("DMIG", len(idle), NOT_SELECTED))
+    damping = {name: command for command, name in deck.selection.matrices.items() if command in DAMPING}
+    selected = Counter(damping[e["name"]] for e in entries.of("DMIG") if e["name"] in damping)
+    rows += [(f"DMIG of {command}", count, DAMPS) for command, count in sorted(selected.items())]
     bare = {*basis.places.grids} - standing.account - {*standing.carriers, *standing.carriers.values()}
     rows.append(("GRID", len(bare), "no element or mass is at them: points of orientation, for instance"))
     damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]

@@ -16,6 +16,7 @@ from middeck.files.nastran.components.external import (
     has_card,
     read_bulk,
 )
+from middeck.files.nastran.components.printed import NEAR
 from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.case_control import read_selection
 from middeck.files.nastran.deck.coordinates import Places
@@ -33,8 +34,10 @@ OWN = ("SEBULK", "SECONCT")
 SETS = tuple(f"{kind}SET{end}" for kind in "ABCQ" for end in ("", "1"))
 PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE", "PELAS", "PBUSH", "PMASS", "MAT1")
 WITHIN = frozenset(("EXTRN", "DMIG", "SPOINT", "PARAM", "EIGR", "EIGRL", *GEOMETRY, *SETS, *PROPERTIES))
-# Largest distance, over the size, of grids that are joined by place.
-NEAR = 1e-5
+# Largest distance of grids that are joined where TOL gives none [units of the deck].
+TOL = 1e-5
+# Distance, over the size, below which places are the same: rounding.
+SAME = 1e-12
 # Relative difference of modal masses that is none: printed digits.
 MODAL = 1e-5
 LONGEST = 100_000  # points in a range
@@ -67,10 +70,10 @@ def read_assembly(
             continue
         number, matrices = _declared(card, bulk, files)
         part = component_of(bulk.supers[number], matrices, units, f"se{number}", str(path))
-        joined = _joined(card, number, bulk, part, places, units)
-        frames = tuple(f"g{grid}" for grid in joined.values())
-        parts[f"{name}-se{number}.npz"] = dataclasses.replace(part, frames=frames)
-        bulk.notes.extend(_scaled(part, units))
+        near = _tolerance(card, number, bulk, part, units)
+        joined = _joined(card, number, bulk, part, places, near, units)
+        part = parts[f"{name}-se{number}.npz"] = _fixed(part, joined, places, near, units)
+        bulk.notes.extend((*_scaled(part, units), *_bridged(part, units)))
     if not parts:
         raise ConfigError(
             "no SEBULK in the bulk data", where=str(path), hint="does all of it stand behind BEGIN BULK?"
@@ -84,6 +87,29 @@ def read_assembly(
     selection = read_selection(bulk.head[cend + 1 :], subcase)
     entries, notes = read_entries(cards), tuple(bulk.notes)
     return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
+
+
+def _fixed(part: Component, joined: dict[str, int], places: Places, near: float, units: Units) -> Component:
+    """The component on the grids that it is ``joined`` to, by offsets where these stand ``near`` its own.
+
+    Grids that stand elsewhere are left to the checks of the article.
+    """
+    apart = part.positions - units.length * np.array([places.grids[grid] for grid in joined.values()])
+    apart -= apart.mean(axis=0)  # a component may have axes of its own
+    far = float(np.linalg.norm(apart, axis=1).max())
+    offsets = apart if SAME * np.abs(part.positions).max() < far <= near * units.length else None
+    return dataclasses.replace(part, frames=tuple(f"g{grid}" for grid in joined.values()), offsets=offsets)
+
+
+def _bridged(part: Component, units: Units) -> Iterator[str]:
+    """A note on grids that stand beside those that they are joined to."""
+    far = np.linalg.norm(part.fixed_at, axis=1) / units.length
+    if np.any(far):
+        worst = int(np.argmax(far))
+        yield (
+            f"grid {part.grids[worst]} of {part.name} is joined to {part.frames[worst]} over a distance of "
+            f"{far[worst]:.2g} ({units.name}), the most of its grids: printed digits?"
+        )
 
 
 def _scaled(part: Component, units: Units) -> Iterator[str]:
@@ -165,8 +191,16 @@ def _ranges(card: Card, listed: list[str]) -> Iterator[tuple[range, range]]:
         yield first, second
 
 
+def _tolerance(sebulk: Card, number: int, bulk: Bulk, part: Component, units: Units) -> float:
+    """Largest distance [units of the deck] between grids that are joined: TOL, or what digits leave."""
+    joins = [c for c in bulk.main if c.name == "SECONCT" and number in map(integer, c.fields[:2])]
+    given = [*sebulk.fields[4:5], *(field for card in joins for field in card.fields[2:3])]
+    size = float(np.abs(part.positions).max()) / units.length
+    return max(TOL, NEAR * size, *(real(field) or 0.0 for field in given))
+
+
 def _joined(
-    sebulk: Card, number: int, bulk: Bulk, part: Component, places: Places, units: Units
+    sebulk: Card, number: int, bulk: Bulk, part: Component, places: Places, near: float, units: Units
 ) -> dict[str, int]:
     """Main grid of each boundary grid: by SECONCT, or by place where SEBULK says AUTO."""
     pairs: dict[int, int] = {}
@@ -187,15 +221,13 @@ def _joined(
             if pairs.setdefault(a, b) != b:
                 raise_some([_fault(card, f"grid {a} is joined twice")])
     method = sebulk.fields[3] if len(sebulk.fields) > 3 else ""
-    near = NEAR * max(1.0, float(np.abs(part.positions).max())) / units.length
-    tolerance = (real(sebulk.fields[4]) or near) if len(sebulk.fields) > 4 else near
     out: dict[str, int] = {}
     for grid, x in zip(part.grids, part.positions / units.length, strict=True):
         to = pairs.get(int(grid))
         if to is None and method != "MANUAL":
             at = {g: float(np.linalg.norm(place - x)) for g, place in places.grids.items()}
             to = min(at, key=at.__getitem__, default=None)
-            to = to if to is not None and at[to] <= tolerance else None
+            to = to if to is not None and at[to] <= near else None
         if to is None or to not in places.grids:
             raise_some(
                 [

@@ -16,6 +16,7 @@ from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
+DAMPING = frozenset(("B2GG", "B2PP", "K42GG"))
 NAME = "direct"
 
 
@@ -72,12 +73,14 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
-    other matrices (B2GG, K2PP ...), sums of matrices, and factors on matrices or loads, also on those of the
+    other matrices (A2GG, K2PP ...), sums of matrices, and factors on matrices or loads, also on those of the
     whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
     """
     chosen = deck.selection.matrices
     known = {entry["name"] for entry in deck.entries.of("DMIG")}
     for command, matrix in chosen.items():
+        if command in DAMPING:  # listed as left out
+            continue
         if command not in READ:
             hint = "K2GG and M2GG are converted"
             faults.append(_fault(deck, command, "matrices of this kind are not converted yet", hint))

@@ -15,6 +15,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
+from middeck.files.nastran.components.printed import as_printed
 from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
 from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
@@ -22,13 +23,7 @@ from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.output4.matrices import op4_by_name
-from middeck.structure.model.component import (
-    ROUNDING,
-    UNEQUAL,
-    Component,
-    require_component,
-    rigid_vectors,
-)
+from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
 
@@ -186,47 +181,29 @@ def component_of(
     assert stiffness is not None
     assert mass is not None
     positions = np.array([places.grids[g] for g in boundary.grids]).reshape(-1, 3) * units.length
+    noise: np.ndarray | None = None
     if matrices is None:
         printed = np.abs(turn) @ np.abs(K) @ np.abs(turn.T) * energy
         digits = max(punched.digits[name] for name in names["stiffness"] if name in punched.digits)
         noise = NOISE * rounding_of(digits) * printed
-        stiffness = _without_grounding(stiffness, noise, positions, present)
+    part = Component(
+        name=name,
+        grids=tuple(map(str, boundary.grids)),
+        frames=tuple(f"g{grid}" for grid in boundary.grids),
+        positions=positions,
+        stiffness=stiffness,
+        mass=mass,
+        damping=damping,
+        present=present,
+    )
     try:
-        return require_component(
-            Component(
-                name=name,
-                grids=tuple(map(str, boundary.grids)),
-                frames=tuple(f"g{grid}" for grid in boundary.grids),
-                positions=positions,
-                stiffness=stiffness,
-                mass=mass,
-                damping=damping,
-                present=present,
-            )
-        )
+        return as_printed(part, noise)
     except ConfigError as error:
         raise DataError(
             error.what,
             where=source,
-            hint="do matrices, cards and units belong together? Grids need large fields (GRID*)",
+            hint="do matrices, cards and units belong together? Grids need five digits or more",
         ) from None
-
-
-def _without_grounding(
-    stiffness: np.ndarray, rounding: np.ndarray, positions: np.ndarray, present: np.ndarray
-) -> np.ndarray:
-    """The stiffness of a free part without the resistance to rigid motion that its digits leave.
-
-    That may be a negative stiffness as well as a positive one. ``rounding`` bounds that of each entry and of
-    the positions of its grids together; beyond it nothing is changed.
-    """
-    R = rigid_vectors(positions, len(stiffness))
-    R[: present.size][~present.ravel()] = 0.0
-    if not np.all(np.abs(stiffness @ R) <= rounding @ np.abs(R)):
-        return stiffness
-    size = np.sqrt(np.abs(np.diagonal(stiffness)))
-    P = np.eye(len(stiffness)) - R @ np.linalg.lstsq(size[:, None] * R, np.diag(size))[0]
-    return P.T @ stiffness @ P
 
 
 def basic_matrix(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from middeck.errors import ConfigError
-from middeck.files.disk.kind_of_content import EMPTY, NO_DECK, looks_like
+from middeck.files.disk.kind_of_content import BINARY, EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, read_sections
@@ -56,7 +56,7 @@ def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
     Raises `ConfigError` with what is wrong, by file, line, card and field.
     """
     kind = looks_like(path)
-    if kind == EMPTY or kind in NO_DECK:
+    if kind in (EMPTY, BINARY) or kind in NO_DECK:
         what = "the file is empty" if kind == EMPTY else f"looks like {kind}, not a Nastran deck"
         raise ConfigError(what, where=str(path), hint="a deck in this place")
     with _without_collection():

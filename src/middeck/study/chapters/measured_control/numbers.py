@@ -96,7 +96,7 @@ def _drift_claims(control: MeasuredControl, low: MeasuredLoop, high: MeasuredLoo
     holds, asked = low.stable and all(ok for _, ok in low.survives), f"= {len(low.survives)}"
     survived = float(sum(ok for _, ok in low.survives))
     return [
-        row(f"CL2 is unstable {shifts}; unstable at shifts of [%]", breaks, _of_shifts(broken), tried, "%"),
+        row(f"CL2 is unstable {shifts}; unstable shifts [%]", breaks, _of_shifts(broken), tried, "%"),
         row(f"CL1 stays stable {shifts}; stable at", holds, survived, asked, "shifts"),
     ]
 
@@ -110,7 +110,7 @@ def _robust_claims(control: MeasuredControl, robust: MeasuredLoop) -> list[Claim
     phase = f"CL3 has a phase margin of at least {PHASE_DEG:g} degrees {where}; least margin [deg]"
     first = (
         "LQG for the first record alone, at CL3's authority, is not stable on both records;"
-        " unstable at a shift of [%]"
+        " unstable shifts [%]"
     )
     return [
         at_most(

@@ -1,0 +1,208 @@
+"""Faults of the answer within a record: channels that stick for a while, and gains that change slowly.
+
+Each output is foretold from its own past and the inputs until then, by one regression. Free motion is of the
+past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
+does not, or an output stands still while the inputs move it, its answer is left as well. And what the inputs
+add to the past grows with the gain, whatever the poles are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.identification.faults.equal_runs import Found, Signal, equal_runs, fault
+from middeck.identification.faults.lost_samples_and_feedback import ENOUGH, FEWEST_SAMPLES, beside
+from middeck.signals.fault import Fault, Side
+from middeck.signals.ports import Port
+from middeck.signals.record import Record
+from middeck.values import record as value
+
+# Samples before from which the next is foretold: of the output, and of all inputs together; and how many
+# samples each unknown takes.
+PAST, PAST_OF_INPUTS, ROWS = 24, 48, 6
+# Share of the regressors' power that keeps their equations determined.
+FLOOR = 1e-10
+# An input that rests so long, and so many times as long as ever else, and moves at so many of the other
+# samples, may be stuck; as an output from the first sample on.
+RESTS, LONGER, MOVES, STARTS = 64, 3.0, 0.1, 60
+# Power that is left where a channel stands still over that elsewhere, from which its answer is left there.
+# Of 300 sound records none has more than two. Below the second, in units of the output's, it is rounding.
+LEFT, ROUNDED = 6.0, 1e-10
+# Power that later inputs leave over that of the inputs as they are, below which the article has a dead time.
+TELLS_MORE = 0.5
+# Samples that a mean square of what is left is taken from.
+FEWEST = 12
+# Parts of a record whose gains are compared, by how much their line may change, and that in deviations
+# (Student's t of fourteen degrees of freedom is beyond it in one of 1e5).
+PARTS, CHANGE, SURE = 16, 0.02, 6.5
+# What the inputs add in one part over that in the median part, and the share of an input's power that may
+# move between eight bands of frequency from the first half of a record to the other: a sweep that meets other
+# modes at another time does not tell a gain from a response.
+UNEVEN, BANDS, MOVED = 4.0, 8, 0.3
+
+
+@value
+class _Regression:
+    """One output: what is foretold, and from what: [own past, inputs, one] over samples from ``first`` on."""
+
+    told: Float[np.ndarray, " sample"]
+    rows: Float[np.ndarray, "row sample"]
+    first: int
+
+    def weights(self, leave_out: slice = slice(0, 0)) -> Float[np.ndarray, " row"]:
+        """Least squares over the samples that are not left out."""
+        gram, right = self.rows @ self.rows.T, self.rows @ self.told
+        out, told = self.rows[:, leave_out], self.told[leave_out]
+        gram, right = gram - out @ out.T, right - out @ told
+        return np.linalg.solve(gram + FLOOR * np.trace(gram) / len(gram) * np.eye(len(gram)), right)
+
+    def left(self, leave_out: slice = slice(0, 0)) -> Signal:
+        """What the others foretell of no sample."""
+        return self.told - self.weights(leave_out) @ self.rows
+
+
+def find_stuck(record: Record) -> list[Fault]:
+    """Inputs that stand still while the outputs show that they move, and outputs that begin to live late."""
+    found: list[Fault] = []
+    for e, (u, y) in enumerate(_experiments(record)):
+        at_inputs = [
+            (i, run) for i, x in enumerate(u) if (run := _rest(x)) is not None and _others(u, i, run)
+        ]
+        starts = [next((r for r in equal_runs(x, STARTS) if r[0] == 0), None) for x in y]
+        said = dict[tuple[Side, Port], tuple[int, int]]()
+        for o, port in enumerate(record.outputs if at_inputs or any(starts) else ()):
+            of = _regression(u, y[o])
+            for i, run in at_inputs:
+                if _answers_in(of, run, PAST):
+                    said["input", record.inputs[i]] = run
+            start = starts[o]
+            if start and _answers_in(of, start, 0) and not _is_late(u, y[o], start[1]):
+                said["output", port] = start
+        found += [_stuck(record, run).at(side, port, e) for (side, port), run in said.items()]
+    return found
+
+
+def find_gain_drift(record: Record) -> list[Fault]:
+    """Outputs whose gain to the inputs changes from the beginning of the record to its end."""
+    found: list[Fault] = []
+    for e, (u, y) in enumerate(_experiments(record)):
+        if not all(_is_even(x) for x in u):
+            continue
+        every = 1 + y.shape[1] // ENOUGH
+        for o, port in enumerate(record.outputs):
+            change = _change(_regression(u, y[o], every))
+            if change is not None:
+                found.append(_drifting(change).at("output", port, e))
+    return found
+
+
+def _experiments(record: Record) -> list[tuple[np.ndarray, np.ndarray]]:
+    """u[input, sample] and y[output, sample] in units of their rms, of experiments that are long enough."""
+    each = zip(record.u, record.y, strict=True)
+    runs = [(u.reshape(-1, u.shape[2]).T, y.reshape(-1, y.shape[2]).T) for u, y in each]
+    enough = max(FEWEST_SAMPLES, ROWS * (PAST + PAST_OF_INPUTS + 4 * len(record.inputs)))
+    return [(_scaled(u), _scaled(y)) for u, y in runs if u.shape[1] >= enough]
+
+
+def _scaled(x: Float[np.ndarray, "channel sample"]) -> Float[np.ndarray, "channel sample"]:
+    x = x - x.mean(axis=1, keepdims=True)
+    return x / np.maximum(x.std(axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def _regression(
+    u: Float[np.ndarray, "input sample"], y: Signal, every: int = 1, late: int = 0
+) -> _Regression:
+    """With inputs ``late`` samples later than they are."""
+    first = PAST + late
+    span = first, len(y) - first, every
+    lags = range(-late - max(4, min(PAST, PAST_OF_INPUTS // len(u))), 1 - late)
+    own, inputs = beside(y[None], range(-PAST, 0), *span), beside(u, lags, *span)
+    return _Regression(y[first::every], np.vstack([own, inputs, np.ones(own.shape[1])]), first)
+
+
+def _rest(x: Signal) -> tuple[int, int] | None:
+    """The run in which an input that moves otherwise stands still, longer than ever else."""
+    runs = sorted(equal_runs(x, 2), key=lambda run: run[0] - run[1])
+    if not runs:
+        return None
+    a, b = runs[0]
+    next_to_it = runs[1][1] - runs[1][0] if len(runs) > 1 else 1
+    moves = np.count_nonzero(np.diff(x)) / max(len(x) - (b - a), 1)
+    return (a, b) if b - a >= max(RESTS, LONGER * next_to_it) and moves > MOVES else None
+
+
+def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) -> bool:
+    """Whether what the other inputs do in the run is known from what they do elsewhere."""
+    steps = np.delete(np.diff(u, axis=1), i, axis=0) ** 2
+    here = steps[:, run[0] : run[1]]
+    outside = (steps.sum(axis=1) - here.sum(axis=1)) / max(steps.shape[1] - here.shape[1], 1)
+    return bool(np.all(outside > MOVES * here.mean(axis=1)))
+
+
+def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
+    """Whether more is left in a run, from some samples ``after`` its beginning on, than outside of it."""
+    a, b = (k - of.first for k in run)
+    inside = slice(max(a + after, 0), b - PAST)  # an answer may be late
+    around = slice(max(a - PAST, 0), min(b + PAST, len(of.told)))
+    if inside.stop - inside.start < FEWEST or len(of.told) - (around.stop - around.start) < ROWS * len(
+        of.rows
+    ):
+        return False
+    left = of.left(around)
+    return bool(np.var(left[inside]) > max(LEFT * np.mean(np.delete(left, around) ** 2), ROUNDED))
+
+
+def _is_late(u: Float[np.ndarray, "input sample"], y: Signal, start: int) -> bool:
+    """Whether inputs later by the ``start`` tell far more of what follows: a dead time of the article."""
+    at_once, late = (_regression(u, y, late=late).left() for late in (0, start - 1))
+    return float(np.sum(late**2)) < TELLS_MORE * float(np.sum(at_once[-len(late) :] ** 2))
+
+
+def _stuck(record: Record, run: tuple[int, int]) -> Found:
+    a, b = run
+    when = f"from sample {a} to {b - 1} ({a / record.sample_hz:.6g} to {(b - 1) / record.sample_hz:.6g} s)"
+    what = f"stands still {when}, while inputs and outputs say that it moves"
+    hint = "leave that part of the record out; check cable, trigger and the start of the recording"
+    return fault("stuck", what, hint, samples=(run,))
+
+
+def _is_even(u: Signal) -> bool:
+    """Whether an input has its power at the same frequencies in both halves of the record."""
+    halves = (u[: len(u) // 2], u[len(u) // 2 : 2 * (len(u) // 2)])
+    powers = np.array([np.abs(np.fft.rfft(x)[1:]) ** 2 for x in halves])
+    bands = np.array([[part.sum() for part in np.array_split(p, BANDS)] for p in powers])
+    size = bands.sum(axis=1, keepdims=True)
+    return bool(size.min() > 0.0 and 0.5 * np.abs(np.diff(bands / size, axis=0)).sum() < MOVED)
+
+
+def _change(of: _Regression) -> float | None:
+    """By how much the gain of the inputs' part changes over the record, on a line; None where chance may."""
+    if of.rows.shape[1] < ROWS * len(of.rows):
+        return None
+    weights = of.weights()
+    added = weights[PAST:-1] @ of.rows[PAST:-1]
+    past = _Regression(added, np.vstack([of.rows[:PAST], of.rows[-1:]]), of.first)
+    new, left = past.left(), of.told - weights @ of.rows
+    parts = np.array_split(np.arange(len(new)), PARTS)
+    power = np.array([np.sum(new[part] ** 2) for part in parts])
+    if not power.min() > 0.0 or power.max() > UNEVEN * np.median(power):
+        return None
+    gains = np.array([left[part] @ new[part] for part in parts]) / power
+    share, time = power / power.sum(), np.linspace(-0.5, 0.5, PARTS)
+    time = time - share @ time
+    spread = share @ time**2
+    change = float(share @ (time * gains) / spread)
+    rest = gains - share @ gains - change * time
+    # Of few parts those at the ends may scatter little by chance: by all of them, or by their own.
+    scatter = max(share**2 @ (time * rest) ** 2, (share**2 @ time**2) * (share @ rest**2))
+    deviation = np.sqrt(scatter * PARTS / (PARTS - 2)) / spread
+    return change if abs(change) > max(CHANGE, SURE * deviation) else None
+
+
+def _drifting(change: float) -> Found:
+    what = (
+        f"has a gain to the inputs that changes by {change:+.1%} from the beginning of the record to its end"
+    )
+    hint = "let sensors and amplifiers warm up, check the charge of batteries; fit a shorter part"
+    return fault("unlike", what, hint)

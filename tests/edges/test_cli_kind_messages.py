@@ -1,0 +1,260 @@
+"""Messages that name what was typed: empty names, folders that take no file, options without an effect."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import ROOT, middeck
+from middeck.cli.app import VERBS, app
+from middeck.errors import ConfigError, DataError
+from middeck.files.records import load_campaign, load_record, read_record
+
+Capture = pytest.CaptureFixture[str]
+ARTICLE = ROOT / "articles/mace-dm.toml"
+
+
+def refused(capfd: Capture, *arguments: object) -> str:
+    ended = middeck(capfd, *arguments)
+    assert ended.code in (2, 4), ended
+    assert ended.out == ""
+    assert ended.err.startswith("error: ")
+    assert "  try: " in ended.err
+    return ended.err
+
+
+def arguments_of(verb: str) -> list[click.Argument]:
+    command = app.get_command(click.Context(app), verb)
+    assert command is not None
+    return [p for p in command.params if isinstance(p, click.Argument)]
+
+
+@pytest.mark.parametrize("verb", [v for v in VERBS if v not in ("doctor", "excite", "new")])
+def test_an_empty_argument_is_no_folder(capfd: Capture, verb: str) -> None:
+    """As a variable without a value leaves it; the path of nothing is the current folder."""
+    empty = [""] * max(1, sum(a.nargs == 1 for a in arguments_of(verb)))
+    required = {
+        "study": ["-o", "x"],
+        "level": ["--free", "n1.z"],
+        "sensitivity": ["--parameter", "*"],
+        "response": ["--input", "a", "--output", "b", "--at", "1"],
+    }
+    extra = ["law.mdk"] if verb in ("qualify", "gate") else []
+    said = refused(capfd, verb, *empty, *extra, *required.get(verb, []))
+    assert "the text is empty" in said
+
+
+def results_of() -> list[tuple[str, str]]:
+    """Each option of each verb that names a file to write."""
+    from middeck.cli.options import Target
+
+    found = []
+    for verb in VERBS:
+        command = app.get_command(click.Context(app), verb)
+        assert command is not None
+        found += [(verb, p.opts[0]) for p in command.params if isinstance(p, Target)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("", "the text is empty"), ("a/b.json", "no such folder: .* is a file")]
+)
+def test_a_result_without_a_place(tmp_path: Path, name: str, says: str) -> None:
+    from middeck.cli.options import require_writable
+
+    (tmp_path / "a").touch()
+    assert len(results_of()) > 20
+    path = f"{tmp_path}/{name}" if name else name
+    with pytest.raises(ConfigError, match=says):
+        require_writable(path, (".json",), "-o")
+
+
+def test_a_folder_that_takes_no_file_is_refused_before_any_work(
+    tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def locked(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", locked)
+    monkeypatch.setattr("middeck.cli.given.cases.solve_modes", pytest.fail)
+    for option, file in (("-o", "shapes.unv"), ("--figure", "modes.svg")):
+        said = refused(capfd, "modes", ARTICLE, option, tmp_path / file)
+        assert f"{option} {tmp_path / file}: Permission denied: no file" in said
+    said = refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", tmp_path / "out")
+    assert "Permission denied" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_study_fills_no_folder_without_a_name(capfd: Capture) -> None:
+    assert "-o: no name of a file" in refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", "")
+
+
+@pytest.mark.parametrize(
+    "typed", [("--states", 4), ("--fit-band", "1,2"), ("--periods", 3), ("--pade-order", 3)]
+)
+def test_an_option_for_records_is_not_ignored_with_an_article(
+    capfd: Capture, typed: tuple[object, ...]
+) -> None:
+    said = refused(capfd, "design", ARTICLE, *typed)
+    assert f"{typed[0]} is for a fitted model or a record" in said
+
+
+@pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
+def test_an_option_for_articles_is_not_ignored_with_a_model(
+    capfd: Capture, typed: tuple[object, ...]
+) -> None:
+    assert f"{typed[0]} is for an article" in refused(capfd, "design", "model.json", *typed)
+
+
+def test_names_that_are_not_there(tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = refused(capfd, "design", ARTICLE, "--control", "torque", "--measure", "pri_in_z")
+    assert f"{ARTICLE}: no actuator 'torque'" in said
+    said = refused(capfd, "response", ARTICLE, "--input", "", "--output", "bus_z", "--at", 1)
+    assert "takes names has none" in said
+    alone = shutil.copy(ARTICLE, tmp_path)
+    said = refused(capfd, "modes", alone, "--set", "no.such=1")
+    assert "not in" in said
+    assert "environment 'lab'" in said
+
+
+@pytest.mark.parametrize("name", ["bus.toml", "parts/bus"])
+def test_a_path_that_is_not_there(capfd: Capture, name: str) -> None:
+    assert "check the path" in refused(capfd, "modes", name)
+    assert "check the path; one of lab, orbit" in refused(capfd, "modes", ARTICLE, "--environment", name)
+
+
+def test_the_document_that_is_wrong_is_named_alone(tmp_path: Path, capfd: Capture) -> None:
+    empty = tmp_path / "empty.toml"
+    empty.touch()
+    said = refused(capfd, "promise", empty, ROOT / "data/virtual-survey/promise.toml")
+    assert said.startswith(f"error: {empty}:1: the file is empty")
+
+
+def test_a_picture_is_no_deck(tmp_path: Path, capfd: Capture) -> None:
+    picture = tmp_path / "truss.png"
+    picture.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR")
+    said = refused(capfd, "convert", picture, "--units", "m-kg-s-N", "-o", tmp_path / "a.toml")
+    assert "looks like a binary file, not a Nastran deck" in said
+
+
+# records
+
+
+def write_csv(path: Path, head: str, times: list[str], seed: int = 0) -> Path:
+    values = np.random.default_rng(seed).normal(size=(len(times), 2))
+    rows = [f"{t},{u:.6g},{y:.6g}" for t, (u, y) in zip(times, values, strict=True)]
+    path.write_text(f"{head},u:torque [N m],y:angle [rad]\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+HEADS = {
+    **dict.fromkeys(
+        ("time_s", "t_s", "Time_sec", "timestamp", "unix_time", "elapsed time", "time [sec]"), 1.0
+    ),
+    "time_ms": 1e-3,
+    "TIME_US": 1e-6,
+}
+
+
+@pytest.mark.parametrize(("head", "unit"), HEADS.items())
+def test_headings_of_times(tmp_path: Path, head: str, unit: float) -> None:
+    times = [f"{0.01 * k / unit:.6f}" for k in range(200)]
+    assert load_record(write_csv(tmp_path / "run.csv", head, times)).sample_hz == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("step", "first", "doubted"),
+    [(1, 1_700_000_000, False), (50, 1_700_000_000, False), (1, 0, True), (10, 1_700_000_000_000, True)],
+)
+def test_seconds_since_1970_count_no_lines(tmp_path: Path, step: int, first: int, doubted: bool) -> None:
+    path = write_csv(tmp_path / "run.csv", "time", [str(first + step * k) for k in range(200)])
+    found = read_record(path)
+    assert found.record.sample_hz == pytest.approx(1.0 / step)
+    assert any(f.kind == "rate" for f in found.faults) == doubted
+
+
+@pytest.mark.parametrize("stamp", ["2026-11-29T06:00:0{}", "06:00:0{}", "29.11.2026 06:00:0{}"])
+def test_a_date_is_no_number(tmp_path: Path, stamp: str) -> None:
+    path = write_csv(tmp_path / "run.csv", "time", [stamp.format(k) for k in range(9)])
+    with pytest.raises(DataError, match=r"run\.csv:2: .* is a date or a clock time\n  try: times as seconds"):
+        load_record(path)
+
+
+@pytest.mark.parametrize("verb", ["identify", "record"])
+def test_the_file_whose_input_does_not_repeat(tmp_path: Path, capfd: Capture, verb: str) -> None:
+    times = [f"{0.01 * k:.2f}" for k in range(200)]
+    good, bad = (
+        write_csv(tmp_path / f"{n}.csv", "time [s]", times, k) for k, n in enumerate(("good", "bad"))
+    )
+    table = load_record(good)
+    twice = np.concatenate([table.u[0, 0, :100], table.u[0, 0, :100]])[:, 0]
+    rows = [f"{t},{u:.6g},{y:.6g}" for t, u, y in zip(times, twice, twice, strict=True)]
+    good.write_text("time [s],u:torque [N m],y:angle [rad]\n" + "\n".join(rows) + "\n")
+    said = refused(capfd, verb, good, bad, "--periods", 2)
+    assert said.startswith(f"error: {bad}, input torque, experiment 0: the input does not repeat")
+
+
+def test_unlike_records_in_words(tmp_path: Path, capfd: Capture) -> None:
+    times = [f"{0.01 * k:.2f}" for k in range(200)]
+    whole, cut = (
+        write_csv(tmp_path / "a.csv", "time", times),
+        write_csv(tmp_path / "b.csv", "time", times[:99]),
+    )
+    said = refused(capfd, "record", whole, cut)
+    assert (
+        f"{cut}: mismatched periods and samples: 99 samples, in {whole} 200 samples\n  try: cut them alike"
+        in said
+    )
+
+
+def test_a_record_has_not_drifted_from_itself(tmp_path: Path, capfd: Capture) -> None:
+    path = tmp_path / "a.csv"
+    u, y = np.random.default_rng(0).normal(size=400), np.zeros(400)
+    for k in range(1, 400):
+        y[k] = 0.9 * y[k - 1] + u[k - 1]
+    rows = [f"{0.01 * k:.2f},{a:.6g},{b:.6g}" for k, (a, b) in enumerate(zip(u, y, strict=True))]
+    path.write_text("time_s,u:torque [N m],y:angle [rad]\n" + "\n".join(rows) + "\n")
+    said = refused(capfd, "drift", path, tmp_path / "." / "a.csv", "--states", 1, "--sampled")
+    assert "the same record twice" in said
+
+
+# in Python
+
+
+def one_mode() -> md.MeasurementModel:
+    zero = np.zeros((1, 1))
+    return md.MeasurementModel(
+        poles=np.array([-0.1 + 6j]),
+        shapes=np.array([[-0.5j]]),
+        participation=np.array([[1.0]]),
+        direct=zero,
+        lower=zero,
+        delay_s=np.zeros(1),
+        inputs=(md.Port("torque", "N m"),),
+        outputs=(md.Port("angle", "rad"),),
+    )
+
+
+def test_swapped_arguments_of_write(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"^write: a MeasurementModel stands where the path belongs"):
+        md.write(one_mode(), tmp_path / "model.json")  # ty: ignore[invalid-argument-type]
+
+
+@pytest.mark.parametrize("ending", [".toml", ".txt", ""])
+def test_a_model_is_written_as_json_or_mat_only(tmp_path: Path, ending: str) -> None:
+    with pytest.raises(ConfigError, match=r"no writer for a MeasurementModel .*\n  try: name it \.json or"):
+        md.write(tmp_path / f"model{ending}", one_mode())
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_path_is_a_campaign_of_one(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", "time_s", [f"{0.01 * k:.2f}" for k in range(99)])
+    assert len(load_campaign(str(path)).records) == 1
+    with pytest.raises(DataError, match=r"none\.csv: no such file"):
+        load_campaign(str(tmp_path / "none.csv"))
