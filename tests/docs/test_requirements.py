@@ -30,8 +30,10 @@ def test_each_test_of_the_real_time_computer_shows_a_requirement():
     missing = {
         f"{file.name}::{name}"
         for file in (ROOT / "tests").rglob("test_*.py")
-        if file.parent.name != "docs" and re.search(REAL_TIME, file.read_text(), re.MULTILINE)
-        for name in re.findall(r"^def (test_\w+)", file.read_text(), re.MULTILINE)
+        if file.parent.name != "docs"
+        for text in (file.read_text(),)
+        for name in re.findall(r"^def (test_\w+)", text, re.MULTILINE)
+        if re.search(REAL_TIME, text, re.MULTILINE) or "_a_package_" in name
     } - named
     assert not missing
 
