@@ -80,3 +80,13 @@ def test_sigkill_leaves_what_was_recorded(real_time):
         assert len(whole) >= 20
         assert np.array_equal(whole["sequence"], np.arange(1, len(whole) + 1))
         assert np.isfinite(whole["u"]).all()
+
+
+@pytest.mark.parametrize("mode", [0o644, 0o755], ids=["may not run", "is no program"])
+def test_a_program_that_cannot_be_started_is_told_with_what_to_try(tmp_path: Path, mode: int):
+    program = tmp_path / "engine"
+    program.write_bytes(b"\0no program")
+    program.chmod(mode)
+    with pytest.raises(DataError, match="does not start") as told:
+        Supervisor(plain_settings(), random_article(), program=program)
+    assert "delete the file" in str(told.value.hint)

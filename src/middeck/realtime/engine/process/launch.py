@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import subprocess
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -116,26 +117,40 @@ def require_no_engine(path: Path) -> None:
 
 
 def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
-    """The engine's process."""
+    """The engine's process; raises `DataError` for a program that this system does not start."""
     LEFT[:] = [child for child in LEFT if child.poll() is None]
-    return subprocess.Popen(
-        [str(program), str(file.path.resolve())],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    with _told_of(program):
+        return subprocess.Popen(
+            [str(program), str(file.path.resolve())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,  # an orphan must not keep its supervisor's pipes open
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+
+@contextlib.contextmanager
+def _told_of(program: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise DataError(
+            f"the compiled program does not start: {error.strerror}",
+            where=str(program),
+            hint="delete the file, it is compiled anew; or set XDG_CACHE_HOME to a disk that allows programs",
+        ) from error
 
 
 def run_bare_loop(settings: EngineSettings, samples: int, numbers: int) -> Int[np.ndarray, "2 sample"]:
     """Lateness of a loop that only reads ``numbers`` at each tick, and its time for that [ns].
 
-    Raises `DataError` where this machine does not run it to its end.
+    Raises `DataError` where this machine does not start it or run it to its end.
     """
     source = resources.files("middeck.realtime.engine.process").joinpath("bare_loop.c").read_text("utf-8")
     program, words = compile_once("bare_loop", {"bare_loop.c": source}), encode_settings(settings)
     asked = (round(1e9 * settings.period_s), samples, numbers, words["priority"], words["processor"])
-    done = subprocess.run([str(program), *map(str, asked)], capture_output=True, check=False)
+    with _told_of(program):
+        done = subprocess.run([str(program), *map(str, asked)], capture_output=True, check=False)
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip()
         raise DataError(
