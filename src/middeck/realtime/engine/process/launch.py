@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 import subprocess
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Generator
 from importlib import resources
 from pathlib import Path
 
@@ -130,7 +130,7 @@ def launch(program: Path, file: SharedFile) -> subprocess.Popen[str]:
 
 
 @contextlib.contextmanager
-def _told_of(program: Path) -> Iterator[None]:
+def _told_of(program: Path) -> Generator[None]:
     try:
         yield
     except OSError as error:
