@@ -71,9 +71,9 @@ def verb(
     rest = modes.equilibrium
     chosen = find_modes(modes.name, wanted)
     with reading(*find_case(case.article, case.environment)):
-        names = options.separate_names(patterns)
-        if not names:
+        if not (patterns and all(pattern.strip(", ") for pattern in patterns)):
             raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')
+        names = options.separate_names(patterns)
         parameters = md.structure.find_parameters(rest.model.structure, rest.environment, names)
         by_rest = md.structure.differentiate_rest(rest, parameters)
         by_modes = md.differentiate_frequencies(modes, parameters, max([count, *(m + 1 for m in chosen)]))

@@ -47,7 +47,7 @@ def unreachable_states(
     share = np.zeros(n)
     if not n:
         return share
-    unit = _even_units(A, 1.0 if sampled else 0.0)
+    unit = _even_units(A) if sampled else balance(A)[1]
     balanced, drive = A * unit / unit[:, None], B / unit[:, None]
     size = float(np.linalg.norm(balanced, 2)) or 1.0
     length = np.linalg.norm(drive, axis=0)
@@ -65,9 +65,9 @@ def unreachable_states(
     return share
 
 
-def _even_units(A: np.ndarray, rest: float) -> Float[np.ndarray, " state"]:
-    """Balanced units of each strongly connected part, which drives the others as strongly as it moves itself
-    (from ``rest``: 1 of sampled systems).
+def _even_units(A: np.ndarray) -> Float[np.ndarray, " state"]:
+    """Balanced units of each strongly connected part of a sampled system, which drives the others as strongly
+    as it moves itself (from 1, at rest).
 
     Those of the whole would have no end where one part drives another and is not driven: a unit of 1e16 of
     a delay that has decayed within the period hides from B every other state.
@@ -77,7 +77,7 @@ def _even_units(A: np.ndarray, rest: float) -> Float[np.ndarray, " state"]:
     for part in strong_components(A):
         inside, own = balance(A[np.ix_(part, part)])
         drives = float(np.abs(A[done][:, part] * own / unit[done, None]).max(initial=0.0))
-        moves = float(np.linalg.norm(inside - rest * np.eye(len(part)), 2))
+        moves = float(np.linalg.norm(inside - np.eye(len(part)), 2))
         unit[part] = own * np.exp2(np.round(np.log2(moves / drives))) if moves * drives > 0.0 else own
         done.extend(part)
     return unit
