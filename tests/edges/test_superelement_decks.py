@@ -102,3 +102,40 @@ def test_modal_masses_that_are_no_mass_of_the_deck_are_told(tmp_path: Path, fact
     said = [note for note in deck.notes if "modal masses" in note]
     assert bool(said) == (factor != 1.0)
     assert not said or "se101 has modal masses of 386.1, Nastran writes 1" in said[0]
+
+
+BY_PLACE = (
+    ("outboard.asm", "MANUAL", "AUTO  "),
+    ("outboard.asm", f"{PAIRS}      19      19      27      27", "         1995001 1995001"),
+)
+THIRD = "GRID*                  3"
+TWIN = ("outboard.asm", THIRD, f"GRID          99            600.      0.    300.\n{THIRD}")
+
+
+@pytest.mark.parametrize(
+    ("edits", "said"),
+    [
+        ((TWIN,), "boundary grid 3 stands at several grids: (3, 99|99, 3)"),
+        ((("outboard.asm", "AUTO          ", "AUTO         x"),), r"TOL = X is no distance"),
+        ((("outboard.asm", "AUTO          ", "AUTO       -1."),), r"TOL = -1\. is no distance"),
+        (
+            (("outboard.asm", "AUTO          ", "AUTO      400."),),
+            "boundary grid 3 stands at several grids",
+        ),
+    ],
+)
+def test_places_that_tell_no_one_grid_are_refused(
+    edits: tuple[tuple[str, str, str], ...], said: str, tmp_path: Path
+) -> None:
+    """The grids of the main bulk data are 300 mm apart."""
+    _, parts = read_assembly(copied(tmp_path / "a", *BY_PLACE), UNITS, "a")
+    assert parts["a-se101.npz"].frames == ("g3", "g11", "g19", "g27")
+    with pytest.raises(ConfigError, match=said):
+        read_assembly(copied(tmp_path / "b", *BY_PLACE, *edits), UNITS, "a")
+
+
+def test_a_component_that_its_grids_take_elsewhere_is_told(tmp_path: Path) -> None:
+    away = [("outboard.pch", "0.600000000E+03 ", "0.500000000E+03 ")] * 4
+    deck, parts = read_assembly(copied(tmp_path / "a", *away), UNITS, "a")
+    assert "se101 is moved by (100, 0, 0)" in " ".join(deck.notes)
+    assert not np.any(parts["a-se101.npz"].fixed_at)

@@ -8,6 +8,7 @@ import shutil
 import numpy as np
 import pytest
 import scipy.linalg as sla
+from test_gate import lead, one_port
 
 from engine_cases import SENSORS, plain_settings, random_package, still_article
 from middeck.control.law.compensator import Compensator
@@ -210,6 +211,38 @@ def test_a_rig_with_another_hold_is_not_the_engine_that_was_asked_for():
         bench = GateRig(rig, dataclasses.replace(engine, hold=other))
         with pytest.raises(ConfigError, match="another hold"):
             examine_package(damper(), {"mass": mass(-20.0)}, MARGINS, rig=bench, settings=engine)
+
+
+def test_the_drives_of_a_rig_without_a_hold_limit_the_law():
+    """A lead that rests within its own limits swings on where the rig's drive is slow: it is refused."""
+    w = 4.0 * np.pi
+    light = one_port(StateSpace([[0.0, w], [-w, -0.004 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]))
+    law = add_test_vectors(package_law(lead(0.5, 3.0, 60.0), "law", input_range=1.0, limit=1.0))
+    (y,), (u,) = law.inputs, law.outputs
+    engine = EngineSettings(
+        period_s=law.period_s,
+        sensors=(SensorTest(port=y, range=1.0),),
+        drives=(Drive(port=u, lower=-1.0, upper=1.0, slew_rate=5.0),),
+    )
+    rig = GateRig(linear_article(light, law.period_s, [u.name], [y.name]), engine)
+    assert examine_package(law, {"light": light}).passed
+    for given in ({"rig": rig}, {"settings": engine}):
+        verdict = examine_package(law, {"light": light}, **given)
+        assert not verdict.passed
+        assert "grows" in verdict.steps[-1].said
+
+
+def test_limits_that_leave_an_output_at_zero_are_not_for_that_engine():
+    engine = engine_of((WAY, RATE), (PUSH,), ())
+    (drive,) = engine.drives
+    one_way = dataclasses.replace(drive, lower=0.0)
+    law = add_test_vectors(dataclasses.replace(damper(), upper=np.zeros(1), vectors=None))
+    verdict = examine_package(
+        law, {"mass": mass(-20.0)}, MARGINS, settings=dataclasses.replace(engine, drives=(one_way,))
+    )
+    (interface,) = (step for step in verdict.steps if step.name == "interface")
+    assert not interface.passed
+    assert interface.said.endswith("limits that leave more than zero")
 
 
 @pytest.mark.usefixtures("compiler")

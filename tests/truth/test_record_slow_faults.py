@@ -101,6 +101,38 @@ def test_a_gain_that_drifts_is_named(kind: str, campaign: Campaign) -> None:
     assert np.mean(found) >= 0.75
 
 
+def test_an_input_that_grows_is_no_gain_that_changes(campaign: Campaign) -> None:
+    """On an article of many modes, of which a short past leaves a response that changes with the input."""
+    said: list[tuple[str, str]] = []
+    for seed in (0, 60, *campaign(40)):
+        rng = np.random.default_rng([8, seed])
+        u, y = rng.standard_normal(8192) * np.linspace(0.2, 1.0, 8192), np.zeros((8192, 2))
+        for hz in np.exp(rng.uniform(np.log(0.5), np.log(45.0), 25)):
+            w, z, T = 2.0 * np.pi * hz, rng.uniform(0.003, 0.03), 1.0 / HZ
+            d, decay = w * np.sqrt(1.0 - z * z), np.exp(-z * w * T)
+            c, s = decay * np.cos(d * T), decay * np.sin(d * T) * z * w / d
+            held = [0.0, 1.0 - c - s, decay * decay + s - c]  # of the zero-order hold
+            y += lfilter(held, [1.0, -2.0 * c, decay * decay], u)[:, None] * rng.standard_normal(2)
+        y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+        said += told(
+            dataclasses.replace(
+                measured("random", 0), u=u[None, None, :, None], y=y[None, None],
+                outputs=(Port("y0", "m"), Port("y1", "m")),
+            )
+        )  # fmt: skip
+    assert not said
+
+
+def test_a_trend_in_one_experiment_hides_no_random_drift_in_another() -> None:
+    one, rng = measured("random", 2), np.random.default_rng(7)
+    u, y = np.concatenate([one.u, one.u]), np.concatenate([one.y, one.y])
+    walk = np.cumsum(rng.standard_normal(COUNT))
+    y[1, 0, :, 0] += 0.8 * one.y[..., 0].std() * (walk - walk.mean()) / walk.std()
+    y[0, 0, :, 0] += 1.5 * one.y[..., 0].std() * np.linspace(-1.0, 1.0, COUNT)
+    drifts = [f for f in detect_faults(dataclasses.replace(one, u=u, y=y)) if f.kind == "drift"]
+    assert sorted((f.channel, f.experiment) for f in drifts) == [("y0", 0), ("y0", 1)]
+
+
 @pytest.mark.parametrize("kind", ["random", "multisine", "binary"])
 def test_an_input_that_sticks_while_the_outputs_move_is_named(kind: str, campaign: Campaign) -> None:
     for seed in campaign(80):

@@ -19,6 +19,7 @@ from middeck.realtime.gate.recovery_proof import why_unproved
 from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
+from middeck.realtime.package.single_precision import to_single
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import ports
@@ -342,3 +343,11 @@ def test_rounding_moves_the_loop_by_less_than_its_bound(apart):
         near = np.abs(z - loop.poles)
         error = max(abs(Fraction(found.real) - true[0]), abs(Fraction(found.imag) - true[1]))
         assert float(error) <= loop.blur * (loop.out / near).sum() * (loop.into / near).sum()
+
+
+def test_in_single_precision_nothing_is_proved_to_die_out():
+    w = 4.0 * np.pi
+    light = one_port(StateSpace([[0.0, w], [-w, -0.004 * w]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]))
+    law = package_law(lead(0.5, 3.0, 60.0), "law", input_range=1.0, limit=0.5)
+    assert not why_unproved(law, light)
+    assert "single precision" in why_unproved(to_single(law), light)

@@ -90,9 +90,9 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     if moving is not None:
         found += find_pair_faults(moving)
         found += [what.at("output", port, e) for what, port, e in find_hum(moving)]
-        drifting = {f.channel for f in found if f.kind == "drift"}
+        drifting = {(f.channel, f.experiment) for f in found if f.side == "output" and f.kind == "drift"}
         at_random = find_random_drift(moving)
-        found += [what.at("output", port, e) for what, port, e in at_random if port.name not in drifting]
+        found += [what.at("output", port, e) for what, port, e in at_random if (port.name, e) not in drifting]
     clean = None if struck else _without(record, found, (*MISSING, *LOCAL))
     if clean is not None:
         found += find_stuck(clean)

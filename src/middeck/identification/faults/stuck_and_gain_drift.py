@@ -21,6 +21,9 @@ from middeck.values import record as value
 # Samples before from which the next is foretold: of the output, and of all inputs together; and how many
 # samples each unknown takes.
 PAST, PAST_OF_INPUTS, ROWS = 24, 48, 6
+# The past by which a gain that changes is confirmed: of many modes a short one leaves a response that looks
+# like a gain, which changes where the input does.
+LONG_PAST = 96
 # Share of the regressors' power that keeps their equations determined.
 FLOOR = 1e-10
 # An input that rests so long, and so many times as long as ever else, and moves at so many of the other
@@ -44,11 +47,14 @@ UNEVEN, BANDS, MOVED = 4.0, 8, 0.3
 
 @value
 class _Regression:
-    """One output: what is foretold, and from what: [own past, inputs, one] over samples from ``first`` on."""
+    """One output: what is foretold, and from what: [own past, inputs, one] over samples from ``first`` on;
+    ``past`` rows are its own.
+    """
 
     told: Float[np.ndarray, " sample"]
     rows: Float[np.ndarray, "row sample"]
     first: int
+    past: int
 
     def weights(self, leave_out: slice = slice(0, 0)) -> Float[np.ndarray, " row"]:
         """Least squares over the samples that are not left out."""
@@ -92,7 +98,7 @@ def find_gain_drift(record: Record) -> list[Fault]:
         every = 1 + y.shape[1] // ENOUGH
         for o, port in enumerate(record.outputs):
             change = _change(_regression(u, y[o], every))
-            if change is not None:
+            if change is not None and _change(_regression(u, y[o], past=LONG_PAST)) is not None:
                 found.append(_drifting(change).at("output", port, e))
     return found
 
@@ -111,14 +117,14 @@ def _scaled(x: Float[np.ndarray, "channel sample"]) -> Float[np.ndarray, "channe
 
 
 def _regression(
-    u: Float[np.ndarray, "input sample"], y: Signal, every: int = 1, late: int = 0
+    u: Float[np.ndarray, "input sample"], y: Signal, every: int = 1, late: int = 0, past: int = PAST
 ) -> _Regression:
     """With inputs ``late`` samples later than they are."""
-    first = PAST + late
+    first = past + late
     span = first, len(y) - first, every
     lags = range(-late - max(4, min(PAST, PAST_OF_INPUTS // len(u))), 1 - late)
-    own, inputs = beside(y[None], range(-PAST, 0), *span), beside(u, lags, *span)
-    return _Regression(y[first::every], np.vstack([own, inputs, np.ones(own.shape[1])]), first)
+    own, inputs = beside(y[None], range(-past, 0), *span), beside(u, lags, *span)
+    return _Regression(y[first::every], np.vstack([own, inputs, np.ones(own.shape[1])]), first, past)
 
 
 def _rest(x: Signal) -> tuple[int, int] | None:
@@ -181,9 +187,9 @@ def _change(of: _Regression) -> float | None:
     if of.rows.shape[1] < ROWS * len(of.rows):
         return None
     weights = of.weights()
-    added = weights[PAST:-1] @ of.rows[PAST:-1]
-    past = _Regression(added, np.vstack([of.rows[:PAST], of.rows[-1:]]), of.first)
-    new, left = past.left(), of.told - weights @ of.rows
+    added = weights[of.past : -1] @ of.rows[of.past : -1]
+    foretold = _Regression(added, np.vstack([of.rows[: of.past], of.rows[-1:]]), of.first, of.past)
+    new, left = foretold.left(), of.told - weights @ of.rows
     parts = np.array_split(np.arange(len(new)), PARTS)
     power = np.array([np.sum(new[part] ** 2) for part in parts])
     if not power.min() > 0.0 or power.max() > UNEVEN * np.median(power):

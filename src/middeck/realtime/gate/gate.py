@@ -106,9 +106,9 @@ def examine_package(
         trials: Dry runs on every model too; and on a ``rig`` a shadow run, then engagement at a share of full
             authority and at all of it. Without them the gate is on paper.
         blacklist: Reasons by SHA-256 (`hash_law`) of laws that have tripped.
-        settings: Of the engine that is to run it; if left out, those of a ``rig`` with a hold: the hold is
-            closed on every model, and what it does not run is not passed. Without them the package is for any
-            computer, and is tried alone.
+        settings: Of the engine that is to run it; if left out, those of a ``rig``: a hold is closed on every
+            model, limits of the drives count, and what it does not run is not passed. Without them the
+            package is for any computer, and is tried alone.
         engaged: The package that it is to relieve: their cross-fade is tried on every model
             (`check_cross_fade`), with ``trials`` also to their share. Without it that fade is not judged; the
             one from the hold alone always is. With a ``gain`` it is refused: of two laws at once none is
@@ -121,7 +121,7 @@ def examine_package(
         raise ConfigError("no model to try the package on", hint="plants by name, as on board")
     if rig is not None and settings is not None and hash_hold(rig.settings) != hash_hold(settings):
         raise ConfigError("the rig's engine has another hold", hint="the settings of the same engine")
-    engine = rig.settings if settings is None and rig is not None and rig.settings.hold else settings
+    engine = rig.settings if settings is None and rig is not None else settings
     held, unfit = _beside_hold(package, engine)
     steps = [check_blacklist(hash_law(package), blacklist or {})]
     steps += _on_paper(package, held, unfit or check_interface(held, models), gain) if _good(steps) else []

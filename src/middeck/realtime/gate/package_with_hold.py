@@ -32,8 +32,12 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
         reach, unit = min(test.range, test.envelope), port.unit
         said = f"clips {port.name} at {most:g} {unit}, within the {reach:g} {unit} of the engine"
         _require(reach <= most, said, "a larger range, or an envelope that trips first")
-    own = np.array([settings.drives[drives.index(port)].slew_rate for port in package.outputs])
-    slew = np.minimum(package.slew, settings.period_s * own)
+    own = [settings.drives[drives.index(port)] for port in package.outputs]
+    for port, low, high, drive in zip(package.outputs, package.lower, package.upper, own, strict=True):
+        said = f"moves {port.name} from {low:g} to {high:g} {port.unit}, the engine from {drive.lower:g} to "
+        moves = max(low, drive.lower) < min(high, drive.upper)
+        _require(moves, f"{said}{drive.upper:g}", "limits that leave more than zero")
+    slew = np.minimum(package.slew, settings.period_s * np.array([drive.slew_rate for drive in own]))
     if np.any(slew < package.slew):
         package = dataclasses.replace(package, slew=slew, vectors=None)
     if not settings.hold:

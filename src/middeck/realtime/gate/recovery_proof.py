@@ -85,7 +85,8 @@ def why_unproved(package: ControllerPackage, plant: Plant) -> str:
 
     Empty where it is proved: of the law at full authority, with what it learns of its outputs, and of no
     other limits than its own. A reason says nothing of the loop. No proof is tried for more than
-    `MOST_LIMITS` limits or `MOST_STATES` states, limits that differ by sign, or a plant with a direct term.
+    `MOST_LIMITS` limits or `MOST_STATES` states, limits that differ by sign, single precision, or a plant
+    with a direct term.
     """
     try:
         with np.errstate(all="ignore"):  # what is no number proves nothing
@@ -99,6 +100,8 @@ def why_unproved(package: ControllerPackage, plant: Plant) -> str:
 def _reason(package: ControllerPackage, plant: Plant) -> str:
     if np.any(package.lower != -package.upper):
         return "limits differ by sign"
+    if package.single:
+        return "in single precision a motion dies out to the bound of its rounding only"
     parts = split_loop(package, plant)
     if np.any(parts.direct):
         return "a sensor answers an output in the same sample"

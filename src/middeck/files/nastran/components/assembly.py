@@ -70,10 +70,15 @@ def read_assembly(
             continue
         number, matrices = _declared(card, bulk, files)
         part = component_of(bulk.supers[number], matrices, units, f"se{number}", str(path))
-        near = _tolerance(card, number, bulk, part, units)
-        joined = _joined(card, number, bulk, part, places, near, units)
-        part = parts[f"{name}-se{number}.npz"] = _fixed(part, joined, places, near, units)
-        bulk.notes.extend((*_scaled(part, units), *_bridged(part, units)))
+        near = _tolerance(part, units, card)
+        joins = [c for c in bulk.main if c.name == "SECONCT" and number in map(integer, c.fields[:2])]
+        joined = _joined(card, number, joins, part, places, near, units)
+        apart = part.positions - units.length * np.array([places.grids[grid] for grid in joined.values()])
+        at_most = max(near, *(_tolerance(part, units, join) for join in joins)) if joins else near
+        part = parts[f"{name}-se{number}.npz"] = _fixed(part, joined, apart, at_most, units)
+        bulk.notes.extend(
+            (*_scaled(part, units), *_moved(part, apart, at_most, units), *_bridged(part, units))
+        )
     if not parts:
         raise ConfigError(
             "no SEBULK in the bulk data", where=str(path), hint="does all of it stand behind BEGIN BULK?"
@@ -89,16 +94,26 @@ def read_assembly(
     return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
 
 
-def _fixed(part: Component, joined: dict[str, int], places: Places, near: float, units: Units) -> Component:
-    """The component on the grids that it is ``joined`` to, by offsets where these stand ``near`` its own.
+def _fixed(
+    part: Component, joined: dict[str, int], apart: np.ndarray, near: float, units: Units
+) -> Component:
+    """The component on the grids that it is ``joined`` to, by offsets where these stand ``near`` its own,
+    ``apart`` from them.
 
     Grids that stand elsewhere are left to the checks of the article.
     """
-    apart = part.positions - units.length * np.array([places.grids[grid] for grid in joined.values()])
-    apart -= apart.mean(axis=0)  # a component may have axes of its own
+    apart = apart - apart.mean(axis=0)  # a component may have axes of its own
     far = float(np.linalg.norm(apart, axis=1).max())
     offsets = apart if SAME * np.abs(part.positions).max() < far <= near * units.length else None
     return dataclasses.replace(part, frames=tuple(f"g{grid}" for grid in joined.values()), offsets=offsets)
+
+
+def _moved(part: Component, apart: np.ndarray, near: float, units: Units) -> Iterator[str]:
+    """A note on a component that all its grids take elsewhere."""
+    by = -apart.mean(axis=0) / units.length
+    if np.linalg.norm(by) > near:
+        said = ", ".join(f"{x:.6g}" for x in np.where(np.abs(by) > near, by, 0.0))
+        yield f"{part.name} is moved by ({said}) ({units.name}) to the grids that it is joined to"
 
 
 def _bridged(part: Component, units: Units) -> Iterator[str]:
@@ -191,22 +206,27 @@ def _ranges(card: Card, listed: list[str]) -> Iterator[tuple[range, range]]:
         yield first, second
 
 
-def _tolerance(sebulk: Card, number: int, bulk: Bulk, part: Component, units: Units) -> float:
-    """Largest distance [units of the deck] between grids that are joined: TOL, or what digits leave."""
-    joins = [c for c in bulk.main if c.name == "SECONCT" and number in map(integer, c.fields[:2])]
-    given = [*sebulk.fields[4:5], *(field for card in joins for field in card.fields[2:3])]
-    size = float(np.abs(part.positions).max()) / units.length
-    return max(TOL, NEAR * size, *(real(field) or 0.0 for field in given))
+def _tolerance(part: Component, units: Units, card: Card) -> float:
+    """Largest distance [units of the deck] of grids that a SEBULK or SECONCT joins: TOL, or by digits."""
+    field = [*card.fields, *[""] * 5][4 if card.name == "SEBULK" else 2]
+    given = real(field) if field else TOL
+    if given is None or not given >= 0.0:
+        raise_some([_fault(card, f"TOL = {field} is no distance", "a number of zero or more")])
+    return max(TOL, NEAR * float(np.abs(part.positions).max()) / units.length, given or 0.0)
 
 
 def _joined(
-    sebulk: Card, number: int, bulk: Bulk, part: Component, places: Places, near: float, units: Units
+    sebulk: Card,
+    number: int,
+    joins: list[Card],
+    part: Component,
+    places: Places,
+    near: float,
+    units: Units,
 ) -> dict[str, int]:
     """Main grid of each boundary grid: by SECONCT, or by place where SEBULK says AUTO."""
     pairs: dict[int, int] = {}
-    for card in bulk.main:
-        if card.name != "SECONCT" or number not in map(integer, card.fields[:2]):
-            continue
+    for card in joins:
         if sorted((integer(f) or 0) for f in card.fields[:2]) != [0, number]:
             raise_some([_fault(card, "joins two superelements directly: not read", "join both to grids")])
         turned = integer(card.fields[0]) != number
@@ -225,9 +245,9 @@ def _joined(
     for grid, x in zip(part.grids, part.positions / units.length, strict=True):
         to = pairs.get(int(grid))
         if to is None and method != "MANUAL":
-            at = {g: float(np.linalg.norm(place - x)) for g, place in places.grids.items()}
-            to = min(at, key=at.__getitem__, default=None)
-            to = to if to is not None and at[to] <= near else None
+            to = _at_place(sebulk, grid, x, places, near)
+            if to in out.values():
+                raise_some([_fault(sebulk, f"two boundary grids stand at grid {to}", "SECONCT")])
         if to is None or to not in places.grids:
             raise_some(
                 [
@@ -238,3 +258,12 @@ def _joined(
             )
         out[grid] = to or 0
     return out
+
+
+def _at_place(sebulk: Card, grid: str, x: np.ndarray, places: Places, near: float) -> int | None:
+    """The main grid that stands at ``x``; several are a fault, as their order says nothing."""
+    there = [g for g, place in places.grids.items() if np.linalg.norm(place - x) <= near]
+    if len(there) > 1:
+        several = ", ".join(map(str, there[:4]))
+        raise_some([_fault(sebulk, f"boundary grid {grid} stands at several grids: {several}", "SECONCT")])
+    return there[0] if there else None
