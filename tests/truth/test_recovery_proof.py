@@ -13,7 +13,7 @@ from test_gate import lead, negative_pair, one_port
 
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.gate import recovery_proof
+from middeck.realtime.gate import limited_loop, multipliers, reached_limits
 from middeck.realtime.gate.package_with_hold import with_drives
 from middeck.realtime.gate.recovery_proof import why_unproved
 from middeck.realtime.package.filter_sections import LoopPath, Section
@@ -137,20 +137,20 @@ def edge(package, matrices, start):
 def test_the_proof_ends_below_the_smallest_motion_that_goes_on_and_not_far_from_it(seed, outputs, least):
     """By what is asked and its steps: none at those of that motion, one at this share of them."""
     package, plant, matrices = drawn(seed, outputs)
-    loop = recovery_proof.close_loop(recovery_proof.split_loop(package, plant))
+    loop = limited_loop.close_loop(limited_loop.split_loop(package, plant))
     start = np.random.default_rng(0).standard_normal(len(matrices[0]))
     _, asked, steps = edge(package, matrices, start)
 
     def proved(share):
         bounds = ((package.upper, asked, False), (package.slew, steps, True))
         limits = [
-            recovery_proof.Limit(i, slew, 1.0 - limit / (share * most))
+            reached_limits.Limit(i, slew, 1.0 - limit / (share * most))
             for limits, peaks, slew in bounds
             for i, (limit, most) in enumerate(zip(limits, peaks, strict=True))
             if share * most > limit
         ]
         assert limits
-        return recovery_proof.dies_out(loop, limits)
+        return multipliers.dies_out(loop, limits)
 
     assert not proved(1.0)
     assert proved(least)
@@ -166,12 +166,12 @@ def alone(parts):
 def test_no_motion_asks_for_more_than_its_bound(seed, outputs):
     """Nor for a tenth of it, of what swings on within ranges of its own; a known plant makes it less."""
     package, plant, matrices = drawn(seed, outputs)
-    parts = recovery_proof.split_loop(package, plant)
+    parts = limited_loop.split_loop(package, plant)
     reads, asked, _ = swings(package, matrices, seed)
     reached = dataclasses.replace(package, input_range=reads, vectors=None)
-    bound = recovery_proof.bound_commands(reached, parts)
+    bound = reached_limits.bound_commands(reached, parts)
     assert np.all((asked <= bound) & (bound < 10.0 * asked))
-    assert np.all(bound < recovery_proof.bound_commands(reached, alone(parts)))
+    assert np.all(bound < reached_limits.bound_commands(reached, alone(parts)))
 
 
 def test_limits_of_law_and_engine_are_the_tighter_ones():
@@ -228,8 +228,8 @@ def test_each_inequality_holds_of_what_the_law_does(seed):
     for held, moved in ((n, u), (m, u - before)):
         others = np.array([np.convolve(one, kernel, mode="same") for one in moved.T]).T
         assert np.all(held * (moved - others) >= -1e-12)
-    parts = alone(recovery_proof.split_loop(package, plant))
-    for limit in recovery_proof.reached_limits(package, recovery_proof.bound_commands(package, parts)):
+    parts = alone(limited_loop.split_loop(package, plant))
+    for limit in reached_limits.reached_limits(package, reached_limits.bound_commands(package, parts)):
         i = limit.output
         held, by = (m, asked - before) if limit.slew else (n, asked)
         assert np.all(held[:, i] * (limit.sector * by[:, i] - held[:, i]) >= -1e-12)
@@ -239,8 +239,8 @@ def test_each_inequality_holds_of_what_the_law_does(seed):
 def test_the_sum_is_that_of_the_motions(outputs):
     """By Parseval: in time, of the loop that is simulated with what is held back, and over frequencies."""
     package, plant, (F, G, C) = drawn(2, outputs)
-    loop, law = recovery_proof.close_loop(recovery_proof.split_loop(package, plant)), package.core
-    limits = [recovery_proof.Limit(i, slew, 0.7 - 0.1 * i) for slew in (False, True) for i in range(outputs)]
+    loop, law = limited_loop.close_loop(limited_loop.split_loop(package, plant)), package.core
+    limits = [reached_limits.Limit(i, slew, 0.7 - 0.1 * i) for slew in (False, True) for i in range(outputs)]
     rng, count = np.random.default_rng(outputs), 1 << 14
     forces = np.zeros((count, len(limits)))
     forces[:30] = rng.standard_normal((30, len(limits)))
@@ -257,7 +257,7 @@ def test_the_sum_is_that_of_the_motions(outputs):
     weights[:, [1 + 15 * k + 6 + j for k in range(4) for j in range(6, 9)]] = (
         0.0  # longer than what is summed
     )
-    lags, decays = recovery_proof.DELAYS, recovery_proof.DECAYS
+    lags, decays = multipliers.DELAYS, multipliers.DECAYS
     taps = np.arange(1, count)
     h = [np.eye(1, count, n)[0] for n in lags] + [np.append(0.0, (1.0 - a) * a ** (taps - 1)) for a in decays]
     total = 0.0
@@ -276,7 +276,7 @@ def test_the_sum_is_that_of_the_motions(outputs):
         total += (x_i[62] - x_i[63]) * f @ partner[0]
     omega = 2.0 * np.pi * np.arange(count) / count
     seen = np.fft.fft(forces, axis=0)
-    form = recovery_proof.form_sum(loop, limits, omega).sum(weights)
+    form = multipliers.form_sum(loop, limits, omega).sum(weights)
     found = 0.5 * np.real(np.einsum("zi,zij,zj->", seen.conj(), form, seen)) / count
     assert found == pytest.approx(total, rel=1e-6)
 
@@ -285,8 +285,8 @@ def test_the_sum_is_that_of_the_motions(outputs):
 def test_the_second_derivative_stays_within_its_bound(outputs):
     """Against differences of the sum, about the poles and away from them."""
     package, plant, _ = drawn(5, outputs)
-    loop, rng = recovery_proof.close_loop(recovery_proof.split_loop(package, plant)), np.random.default_rng(5)
-    limits = [recovery_proof.Limit(i, slew, 0.7) for slew in (False, True) for i in range(outputs)]
+    loop, rng = limited_loop.close_loop(limited_loop.split_loop(package, plant)), np.random.default_rng(5)
+    limits = [reached_limits.Limit(i, slew, 0.7) for slew in (False, True) for i in range(outputs)]
     x = rng.uniform(0.0, 1.0, (len(limits), 64)) * (rng.random((len(limits), 64)) < 0.2)
     poles = np.angle(loop.poles[np.abs(loop.poles) > 0.9])
     middle = np.concatenate(
@@ -294,9 +294,9 @@ def test_the_second_derivative_stays_within_its_bound(outputs):
     )
     low = np.clip(middle, 1e-3, 3.0)
     high = low + 10.0 ** rng.uniform(-6.0, -2.0, len(low))
-    _, bound = recovery_proof.bound_sum(loop, limits, x, low, high)
+    _, bound = multipliers.bound_sum(loop, limits, x, low, high)
     at, h = low + rng.uniform(0.0, 1.0, len(low)) * (high - low), 1e-5
-    before, here, after = (recovery_proof.form_sum(loop, limits, at + d).sum(x) for d in (-h, 0.0, h))
+    before, here, after = (multipliers.form_sum(loop, limits, at + d).sum(x) for d in (-h, 0.0, h))
     found = np.linalg.norm((before - 2.0 * here + after) / h**2, ord=2, axis=(1, 2))
     assert np.all(found <= 1.01 * bound + 4e-13 * np.linalg.norm(here, axis=(1, 2)) / h**2 * 1e-2)
     assert np.max(found / bound) > 0.1
@@ -322,8 +322,8 @@ def test_rounding_moves_the_loop_by_less_than_its_bound(apart):
     A, rng = np.diag(poles) + np.triu(np.full((3, 3), 0.7), 1), np.random.default_rng(3)
     F, G, E, K = np.array([[0.5]]), np.zeros((1, 1)), rng.standard_normal((1, 1)), rng.standard_normal((1, 1))
     B, C, D = rng.standard_normal((3, 1)), rng.standard_normal((1, 3)), np.zeros((1, 1))
-    parts = recovery_proof.Parts(A, B, C, F, G, E, K, D, np.zeros((1, 1)))
-    loop = recovery_proof.close_loop(parts)
+    parts = limited_loop.Parts(A, B, C, F, G, E, K, D, np.zeros((1, 1)))
+    loop = limited_loop.close_loop(parts)
     closed = np.block([[A, B @ K], [np.zeros((1, 3)), F]])
     for t in (1e-4, 1e-2, 1.0):  # z = (1 - t^2 + 2 j t) / (1 + t^2), which fractions hold
         one = Fraction(t)
