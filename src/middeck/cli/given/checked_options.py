@@ -56,7 +56,7 @@ class ConvertSettings(Form):
     """How a deck is converted: as the options of ``middeck convert``."""
 
     units: str | None = None
-    mass_formulation: Literal["consistent", "coupled", "lumped"] = "consistent"
+    mass_formulation: Literal["consistent", "coupled", "lumped", "deck"] = "consistent"
     subcase: Annotated[int, whole(1, 99_999_999)] | None = None
 
 
