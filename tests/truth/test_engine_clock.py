@@ -60,7 +60,9 @@ def test_deadlines_that_have_passed_are_left_out_and_the_grid_stays(where, perio
     late = stalled if where == "late" else stalled - PERIOD
     skipped = late // PERIOD
     assert np.array_equal(found, np.arange(len(found)) + skipped * (np.arange(len(found)) > at))
-    assert records["late_ns"].tolist() == [late if k == at else 0 for k in range(before, before + len(records))]
+    assert records["late_ns"].tolist() == [
+        late if k == at else 0 for k in range(before, before + len(records))
+    ]
     assert records["step_ns"].max() == (stalled if where == "slow" else 0)
     assert (trip is not None) == trips
     if trip is not None:
