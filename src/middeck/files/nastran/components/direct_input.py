@@ -74,8 +74,8 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
-    other matrices (A2GG, K2PP ...), sums of matrices, gyroscopic terms, and factors on matrices or loads, also
-    on those of the whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
+    other matrices (A2GG, K2PP ...), sums of matrices, gyroscopic terms, and factors on matrices or loads,
+    also on those of the whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
     """
     chosen = deck.selection.matrices
     known = {entry["name"] for entry in deck.entries.of("DMIG")}
