@@ -36,6 +36,8 @@ CAMPAIGNS = {
     "random packages past the gate": Campaign(1000, 50),
     "packages that only the truth destabilises, past the gate": Campaign(1000, 50),
     "kills of a supervisor, of its engine": Campaign(40, 2),
+    "kills of a supervisor at any of its lines, in lockstep": Campaign(400, 20),
+    "kills of a supervisor at any of its lines, in real time": Campaign(80, 4),
     "run files with a flipped bit": Campaign(2000, 100),
     "run files cut anywhere": Campaign(1000, 100),
     "run files of changed bytes": Campaign(100_000, 5000),
