@@ -138,3 +138,8 @@ def test_what_makes_no_signal_is_refused(arguments, tmp_path: Path, monkeypatch:
     with pytest.raises(ConfigError):
         run(*arguments)
     assert not list(tmp_path.iterdir())
+
+
+def test_help_of_a_verb_that_is_called_by_itself():
+    """The same as by way of `middeck`: click keeps what it made first, and the page of verbs hung on it."""
+    assert "-h, --help" in CliRunner().invoke(verb, ["-h"]).output
