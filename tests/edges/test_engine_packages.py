@@ -123,6 +123,11 @@ def undeclared():
     return sealed(data[:12] + struct.pack("<I", flags & ~4) + data[16:-32])
 
 
+def own_commands():
+    data = encode_package(random_package())
+    return sealed(data[:12] + struct.pack("<I", struct.unpack_from("<I", data, 12)[0] | 16) + data[16:-32])
+
+
 def renamed(**changes):
     package = random_package()
     ports = tuple(dataclasses.replace(port, **changes) for port in package.inputs[:1]) + package.inputs[1:]
@@ -156,6 +161,7 @@ BROKEN = {
     "a later format": (changed(8, "<I", 2), "bad format", "format 2"),
     "wrong size": (changed(16, "<I", 21), "bad length", "."),
     "too many states": (changed(16, "<I", 70_000), "bad size", "states 70000"),
+    "a bound of rounding in double": (own_commands(), "bad size", "a bound of rounding"),
     "a NaN coefficient": (changed(first_number() + 8 * 9, "<d", np.nan), "bad number", "not finite"),
     "a NaN limit": (changed(first_number() + 8 * 4, "<d", np.nan), "bad limit", "limits"),
     "an undeclared pole": (undeclared(), "undeclared pole", "undeclared pole"),

@@ -629,9 +629,9 @@ def test_parameters_that_nothing_is_made_of_are_named(tmp_path):
     path = tmp_path / "a.dat"
     read = "PARAM,CK1,1.\nPARAM,CM2,2.\nPARAM,COUPMASS,1\n"
     bulk = f"{PLAIN}{read}PARAM,WTMAS,.00259\nPARAM,POST,-1\nGRDSET,,,,,,,,2\n"
-    path.write_text(f"SOL 103\nCEND\nPARAM,GRDPNT,0\nBEGIN BULK\n{bulk}ENDDATA\n")
+    path.write_text(f"SOL 103\nCEND\nPARAM,PRGPST,NO\nBEGIN BULK\n{bulk}ENDDATA\n")
     rows = convert_deck(read_deck(path), SI, "consistent", "a").left_out
-    assert ("PARAM WTMAS, POST, GRDPNT", 3, "not read") in rows
+    assert ("PARAM WTMAS, POST, PRGPST", 3, "not read") in rows
     assert [row[:2] for row in rows if row[0] == "GRID SEID"] == [("GRID SEID", 2)]
 
 

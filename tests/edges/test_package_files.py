@@ -37,6 +37,13 @@ def whole():
     return add_test_vectors(dataclasses.replace(package, paths=(LoopPath(0, 1, SECTION),)), 6)
 
 
+def own():
+    """In single precision, with a bound for its own commands only."""
+    law = random_law(np.random.default_rng(1), 4, 2, 1)
+    law = dataclasses.replace(law, applied=200.0 * law.applied)
+    return to_single(package_law(law, "o", input_range=0.01, limit=9.0))
+
+
 PACKAGES = {
     "whole": whole,
     "dense": lambda: package_law(random_law(np.random.default_rng(2), 4, 1, 1), "d", form="dense"),
@@ -44,6 +51,7 @@ PACKAGES = {
     "single": lambda: to_single(
         package_law(random_law(np.random.default_rng(4), 4, 2, 1), "s", input_range=1.0, limit=9.0)
     ),
+    "own": own,
 }
 
 
@@ -79,7 +87,8 @@ BROKEN = {
     "corrupted": (DATA[:300] + bytes([DATA[300] ^ 1]) + DATA[301:], "hash does not fit"),
     "wrong endianness": (sealed(DATA[:8] + DATA[8:12][::-1] + DATA[12:-32]), "other order"),
     "a later format": (patched(8, "<I", 2), "format 2"),
-    "an unknown flag": (patched(12, "<I", 16), "flags 16"),
+    "an unknown flag": (patched(12, "<I", 32), "flags 32"),
+    "a bound for own commands in double": (patched(12, "<I", 9 + 16), "a bound of rounding"),
     "another flag": (patched(12, "<I", 9 + 2), "."),
     "too many states": (patched(16, "<I", 70_000), "states 70000"),
     "more states than bytes": (patched(16, "<I", 1000), "cut short"),

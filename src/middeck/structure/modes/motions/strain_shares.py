@@ -10,7 +10,7 @@ from jaxtyping import Inexact
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.springs import bushing_states
 from middeck.structure.elements.beam import beam_deformations
-from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
+from middeck.structure.elements.beam_deformations import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.elements.frames import points_in_world
 from middeck.structure.elements.springs_and_cables import spring_state
 from middeck.structure.model.article import JointState
