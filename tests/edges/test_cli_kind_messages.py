@@ -215,6 +215,19 @@ def test_seconds_since_1970_count_no_lines(tmp_path: Path, step: int, first: int
     assert any(f.kind == "rate" for f in found.faults) == doubted
 
 
+@pytest.mark.parametrize("step", [100, 1000])
+def test_ticks_of_a_counter_are_no_seconds_since_1970(tmp_path: Path, step: int) -> None:
+    """Microseconds of 32 bits count to 4.3e9: three quarters of them are in that range, read as minutes."""
+    path = write_csv(tmp_path / "run.csv", "time", [str(1_200_000_000 + step * k) for k in range(200)])
+    assert any(f.kind == "rate" and f.severity == "serious" for f in read_record(path).faults)
+
+
+def test_seconds_since_1970_are_told_with_their_day(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", "time", [str(1_300_000_000 + 10 * k) for k in range(200)])
+    (note,) = (f for f in read_record(path).faults if f.kind == "format")
+    assert "from 2011-03-13 on, at 0.1 Hz" in note.what
+
+
 @pytest.mark.parametrize("stamp", ["2026-11-29T06:00:0{}", "06:00:0{}", "29.11.2026 06:00:0{}"])
 def test_a_date_is_no_number(tmp_path: Path, stamp: str) -> None:
     path = write_csv(tmp_path / "run.csv", "time", [stamp.format(k) for k in range(9)])
