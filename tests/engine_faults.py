@@ -19,12 +19,12 @@ import numpy as np
 from engine_destabilising import scaled_rows, shifted_truth
 from engine_rigs import design, nominal_article, pack, settings_of
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.engine.rigs.linear_article import Fault, LinearArticle
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 from middeck.values import record
+from ungated import Supervisor
 
 STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging")
 ARTICLE = ("dm", "lab")

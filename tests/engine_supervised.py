@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from engine_cases import plain_settings, random_article, random_package
-from middeck.realtime.engine.process.supervisor import Supervisor
+from ungated import Supervisor
 
 
 def settings(real_time: bool):

@@ -22,8 +22,8 @@ from engine_supervised import settings
 from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SCRIPT = Path(__file__).parents[1] / "engine_supervised.py"

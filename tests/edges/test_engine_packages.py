@@ -20,7 +20,6 @@ from middeck.realtime.engine.interface.commands import ANSWERS
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.shared_file import STAGING
 from middeck.realtime.engine.process.compile import engine_sources
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package_bytes import decode_package, encode_package
@@ -28,6 +27,7 @@ from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.single_precision import to_single
 from packaged_laws import random_law
 from repeats import LONG
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 FUZZ = Path(__file__).parents[1] / "fuzz" / "package_fuzz.c"
