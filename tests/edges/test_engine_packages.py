@@ -18,7 +18,6 @@ from middeck.errors import DataError
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.shared_file import STAGING
 from middeck.realtime.engine.process.compile import engine_sources
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_bytes import decode_package, encode_package
@@ -26,6 +25,7 @@ from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.single_precision import to_single
 from packaged_laws import random_law
 from repeats import LONG
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SECTION = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
