@@ -56,10 +56,10 @@ def test_packages_that_only_the_truth_destabilises_are_stopped():
 
 
 def test_steps_that_refuse_what_only_the_truth_destabilises():
-    """None but a trip; every run, not the margins; and the margins, which the gate finds by itself."""
-    drawn = [attempt(number, int(FIRST[number])) for number in (2, 8, 14)]
-    assert [refusals(one) for one in drawn[:2]] == [[], ["dry run", "shadow run", "engagement"]]
-    weak = drawn[2]
+    """Every run, not the margins; nothing before its trip; and margins, which the gate finds itself."""
+    for number, steps in repeats([(8, ["dry run", "shadow run", "engagement"]), (2, [])]):
+        assert refusals(attempt(number, int(FIRST[number]))) == steps
+    weak = attempt(14, int(FIRST[14]))
     assert has_weak_motor(weak)
     law = [Tried("engaged", linear_law(with_hold(packed(weak), settings_of(*weak.family.rig))))]
     models = on_board(*weak.family.rig).values()
