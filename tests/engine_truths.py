@@ -11,9 +11,7 @@ import numpy as np
 
 from engine_destabilising import (
     LEAST_RATE,
-    LEAST_SHIFT,
     MOST_RATE,
-    MOST_SHIFT,
     Destabiliser,
     own_limits,
     own_ranges,
@@ -47,6 +45,7 @@ TURNED_DEG = 20.0
 """By which the primary payload is turned in the second model on board."""
 DECADES = (0.0, 8.0)
 """Of authority."""
+LEAST_SHIFT, MOST_SHIFT = 0.02, 0.05
 TRUTHS = 4
 """That are drawn for one law."""
 TRIALS = GateTrials(dry_s=5.0, shadow_s=2.0)
