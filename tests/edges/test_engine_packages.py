@@ -214,14 +214,8 @@ def test_poles_are_judged_as_eigenvalues_are(form):
             assert python_reads(data) == (radius <= 1.0)
 
 
-def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
+def test_no_shared_file_crashes_the_engine(tmp_path, sanitized_engine):
     """Places, settings, article and the supervisor's words: refused with code 2 or 3 and a reason, or run."""
-    folder = fuzzer[0][0].parent
-    units = [name for name in engine_sources() if name.endswith(".c")]
-    effort = "-O2" if LONG else "-O0"  # of the compiler, which takes longer than a few starts
-    subprocess.run(
-        ["cc", *FLAGS, *SANITIZED, effort, *units, "-o", "engine", "-lm", "-lpthread"], cwd=folder, check=True
-    )
     rng, codes = np.random.default_rng(5), collections.Counter()
     with Supervisor(plain_settings(), random_article(), ring=64, pretrip_s=0.1) as engine:
         engine.file.asks["until"] = 0
@@ -258,7 +252,7 @@ def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
         if clock == 1 or rig == 1 or ramp > 10_000:
             continue  # it would run on, wait for another process, or take long to end
         done = subprocess.run(
-            [str(folder / "engine"), str(tmp_path / "engine.shared")], capture_output=True, text=True,
+            [str(sanitized_engine), str(tmp_path / "engine.shared")], capture_output=True, text=True,
             check=False, timeout=30,
         )  # fmt: skip
         assert done.returncode in (0, 2, 3), done.stderr[:3000]
