@@ -131,11 +131,12 @@ def compiler():
 @pytest.fixture(scope="session")
 def sanitized_engine(compiler):
     """The engine with address and undefined-behaviour sanitizers, compiled once while its sources stay."""
+    from fuzzed_packages import SANITIZED  # which few tests need
     from middeck.errors import ConfigError
-    from middeck.realtime.engine.process.compile import build_engine  # which few tests need
+    from middeck.realtime.engine.process.compile import build_engine
     from middeck.realtime.generate.compiler import compile_once
 
-    flags = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    flags = (*SANITIZED, "-O1")
     try:
         compile_once("nothing", {"nothing.c": "int main(void) { return 0; }\n"}, flags=flags)
     except ConfigError:

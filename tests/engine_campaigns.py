@@ -20,8 +20,10 @@ class Campaign(NamedTuple):
 CAMPAIGNS = {
     "samples of a law beside its compensator": Campaign(100_000, 5000),
     "single precision within its bound: laws": Campaign(40, 2),
-    "changed packages, the engine's reader": Campaign(1_000_000, 50_000),
-    "changed packages, the reader in Python": Campaign(1_000_000, 50_000),
+    "changed packages under their own hash, the engine's reader": Campaign(1_000_000, 50_000),
+    "changed packages under their own hash, the reader in Python": Campaign(1_000_000, 50_000),
+    "changed packages sealed again, the engine's reader": Campaign(1_000_000, 50_000),
+    "changed packages sealed again, the reader in Python": Campaign(400_000, 20_000),
     "changed shared files, an engine started on each": Campaign(3000, 150),
     "random packages at the gate, models of two modes": Campaign(1000, 50),
     "random packages at the gate, the study's articles": Campaign(1000, 50),

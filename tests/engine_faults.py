@@ -19,11 +19,11 @@ from engine_upsets import ASKED, CLOCKS, DISKS, ENDS, Act, Upset, wait
 from faked_clock import SupervisorByFakedClock, faked_clock
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.engine.interface.shared_file import LARGEST
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import Fault, LinearArticle
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 from middeck.values import record
+from ungated import Supervisor
 
 STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging", "cross-fading")
 """Those of the engine, and with both slots in a fade."""

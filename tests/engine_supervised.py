@@ -25,9 +25,9 @@ from engine_cases import (
     static_package,
     still_article,
 )
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.package import ControllerPackage
+from ungated import Supervisor
 
 TOLD = np.dtype([("recorded", "<i8"), ("synced", "<i8"), ("round", "<i8"), ("lines", "<i8")])
 """What the process has told: whether it records, the last sample on the disk, its rounds, its lines."""

@@ -20,10 +20,10 @@ from faked_clock import SupervisorByFakedClock
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.commands import COMMANDS, QUEUE, check_of
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.recorder import BLOCK, Recorder
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.values import record
+from ungated import Supervisor
 
 AFTER = 900
 """Samples that run after an upset begins."""

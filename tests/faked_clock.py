@@ -14,8 +14,8 @@ from unittest import mock
 
 import numpy as np
 
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.generate.compiler import compile_once
+from ungated import Supervisor
 
 DEADLINES = 4096
 COUNTS = ("granted", "sleeps", "now", "day", "late", "slow")

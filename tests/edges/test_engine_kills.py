@@ -30,8 +30,8 @@ from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.commands import KINDS, TRIPS
 from middeck.realtime.engine.interface.shared_file import event_rows, open_shared_file
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 PATIENCE_S = 20.0

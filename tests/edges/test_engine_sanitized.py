@@ -13,10 +13,10 @@ from engine_campaigns import cases_of
 from engine_faults import ARTICLE, KINDS, STATES, fault_settings, good, play
 from engine_rigs import nominal_article, wait_for_hold
 from middeck.realtime.engine.process.launch import UdpRig
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.rig_server import LARGEST, LOOPBACK
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.rigs.udp_replies import RigSession
+from ungated import Supervisor
 
 STRIDE = 17
 """Prime to the number of kinds: the first cases are of all groups."""

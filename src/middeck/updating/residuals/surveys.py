@@ -9,7 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.correlation.measured_modes import MeasuredModes, sort_rms, straight_channels
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    real_shapes,
+    sort_rms,
+    straight_channels,
+)
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
@@ -325,12 +330,6 @@ def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.nd
     found = inverse @ (Q.T @ shape)
     scale = found[one][0]
     return found / scale, np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
-
-
-def real_shapes(measured: MeasuredModes) -> np.ndarray:
-    """Shapes turned to the phase in which they are largest."""
-    phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
-    return np.real(measured.shape * np.exp(-1j * phase))
 
 
 def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
