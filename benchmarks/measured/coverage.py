@@ -23,7 +23,7 @@ from middeck.systems.plants.response import evaluate_plant
 from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise.draws import draw_plants
 from middeck.updating.promise.plan import close_inner, plant_of
-from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 
 SEEDS, DRAWS = range(200, 240), 60
 # Of the gimbal's torque to the payload's angle under the PD loops, over the first ten flexible modes.

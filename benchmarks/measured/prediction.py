@@ -16,7 +16,7 @@ from measured.rows import miss_row, row
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.pairing import pair
 from middeck.updating.residuals.surveys import Survey

@@ -14,7 +14,7 @@ from measured.prediction import FIRST, case
 from measured.rows import row
 from middeck.structure.model.environment import Environment
 from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.refine import refine
 
 # The truths with responses are shared with the tests.

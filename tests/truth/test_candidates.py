@@ -19,7 +19,7 @@ from middeck.updating.candidates.candidates import rank_tests
 from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.deflections import Deflection, predict_deflections
 from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.refinement.posterior import Linear, estimate_at
+from middeck.updating.refinement.bayesian_estimate import Linear, estimate_at
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.gauges import Gauge

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats as st
 
-from middeck.updating.refinement.posterior import cut_below
+from middeck.updating.refinement.bayesian_estimate import cut_below
 
 
 @pytest.mark.parametrize("mean", [-0.6, 0.0, 0.4, 2.0])

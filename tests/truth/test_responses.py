@@ -19,8 +19,8 @@ from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros
 from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.findings import findings
-from middeck.updating.refinement.posterior import NORMAL_95
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.measured_response import AntiResonance, MeasuredResponse
 from middeck.updating.residuals.modal_transfer import transfer_of, transfer_slopes

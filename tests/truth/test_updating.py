@@ -31,10 +31,7 @@ from middeck.updating.orbit.damping import split_measured
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
 from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
-from middeck.updating.refinement.findable_unknowns import weigh_unknowns
-from middeck.updating.refinement.findings import findings, together, unseen
-from middeck.updating.refinement.fixed_inertias import fixed_inertias
-from middeck.updating.refinement.posterior import (
+from middeck.updating.refinement.bayesian_estimate import (
     KNOWN,
     Linear,
     estimate,
@@ -42,6 +39,9 @@ from middeck.updating.refinement.posterior import (
     excess,
     unseen_deviations,
 )
+from middeck.updating.refinement.findable_unknowns import weigh_unknowns
+from middeck.updating.refinement.findings import findings, together, unseen
+from middeck.updating.refinement.fixed_inertias import fixed_inertias
 from middeck.updating.refinement.refine import Refined, off_the_rest, refine
 from middeck.updating.residuals.surveys import Survey, compare, set_up
 from middeck.updating.unknowns.unknowns import Unknown, bind, change

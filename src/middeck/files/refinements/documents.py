@@ -26,7 +26,7 @@ from middeck.files.toml.faults import Finding
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
 from middeck.structure.correlation.measured_modes import MeasuredModes
-from middeck.updating.refinement.posterior import USUAL
+from middeck.updating.refinement.bayesian_estimate import USUAL
 from middeck.updating.refinement.refine import USUAL_DAMPING, USUAL_STATIC
 from middeck.updating.residuals.fitted_survey import survey_from_fit
 from middeck.updating.residuals.static_tests import StaticTest

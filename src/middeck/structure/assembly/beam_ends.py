@@ -10,7 +10,7 @@ from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
 from middeck.structure.assembly.places import At, poses_at
 from middeck.structure.elements.beam import BeamProperties
-from middeck.structure.elements.beam_kinematics import EndStrain, end_strain
+from middeck.structure.elements.beam_deformations import EndStrain, end_strain
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.motion_since_drawn import Lever, Within, levers, seen_from
 

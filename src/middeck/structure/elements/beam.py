@@ -1,6 +1,6 @@
 """Corotational cubic beam elements from one strain energy: forces, tangent and weight.
 
-The energy is a quadratic form in six deformations (`beam_kinematics`), whose derivatives are exact, so that
+The energy is a quadratic form in six deformations (`beam_deformations`), whose derivatives are exact, so that
 the tangent is symmetric and contains the whole geometric stiffness. Arrays hold one element per row.
 """
 
@@ -12,16 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Inexact
 
-from middeck.structure.elements.beam_kinematics import (
+from middeck.structure.elements.beam_deformations import (
     ONE,
     STRETCH,
     TWO,
     EndStrain,
-    add_cosine_hessian,
     chord,
     deform,
-    geometric_stiffness,
 )
+from middeck.structure.elements.beam_geometric_stiffness import add_cosine_hessian, geometric_stiffness
 from middeck.structure.elements.rotations import cross, symmetric_double_cross
 from middeck.structure.elements.section_stiffness import SectionForms, element_forms, section_forms
 from middeck.structure.model.section import MemberMass, Section

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.structure.elements.beam import BeamProperties
-from middeck.structure.elements.beam_kinematics import chord
+from middeck.structure.elements.beam_deformations import chord
 from middeck.structure.elements.rotations import cross
 
 Array = np.ndarray

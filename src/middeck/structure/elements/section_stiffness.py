@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.elements.beam_kinematics import PHI, STRETCH, Y1, Y2, Z1, Z2
+from middeck.structure.elements.beam_deformations import PHI, STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.model.section import Section
 
 Array = np.ndarray

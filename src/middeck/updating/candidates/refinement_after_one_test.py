@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, MiddeckError
 from middeck.updating.candidates.candidate_survey import CandidateSurvey, measured_by
+from middeck.updating.refinement.bayesian_estimate import Estimate, Linear, estimate_at
 from middeck.updating.refinement.common_rests import common_rests, same_modes, same_readings
-from middeck.updating.refinement.posterior import Estimate, Linear, estimate_at
 from middeck.updating.refinement.problem import MODAL
 from middeck.updating.refinement.refine import OF_READING, USUAL_STATIC, Refined, problem_of
 from middeck.updating.residuals.static_tests import (

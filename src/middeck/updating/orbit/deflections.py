@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from middeck.errors import ConfigError
 from middeck.structure.model.article import LoadCase
 from middeck.structure.model.environment import Environment
-from middeck.updating.refinement.posterior import NORMAL_95
+from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.problem import MODAL, zero_of
 from middeck.updating.refinement.refine import OF_READING, USUAL_STATIC, Refined
 from middeck.updating.residuals.gauges import Gauge

@@ -15,10 +15,10 @@ from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
+from middeck.updating.refinement.bayesian_estimate import BELOW, NORMAL_95
 from middeck.updating.refinement.curvature import bend_of, frequency_curvature
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
-from middeck.updating.refinement.posterior import BELOW, NORMAL_95
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.complex_roots import LogRoots, roots_of_lowest
 from middeck.updating.residuals.surveys import Compared, set_up

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from middeck.updating.refinement.posterior import Linear
+from middeck.updating.refinement.bayesian_estimate import Linear
 from middeck.updating.residuals.static_tests import PRESENT, ComparedStatic, Loaded, gauge_key
 from middeck.updating.residuals.surveys import Compared
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.updating.refinement.posterior import Estimate, Linear, estimate, excess
+from middeck.updating.refinement.bayesian_estimate import Estimate, Linear, estimate, excess
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse

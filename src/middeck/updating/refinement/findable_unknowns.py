@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.model.article import Structure
-from middeck.updating.refinement.posterior import USUAL
+from middeck.updating.refinement.bayesian_estimate import USUAL
 from middeck.updating.refinement.refine import USUAL_DAMPING, USUAL_STATIC, compare_at_first
 from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse

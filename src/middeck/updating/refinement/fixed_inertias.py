@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.sensitivity.parameters import Parameter, list_parameters
-from middeck.updating.refinement.posterior import estimate_at, most_probable, unlikely
+from middeck.updating.refinement.bayesian_estimate import estimate_at, most_probable, unlikely
 from middeck.updating.refinement.refine import Refined, problem_of
 from middeck.updating.residuals.surveys import Compared, compare, set_up
 from middeck.updating.unknowns.unknowns import Bound

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from middeck.structure.elements.beam_kinematics import Y1, Y2, Z1, Z2
+from middeck.structure.elements.beam_deformations import Y1, Y2, Z1, Z2
 from middeck.structure.elements.section_stiffness import TURNS, section_forms
 from middeck.structure.model.finer_mesh import TUBE_SHEAR, refine_mesh
 from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error

@@ -1,7 +1,7 @@
 """Refine an article on tests on the ground, of modes and of sag: the most probable unknowns, what stays open.
 
-Gauss-Newton on analytic slopes, the model's own errors found anew at every step (`posterior`): far from the
-answer they are large, which keeps the steps small.
+Gauss-Newton on analytic slopes, the model's own errors found anew at every step
+(`bayesian_estimate`): far from the answer they are large, which keeps the steps small.
 """
 
 from __future__ import annotations
@@ -16,8 +16,14 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.model.article import Structure
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes
+from middeck.updating.refinement.bayesian_estimate import (
+    USUAL,
+    Estimate,
+    Linear,
+    cut_below,
+    unseen_deviations,
+)
 from middeck.updating.refinement.contradictions import Tests, estimate_of
-from middeck.updating.refinement.posterior import USUAL, Estimate, Linear, cut_below, unseen_deviations
 from middeck.updating.refinement.problem import MODAL, linear_problem, sort_names, zeros_of
 from middeck.updating.residuals.damping import (
     ComparedDamping,

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from middeck.files.nastran.deck.cards_read import PLACES
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
-from middeck.files.nastran.deck.formats import PLACES
 from middeck.files.toml.faults import Fault
 
 # The sine of the angle between two axes that span a plane.

@@ -10,7 +10,7 @@ from itertools import repeat, zip_longest
 from typing import Any, NamedTuple
 
 from middeck.files.nastran.deck.cards import Card
-from middeck.files.nastran.deck.formats import (
+from middeck.files.nastran.deck.cards_read import (
     CONTINUA,
     IDLE,
     NOT_YET,

@@ -23,8 +23,8 @@ from jaxtyping import Float
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.energy import inner_forces
 from middeck.structure.elements.beam import BeamProperties
+from middeck.structure.elements.beam_deformations import STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.elements.beam_inertia import transverse_shapes
-from middeck.structure.elements.beam_kinematics import STRETCH, Y1, Y2, Z1, Z2
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 

@@ -12,7 +12,8 @@ referred to the triad half-way along the twist. After Crisfield 1990 (CMAME 81) 
 (CMAME 191), with invariants in place of an element triad.
 
 The stretch is that of the centre line, chord and bow together: l - L + L/2 (mean of the slope squared); the
-slope being the cubic's, an axial force has its consistent geometric stiffness (Przemieniecki 1968, 15.2).
+slope being the cubic's, an axial force has its consistent geometric stiffness (Przemieniecki 1968, 15.2;
+`beam_geometric_stiffness`).
 
 The chart of an end pose is (dx, theta) with T_new = exp(theta) T; arrays hold one element per row. All of it
 is analytic: complex poses or lengths give derivatives by complex step.
@@ -20,13 +21,12 @@ is analytic: complex poses or lengths give derivatives by complex step.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Inexact
 
-from middeck.structure.elements.rotations import cross, skew, symmetric_double_cross
+from middeck.structure.elements.rotations import cross
 
 Array = np.ndarray
 # Rows of the invariants and of the deformations.
@@ -36,17 +36,19 @@ BENDING = slice(1, 5)
 ONE, TWO = slice(3, 6), slice(9, 12)
 
 
-class _Invariants(NamedTuple):
+class Invariants(NamedTuple):
+    """Eight invariants of the end poses (l, a, b, twist), their slopes, and what second derivatives need."""
+
     value: Array  # (element, 8)
     slope: Array  # (element, 8, 12)
     T: Array
     chord: Array  # unit vector
     span: Array
-    sine: _Dots
-    cosine: _Dots
+    sine: Dots
+    cosine: Dots
 
 
-class _Dots(NamedTuple):
+class Dots(NamedTuple):
     """A sum of products u . v with u fixed to end 2 and v to end 1: W = sum u v', its trace, its slope."""
 
     W: Array
@@ -73,9 +75,9 @@ def end_strain(
     """
     E, d = turn[:, 0], shift[:, 1] - shift[:, 0]
     drawn = length[:, None] * triad[:, :, 0]
-    moved = np.matvec(_transpose(E), drawn + d) + d
+    moved = np.matvec(E.mT, drawn + d) + d
     first = triad + E @ triad
-    return EndStrain(np.matvec(_transpose(triad), moved), _transpose(first) @ ((turn[:, 1] - E) @ triad))
+    return EndStrain(np.matvec(triad.mT, moved), first.mT @ ((turn[:, 1] - E) @ triad))
 
 
 class Deformation(NamedTuple):
@@ -86,7 +88,7 @@ class Deformation(NamedTuple):
 
     value: Array
     slope: Array
-    invariants: _Invariants
+    invariants: Invariants
     first: Array  # (element, 6, 8) in the invariants
     second: Array  # (element, 6, 8, 8)
 
@@ -112,60 +114,18 @@ def deform(
     pull = np.matvec(curve, theta)
     m[:, STRETCH] += 0.5 * _dot(pull, theta)
     dm[:, STRETCH] += (pull[:, None] @ dtheta)[:, 0]
-    ddm[:, STRETCH] += _transpose(dtheta) @ curve @ dtheta + np.einsum("ek,ekij->eij", pull, ddtheta)
+    ddm[:, STRETCH] += dtheta.mT @ curve @ dtheta + np.einsum("ek,ekij->eij", pull, ddtheta)
     return Deformation(m, dm @ s.slope, s, dm, ddm)
 
 
-def _refine(s: _Invariants, length: Array, strain: EndStrain) -> Array:
+def _refine(s: Invariants, length: Array, strain: EndStrain) -> Array:
     """The stretch of the chord; small invariants of ``s`` take the digits that ``strain`` has of them."""
     w, M, span = strain.shift, strain.turn, s.value[:, LENGTH]
-    s.value[:, [2, 3]] = w[:, 1:] / _tall(span)
-    across = w[:, 1:] + _tall(length) * M[:, 0, 1:] + (_transpose(M) @ w[:, :, None])[:, 1:, 0]
-    s.value[:, [5, 6]] = across / _tall(span)
+    s.value[:, [2, 3]] = w[:, 1:] / span[:, None]
+    across = w[:, 1:] + length[:, None] * M[:, 0, 1:] + (M.mT @ w[:, :, None])[:, 1:, 0]
+    s.value[:, [5, 6]] = across / span[:, None]
     s.value[:, TWIST] = arctan2(M[:, 2, 1] - M[:, 1, 2], s.cosine.value)
     return (2.0 * length * w[:, 0] + _dot(w, w)) / (span + length)
-
-
-def geometric_stiffness(
-    deformation: Deformation, force: Inexact[np.ndarray, "element 6"]
-) -> Inexact[np.ndarray, "element 12 12"]:
-    """Second derivative of force . deformation, ``force`` held, in the pose coordinates."""
-    s = deformation.invariants
-    bent = np.einsum("ek,ekij->eij", force, deformation.second)
-    out = np.asarray(_transpose(s.slope) @ bent @ s.slope)
-    weight = np.einsum("ek,eki->ei", force, deformation.first)
-    add_chord_block(out, _wide(weight[:, LENGTH] / s.span) * _across(s.chord))
-    # Three direction cosines, weighted, are the one of the weighted sum of the triad.
-    one, two = (np.matvec(s.T[:, end], weight[:, rows]) for end, rows in ((0, A), (1, B)))
-    add_cosine_hessian(out, s.chord, s.span, ((one, ONE), (two, TWO)))
-    _add_twist_hessian(out, s, weight[:, TWIST])
-    return out
-
-
-def add_cosine_hessian(
-    out: Array, e: Array, span: Array, vectors: Sequence[tuple[Array, slice | None]]
-) -> None:
-    """Add the Hessian of e . vector for each vector, with the coordinates that turn it (fixed: None)."""
-    P = _across(e)
-    total = np.sum([vector for vector, _ in vectors], axis=0)
-    c = _dot(e, total)
-    outer = (total - c[:, None] * e)[:, :, None] * e[:, None, :]
-    add_chord_block(out, -(outer + _transpose(outer) + _wide(c) * P) / _wide(span**2))
-    for vector, rotation in vectors:
-        if rotation is None:
-            continue
-        out[:, rotation, rotation] += symmetric_double_cross(e, vector)
-        mixed = skew(vector) @ P / _wide(span)
-        for a, sign in ((0, -1.0), (6, 1.0)):
-            out[:, rotation, a : a + 3] += sign * mixed
-            out[:, a : a + 3, rotation] += sign * _transpose(mixed)
-
-
-def add_chord_block(out: Array, H: Array) -> None:
-    """Add a second derivative in the chord x2 - x1 to both end positions."""
-    for a, sign_a in ((0, -1.0), (6, 1.0)):
-        for b, sign_b in ((0, -1.0), (6, 1.0)):
-            out[:, a : a + 3, b : b + 3] += sign_a * sign_b * H
 
 
 def chord(x: Inexact[np.ndarray, "element 2 3"]) -> tuple[Array, Array]:
@@ -175,50 +135,32 @@ def chord(x: Inexact[np.ndarray, "element 2 3"]) -> tuple[Array, Array]:
     return along / span[:, None], span
 
 
-def _invariants(x: Array, T: Array) -> _Invariants:
+def _invariants(x: Array, T: Array) -> Invariants:
     e, span = chord(x)
     dtype = np.result_type(x, T)
     s, ds = np.zeros((len(x), 8), dtype), np.zeros((len(x), 8, 12), dtype)
     s[:, LENGTH] = span
     ds[:, LENGTH, 0:3], ds[:, LENGTH, 6:9] = -e, e
     for end, rows, rotation in ((0, A, ONE), (1, B, TWO)):
-        t = _transpose(T[:, end])  # rows are the triad's vectors
+        t = T[:, end].mT  # rows are the triad's vectors
         s[:, rows] = np.matvec(t, e)
-        Pt = (t - s[:, rows, None] * e[:, None, :]) / _wide(span)
+        Pt = (t - s[:, rows, None] * e[:, None, :]) / span[:, None, None]
         ds[:, rows, 0:3], ds[:, rows, 6:9] = -Pt, Pt
         ds[:, rows, rotation] = cross(t, e[:, None, :])
     t2, t3, q2, q3 = T[:, 0, :, 1], T[:, 0, :, 2], T[:, 1, :, 1], T[:, 1, :, 2]
     sine, cosine = _dots((q2, t3, 1.0), (q3, t2, -1.0)), _dots((q2, t2, 1.0), (q3, t3, 1.0))
     s[:, TWIST] = arctan2(sine.value, cosine.value)
     r2 = sine.value**2 + cosine.value**2
-    ds[:, TWIST] = _tall(cosine.value / r2) * sine.slope - _tall(sine.value / r2) * cosine.slope
-    return _Invariants(s, ds, T, e, span, sine, cosine)
+    ds[:, TWIST] = (cosine.value / r2)[:, None] * sine.slope - (sine.value / r2)[:, None] * cosine.slope
+    return Invariants(s, ds, T, e, span, sine, cosine)
 
 
-def _dots(*terms: tuple[Array, Array, float]) -> _Dots:
+def _dots(*terms: tuple[Array, Array, float]) -> Dots:
     W = np.sum([sign * (u[:, :, None] * v[:, None, :]) for u, v, sign in terms], axis=0)
     moment = np.sum([sign * cross(u, v) for u, v, sign in terms], axis=0)
     slope = np.zeros((len(W), 12), dtype=W.dtype)
     slope[:, TWO], slope[:, ONE] = moment, -moment
-    return _Dots(W, np.trace(W, axis1=1, axis2=2), slope)
-
-
-def _add_twist_hessian(out: Array, s: _Invariants, weight: Array) -> None:
-    """Add the Hessian of weight * atan2(sine, cosine)."""
-    S, C = s.sine, s.cosine
-    r2 = S.value**2 + C.value**2
-    W = _wide(weight * C.value / r2) * S.W - _wide(weight * S.value / r2) * C.W
-    trace = _wide(np.trace(W, axis1=1, axis2=2)) * np.eye(3)
-    same = 0.5 * (W + _transpose(W)) - trace
-    out[:, ONE, ONE] += same
-    out[:, TWO, TWO] += same
-    out[:, TWO, ONE] += trace - _transpose(W)
-    out[:, ONE, TWO] += trace - W
-    f_SS = -2.0 * weight * S.value * C.value / r2**2
-    f_SC = weight * (S.value**2 - C.value**2) / r2**2
-    left = _tall(f_SS) * S.slope + _tall(f_SC) * C.slope
-    right = _tall(f_SC) * S.slope - _tall(f_SS) * C.slope
-    out += S.slope[:, :, None] * left[:, None, :] + C.slope[:, :, None] * right[:, None, :]
+    return Dots(W, np.trace(W, axis1=1, axis2=2), slope)
 
 
 def _bending_and_twist(s: Array, dtype: np.dtype) -> tuple[Array, Array, Array]:
@@ -304,20 +246,3 @@ def arctan2(y: Array, x: Array) -> Array:
 
 def _dot(a: Array, b: Array) -> Array:
     return np.einsum("ei,ei->e", a, b)
-
-
-def _transpose(a: Array) -> Array:
-    return np.swapaxes(a, -1, -2)
-
-
-def _across(e: Array) -> Array:
-    """Projection normal to unit vectors."""
-    return np.eye(3) - e[:, :, None] * e[:, None, :]
-
-
-def _wide(a: Array) -> Array:
-    return a[:, None, None]
-
-
-def _tall(a: Array) -> Array:
-    return a[:, None]
