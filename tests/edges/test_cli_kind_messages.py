@@ -147,6 +147,26 @@ def test_an_option_for_articles_is_not_ignored_with_a_model(
     assert f"{typed[0]} is for an article" in refused(capfd, "design", "model.json", *typed)
 
 
+@pytest.mark.parametrize(
+    ("verb", "flag", "more"),
+    [
+        ("refine a b", "--choose", ("-o", "refined.toml")),
+        ("refine a b", "--choose", ("--predict", "lab")),
+        ("refine a b", "--choose", ("--count", 3)),
+        ("record a", "--stream", ("--require",)),
+        ("record a", "--stream", ("--periods", 2)),
+        ("record a", "--stream", ("--reference", "m.json")),
+        ("gate p a", "--paper", ("--share", 0.5)),
+        ("gate p a", "--paper", ("--noise", 0.1)),
+    ],
+)
+def test_an_option_without_an_effect_beside_a_flag_is_not_ignored(
+    capfd: Capture, verb: str, flag: str, more: tuple[object, ...]
+) -> None:
+    said = refused(capfd, *verb.split(), flag, *more)
+    assert f"{more[0]} has no effect beside {flag}" in said
+
+
 def test_names_that_are_not_there(tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     said = refused(capfd, "design", ARTICLE, "--control", "torque", "--measure", "pri_in_z")
