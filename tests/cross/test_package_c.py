@@ -19,7 +19,8 @@ from middeck.realtime.package.single_precision import to_single
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from packaged_laws import CLEAN, STRICT, compile_law, random_law, replay, steps_in_c
-from repeats import LONG
+from repeats import LONG, repeats
+from study_compensators import study_law
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SECTION = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
@@ -174,3 +175,14 @@ def test_a_small_processor_gives_the_same_bits(single, flags, tmp_path, small_pr
     assert 300 < found.instructions < 3000
     assert found.flash < 8192
     assert found.memory < 1024
+
+
+@pytest.mark.parametrize("single", repeats([False, True]))
+def test_a_small_processor_gives_the_bits_of_a_law_of_the_study(single, tmp_path, small_processors):
+    """46 states, 14 in, 5 out, which learns what is applied."""
+    package = package_law(study_law(0.0), "law", input_range=0.02, limit=5.0)
+    found = emulate_package(to_single(package) if single else package, tmp_path)
+    assert found.first_difference == 0
+    assert 4000 < found.instructions < 16_000
+    assert found.flash < 16_384
+    assert found.memory < 1280

@@ -385,6 +385,9 @@ def test_what_has_no_bound_is_refused():
     to_single(package_law(Compensator(extreme, law.inputs, law.outputs), "law", input_range=1.0))
     with pytest.raises(ConfigError, match="the path of applied commands"):
         without_applied(to_single(package_law(law, "law", input_range=1.0, limit=1e3)))
+    grows = random_law(np.random.default_rng(0), 2, 1, 1, radii=(1.01, 1.02))
+    with pytest.raises(ConfigError, match="unstable law"):
+        to_single(package_law(grows, "law", input_range=1.0, limit=1.0, unstable=True))
     slow = Compensator(
         SampledStateSpace([[1.0 - 1e-7]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
     )

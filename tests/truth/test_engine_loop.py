@@ -19,11 +19,11 @@ from engine_cases import (
 )
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_bytes import hash_package
 from middeck.realtime.package.reference import ReferenceLaw
 from packaged_laws import PERIOD_S, ports
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 LAG = Section(np.array([-0.3, 0.1, 0.0]), np.array([-0.6, 0.05]))
@@ -126,6 +126,30 @@ def test_a_strip_scales_shifts_limits_and_holds():
         shifted = engine.run(400)["u"]
     assert np.all(np.diff(shifted[:, 0]) <= 0.5 / 250 + 1e-15)
     assert shifted[-1].tolist() == [0.1, 0.0]
+
+
+@pytest.mark.parametrize(("name", "value", "end"), [("gain", -0.5, -0.15), ("limit", 0.2, 0.1)])
+def test_no_strip_makes_a_jump(name, value, end):
+    """There and back, on a command of 0.3 that stands still: a change by one takes a ramp."""
+    package = static_package(np.full((OUTPUTS, SENSORS), 0.3))
+    with started(article=still_article([1.0, 0.0, 0.0]), package=package) as engine:
+        engine.command("engage", values=[1.0])
+        engine.run(300)
+        rows = []
+        for asked, reached in ((value, end), (1.0, 0.3)):
+            assert engine.set_strip("u0", name, asked).done
+            rows.append(engine.run(400))
+            assert rows[-1]["u"][-1, 0] == pytest.approx(reached)
+    assert np.abs(np.diff(np.concatenate(rows)["u"][:, 0])).max() <= 1.001 * 0.5 / 250
+
+
+def test_each_command_has_one_answer_under_its_number():
+    words = {"silence": "done", "engage": "not loaded", "standby": "not loaded"}
+    with started() as engine:
+        asked = [(name, engine.send(name, values=[1.0])) for name in 40 * list(words)]
+        engine.run(5)
+        assert np.all(np.diff([number for _, number in asked]) == 1)
+        assert [engine.answer(number).word for _, number in asked] == [words[name] for name, _ in asked]
 
 
 def test_slots_cross_fade_with_warm_states():

@@ -11,6 +11,7 @@ from middeck.updating.refinement.bayesian_estimate import errors_shown
 from middeck.updating.refinement.contradictions import CONTRADICT
 from middeck.updating.refinement.fixed_inertias import INERTIA, LARGER, FixedInertias, fixed_inertias
 from middeck.updating.refinement.model_errors import HALF, sorts_of
+from middeck.updating.refinement.other_frequencies import other_frequencies
 from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
@@ -76,6 +77,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
         *_of_responses(refined),
         *_of_damping(refined),
+        *other_frequencies(refined),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
         *_of_other_pairs(refined),
         *(said for c in refined.compared for said in wrong_channels(c)),

@@ -69,7 +69,7 @@ def measure_timing(
     """
     package = _random_package(np.random.default_rng(1), shape, 1.0 / rate_hz)
     settings = _settings(package, priority, processor)
-    with Supervisor(settings, _still_article(package), real_time=True) as engine:
+    with Supervisor(settings, _still_article(package), real_time=True, admitted="ungated") as engine:
         engine.load(package)
         engine.reset()
         engine.command("engage", values=[1.0])
