@@ -126,6 +126,12 @@ def test_an_option_of_fits_is_not_ignored_with_a_model_that_is_fitted(
     assert f"{typed[0]} is for a record\n" in refused(capfd, "design", "model.json", *typed)
 
 
+@pytest.mark.parametrize("typed", ["states=4", "sampled=true"])
+def test_keys_of_fits_are_not_ignored_with_a_model_that_is_fitted(capfd: Capture, typed: str) -> None:
+    said = refused(capfd, "design", "model.json", "--set", typed)
+    assert f"--set {typed.partition('=')[0]} is for a record" in said
+
+
 @pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
 def test_models_that_are_qualified_have_no_environment(
     tmp_path: Path, capfd: Capture, typed: tuple[object, ...]
