@@ -694,6 +694,17 @@ def test_unknowns_that_cannot_be(unknowns: list[Unknown], what: str):
         refine(mast(), [seen], unknowns)
 
 
+def test_a_mode_of_a_known_shape_at_another_frequency_is_told_whose_shape_it_has():
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    hz = seen.measured.frequency_hz.copy()
+    hz[0] /= 2.5
+    off = dataclasses.replace(seen.measured, frequency_hz=hz)
+    found = refine(mast(), [dataclasses.replace(seen, measured=off)], [MODULUS])
+    (said,) = (line for line in findings(found) if "was left out" in line)
+    assert f"the measured mode of {hz[0]:.4g} Hz resembles none of the model's within a factor of 2" in said
+    assert f"its shape is that of the mode of {found.compared[0].free.frequency_hz[0]:.4g} Hz" in said
+
+
 def test_surveys_that_cannot_be():
     seen = survey_of(modes_of(mast(), clamped()), TIGHT)
     unknown = dataclasses.replace(seen.measured, frequency_std_hz=None)
@@ -704,8 +715,11 @@ def test_surveys_that_cannot_be():
     with pytest.raises(ConfigError, match="no parameter"):
         refine(mast(), [dataclasses.replace(seen, settings=(("joint.x.angle", 1.0),))], [MODULUS])
     far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
-    with pytest.raises(ConfigError, match="resembles"):
+    with pytest.raises(ConfigError, match="resembles") as told:
         refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
+    assert "paired within a factor of 2 in frequency" in told.value.hint
+    lowest, ours = far.frequency_hz.min(), modes_of(mast(), clamped()).frequency_hz.max()
+    assert f"the nearest two are {lowest:.4g} Hz, measured, and {ours:.4g} Hz" in told.value.hint
     with pytest.raises(NumericalError, match="the rest state is not stable"):
         refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
     with pytest.raises(ConfigError, match="both the article and the environment"):
