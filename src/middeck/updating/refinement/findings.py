@@ -95,7 +95,7 @@ def _of_unpaired(c: Compared) -> Iterator[str]:
         if alike is not None and alike[i, j] > SAME and max(hz / ours, ours / hz) > WINDOW:
             yield (
                 f"{said} within a factor of {WINDOW:g} in frequency and was left out: its shape is that of "
-                f"the mode of {ours:.4g} Hz. Are the frequencies in Hz, and of this article in this environment?"
+                f"the mode of {ours:.4g} Hz. Are frequencies in Hz, and of this article in this environment?"
             )
         else:
             yield f"{said} and was left out"
