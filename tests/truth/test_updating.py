@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -366,13 +367,13 @@ def test_a_draw_that_buckles_is_named_with_what_would_help():
         drawing = draw_plants(spread_of, clamped(), build_nothing, draws=40, rng=rng, loop=LoopSpread())
         return drawing.plants(range(40))
 
-    with pytest.raises(NumericalError, match=r"draw \d+ of 40, ") as refused:
+    with pytest.raises(NumericalError, match=r"draw \d+ of 40: the rest state is not") as refused:
         drawn(found)
     advice = (
         "narrower spreads of the unknowns that the surveys do not see, or surveys that do; here bending is "
     )
     off = re.fullmatch(advice + r"(-\d\.?\d*) of its standard deviations off its prior", refused.value.hint)
-    # Euler's load goes with the stiffness: 90 % of it is all of it at a tenth less, but for the frame's weight.
+    # Euler's load goes with the stiffness: 90 % of it is all of it at a tenth less, own weight apart.
     assert float(off[1]) < 0.9 * np.log(0.9) / bending.spread
     narrow = dataclasses.replace(bending, spread=0.01)
     assert len(drawn(refine(found.structure, [c.survey for c in found.compared], (narrow,))).plants) == 40
