@@ -22,11 +22,11 @@ from engine_rigs import (
 )  # fmt: skip
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.gate.gate import examine_package
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.values import record
+from ungated import Supervisor
 
 SLOW_S = 10.0
 """Growth time from which a package counts as slow."""

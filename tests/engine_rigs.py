@@ -18,7 +18,6 @@ from middeck.control.loop.performance import Performance, loop_metric
 from middeck.control.riccati.discrete import solve_discrete_riccati
 from middeck.files.studies.documents import load_study
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.standard_trips import find_reach, guard
 from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
@@ -31,6 +30,7 @@ from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, select_ports
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
+from ungated import Supervisor
 
 PERIOD_S = 0.002
 ROLL_OFF_HZ = 2.0

@@ -53,7 +53,7 @@ def _engine(package: ControllerPackage) -> Supervisor:
         A=np.zeros((1, 1)), B=np.zeros((1, p)), C=np.zeros((m, 1)), G=np.zeros((1, 0)), x=np.zeros(1),
         sensor_noise=np.full(m, 0.01), seed=5,
     )  # fmt: skip
-    engine = Supervisor(settings, article)
+    engine = Supervisor(settings, article, admitted="ungated")
     for answer in (engine.load(package), engine.reset(), engine.command("engage", values=[1.0])):
         if not answer.done:
             raise RuntimeError(answer.reason)

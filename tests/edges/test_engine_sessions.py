@@ -17,9 +17,9 @@ from middeck.realtime.engine.interface import header
 from middeck.realtime.engine.interface.commands import COMMANDS, check_of
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.compile import build_engine
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
 from repeats import repeats
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 

@@ -14,7 +14,7 @@ import pytest
 
 from engine_cases import plain_settings, random_article
 from middeck.errors import DataError
-from middeck.realtime.engine.process.supervisor import Supervisor
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 PATIENT = {"late_s": 0.2, "heartbeat_s": 0.0}  # other programs may hold this machine up for so long

@@ -12,9 +12,9 @@ from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RACING = """

@@ -19,7 +19,6 @@ from engine_campaigns import cases_of
 from engine_cases import plain_settings, random_article, random_package
 from middeck.errors import ConfigError, DataError
 from middeck.files.records import load_record, read_record
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.recorder import BLOCK, Recorder
 from middeck.realtime.engine.recording.run_file import decode_run, read_run
 from middeck.realtime.engine.recording.run_frames import (
@@ -30,6 +29,7 @@ from middeck.realtime.engine.recording.run_frames import (
     frames_in,
 )
 from middeck.realtime.engine.recording.run_head import run_head
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 SAMPLES, STOPPED = 1500, 1200

@@ -12,9 +12,9 @@ import pytest
 from engine_cases import OUTPUTS, plain_settings, random_article, random_package
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.process.compile import build_engine, engine_sources
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.reference import ReferenceLaw
 from packaged_laws import CLEAN
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RECORDS = (

@@ -20,12 +20,12 @@ from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, SensorTest, Spread
 from middeck.realtime.engine.process.launch import started_settings
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import Fault
 from middeck.realtime.package.filter_sections import SMALLEST, LoopPath, static_gain
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.signals.ports import Port
 from packaged_laws import PERIOD_S, ports
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 STILL = still_article(np.full(SENSORS, 0.5))

@@ -21,10 +21,10 @@ from engine_cases import (
 )
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import encode_settings
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.engine.rigs.linear_article import Fault
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 

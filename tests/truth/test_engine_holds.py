@@ -12,11 +12,11 @@ from engine_cases import kinds, plain_settings, static_package, still_article, v
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.launch import started_settings
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from packaged_laws import PERIOD_S
 from repeats import repeats
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 INERTIA, STEP = 1.0, PERIOD_S

@@ -19,11 +19,11 @@ from engine_cases import (
 )
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain, encode_proof
 from middeck.realtime.engine.interface.settings import LEAST_RAMP, Drive, hash_hold
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_bytes import hash_package
 from middeck.realtime.package.reference import ReferenceLaw
 from packaged_laws import PERIOD_S, ports
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 LAG = Section(np.array([-0.3, 0.1, 0.0]), np.array([-0.6, 0.05]))

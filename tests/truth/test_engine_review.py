@@ -33,10 +33,10 @@ from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.shared_file import open_shared_file
 from middeck.realtime.engine.process.compile import build_engine, engine_sources
 from middeck.realtime.engine.process.launch import DriverRig
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import Fault, LinearArticle
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from packaged_laws import PERIOD_S
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RAMP = 250

@@ -19,12 +19,12 @@ from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.process import commanded_engine
 from middeck.realtime.engine.process.compile import build_engine
 from middeck.realtime.engine.process.launch import DriverRig, UdpRig
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK
 from middeck.realtime.engine.rigs.udp_replies import REPLY, REQUEST, seal, unseal
 from middeck.realtime.engine.trials.trial import Stage, run_trial
 from middeck.realtime.engine.trials.udp_client import RigClient
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 

@@ -25,7 +25,6 @@ from middeck.files.laws.blacklists import load_blacklist, write_blacklist
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.monitors import Monitor
 from middeck.realtime.engine.interface.settings import Drive, SensorTest, Spread
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import Fault, encode_article, linear_article
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, static_gain
 from middeck.realtime.package.package_bytes import hash_law, hash_package
@@ -35,6 +34,7 @@ from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports, random_law
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 GAIN = -0.02

@@ -25,11 +25,11 @@ from middeck.errors import DataError
 from middeck.realtime.engine.interface.commands import check_of
 from middeck.realtime.engine.interface.settings import Drive, time_to_rest
 from middeck.realtime.engine.process import commanded_engine
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.package_law import package_law
 from middeck.systems.state_space.statespace import SampledStateSpace
 from packaged_laws import PERIOD_S, ports
+from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
 RAMP, SAFE_RAMP = 250, 10

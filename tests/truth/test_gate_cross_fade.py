@@ -14,7 +14,6 @@ from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still
 from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.gate import cross_fade
 from middeck.realtime.gate.adaptive import prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
@@ -31,6 +30,7 @@ from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from ungated import Supervisor
 
 PERIOD_S = 0.01
 ANY = GateMargins(gain_db=0.0, phase_deg=0.0)

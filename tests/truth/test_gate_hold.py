@@ -15,7 +15,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest, hash_hold
-from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.process import supervisor
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.gate.gate import NO_HOLD, examine_package
 from middeck.realtime.gate.linear_law import linear_law
@@ -30,6 +30,7 @@ from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from ungated import Supervisor
 
 PERIOD_S = 0.002
 WAY, RATE, PUSH, TURN = Port("way", "m"), Port("rate", "m/s"), Port("push", "N"), Port("turn", "N m")
@@ -197,10 +198,21 @@ def test_a_verdict_with_its_proof_lets_the_gain_adapt_and_no_other_does():
             for other in (damper(1.9), encode_package(damper(1.9)), b""):
                 assert loop.load(other).reason.startswith("no gate has passed this package")
             assert [event.kind for event in loop.events()] == ["loaded"] * 2 * (word == "done")
+    with supervisor.Supervisor(engine, rig) as loop:  # nobody has said what gates have passed
+        answer = loop.load(damper())
+        assert answer.word == "not admitted"
+        assert 'admitted="ungated"' in answer.reason
+        assert not loop.events()
     faster = dataclasses.replace(engine, adaptive=dataclasses.replace(gain, rate=0.051))
     with Supervisor(faster, rig) as loop:
         assert loop.load(damper(), proof=verdict.proved_gain).done
         assert loop.command("adapt", values=[1.0]).word == "not proved"
+
+
+@pytest.mark.parametrize("neither", [None, "any", [("package", "hold")]])
+def test_what_is_admitted_is_verdicts_or_said_to_be_ungated(neither):
+    with pytest.raises(ConfigError, match="admitted = "):
+        supervisor.Supervisor(engine_of((WAY,), (PUSH,), ()), None, admitted=neither)
 
 
 def test_a_rig_with_another_hold_is_not_the_engine_that_was_asked_for():
@@ -250,13 +262,13 @@ def test_a_package_engages_on_a_rig_beside_a_verified_hold(monkeypatch):
     """So that a trip of the package falls back on what has held, and not on nothing."""
     engine = engine_of((WAY, RATE), (PUSH,), SPRING)
     rig = linear_article(mass(-20.0), PERIOD_S, ["push"], ["way", "rate"], sensor_noise=1e-5)
-    seen, command = [], Supervisor.command
+    seen, command = [], supervisor.Supervisor.command
 
     def watched(loop, kind, **given):
         seen.append((kind, int(loop.file.status["hold_verified"])))
         return command(loop, kind, **given)
 
-    monkeypatch.setattr(Supervisor, "command", watched)
+    monkeypatch.setattr(supervisor.Supervisor, "command", watched)
     step, _ = check_engagement(damper(), GateRig(rig, engine), GateTrials(engage_s=1.0))
     assert step.passed, step.said
     assert seen[-2:] == [("engage", 1), ("engage", 1)]

@@ -23,7 +23,6 @@ from middeck.laboratory.rig.ticks.stepped import SteppedRig
 from middeck.realtime.engine.interface.header import constants
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.launch import UdpRig
-from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs import udp_replies
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
@@ -47,6 +46,7 @@ from middeck.systems.state_space.statespace import SampledStateSpace
 from plant_builders import sum_of_modes
 from repeats import repeats
 from served_by_thread import served_by_thread
+from ungated import Supervisor
 
 PERIOD_S, SEED, RAMP = 0.002, 7, 150
 FIRST, SECOND = 11, 12

@@ -20,7 +20,8 @@ REASONS = {
     "still unhealthy": "a sensor is still out of order",
     "busy": "the slot runs, or the excitation plays",
     "out of range": "a value outside its range",
-    "not admitted": "no gate has passed this package beside this hold",
+    "not admitted": "no gate has passed this package beside this hold: give its verdict to the supervisor, "
+    'admitted=load_verdicts(["verdict.json"]), or on a bench admitted="ungated"',
     "on blacklist": "a trip has put the law of this package on the blacklist",
     "no waveform": "the engine was started without an excitation",
     "not adaptive": "the settings have no adaptive gain",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +24,7 @@ from middeck.realtime.engine.interface.commands import (
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.engine.interface.shared_file import SharedFile
+from middeck.realtime.engine.process.admitted import Admitted, is_admitted
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
@@ -42,7 +43,7 @@ class CommandedEngine:
     real_time: bool
     file: SharedFile
     process: subprocess.Popen[str] | AdoptedEngine
-    _admitted: Mapping[str, str] | None
+    _admitted: Admitted
     _session: int
 
     @property
@@ -121,7 +122,7 @@ class CommandedEngine:
         ``proof`` is what the gate has proved of the adaptive gain: without it "adapt" is refused. A package
         that is not ``admitted`` does not reach the engine: its answer has the number 0.
         """
-        if self._admitted is not None and self._admitted.get(_seal(package)) != hash_hold(self.settings):
+        if not is_admitted(self._admitted, _seal(package), hash_hold(self.settings)):
             return Answer(0, self.sample, "not admitted")
         self._require_own()  # before its package lies where that of a successor may wait
         sealed = b"" if proof is None else encode_proof(proof)

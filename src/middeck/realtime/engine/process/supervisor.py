@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 
@@ -34,6 +34,7 @@ from middeck.realtime.engine.interface.shared_file import (
     pretrip_records,
     take_records,
 )
+from middeck.realtime.engine.process.admitted import NONE_ADMITTED, Admitted, checked_admitted
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
 from middeck.realtime.engine.process.commanded_engine import PATIENCE_S, POLL_S, CommandedEngine
 from middeck.realtime.engine.process.compile import build_engine
@@ -73,8 +74,11 @@ class Supervisor(CommandedEngine):
         pretrip_s: Time before a trip that is kept until its reset.
         program: The compiled engine; that of `build_engine` if it is left out.
         blacklist: Laws that it refuses from the start, by their `hash_law`: what `load_blacklist` reads.
-        admitted: What gates have passed: the ``hold`` of each verdict by its ``sha256``. Any other package,
-            or one that was judged beside another hold, is refused. If left out, none is asked for a verdict.
+        admitted: What gates have passed: the ``hold`` of each verdict by its ``sha256`` (`load_verdicts`).
+            Any other package, or one that was judged beside another hold, is refused: if it is left out, all
+            are. ``"ungated"`` asks for no verdict, as on a bench.
+
+    Raises `ConfigError` for settings and options that fit no engine.
     """
 
     def __init__(
@@ -89,10 +93,9 @@ class Supervisor(CommandedEngine):
         pretrip_s: float = 30.0,
         program: Path | None = None,
         blacklist: Collection[str] = (),
-        admitted: Mapping[str, str] | None = None,
+        admitted: Admitted = NONE_ADMITTED,
     ) -> None:
-        self._begin(settings, real_time)
-        self._admitted = admitted
+        self._begin(settings, real_time, admitted)
         banned = banned_hashes(blacklist)
         try:
             self._start(rig, waveform, folder, ring, pretrip_s, program, banned)
@@ -157,7 +160,7 @@ class Supervisor(CommandedEngine):
 
     @classmethod
     def attach(
-        cls, path: Path, settings: EngineSettings, *, admitted: Mapping[str, str] | None = None
+        cls, path: Path, settings: EngineSettings, *, admitted: Admitted = NONE_ADMITTED
     ) -> Supervisor:
         """Take over an engine whose supervisor is gone, by its shared file ("engine.shared" in its folder).
 
@@ -171,8 +174,7 @@ class Supervisor(CommandedEngine):
         if not is_run_by(settings, file.settings):
             raise ConfigError("is run with other settings", where=str(path), hint="those it was started with")
         made = cls.__new__(cls)
-        made._begin(settings, bool(file.settings["clock"]))
-        made._admitted = admitted
+        made._begin(settings, bool(file.settings["clock"]), admitted)
         made.file = file
         made.process = AdoptedEngine(file)
         with locked(path.parent):
@@ -189,7 +191,8 @@ class Supervisor(CommandedEngine):
         made.beat()
         return made
 
-    def _begin(self, settings: EngineSettings, real_time: bool) -> None:
+    def _begin(self, settings: EngineSettings, real_time: bool, admitted: Admitted) -> None:
+        self._admitted = checked_admitted(admitted)
         self.settings, self.real_time = settings, real_time
         self.recorder: Recorder | None = None
         self.seen_events = self._said = 0

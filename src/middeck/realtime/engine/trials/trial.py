@@ -114,7 +114,8 @@ def _by_engine(
     real_time: bool,
     program: Path | None,
 ) -> Trial:
-    with Supervisor(settings, rig, real_time=real_time, program=program) as engine:
+    # It is what a gate finds out: there is no verdict yet.
+    with Supervisor(settings, rig, real_time=real_time, program=program, admitted="ungated") as engine:
         taken = engine.run(settings.samples(SETTLE_S) if real_time else 0)
         first = len(taken)
         answers = [engine.load(package)]
