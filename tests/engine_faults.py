@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
+import signal
 import struct
 from collections.abc import Callable, Generator
 from typing import Any
@@ -311,7 +312,10 @@ def play(kind: str, state: str, seed: int, **options: Any) -> Ending:
         finished = [] if kind in ENDS else _finish(engine, before)
         records = np.concatenate([upset.records, *finished])
         why = upset.why or _complaint(engine, kind, before, records, trips, faults, upset.answers)
-        return Ending(state=engine.state, trips=trips, answers=upset.answers, why=why)
+        ending = Ending(state=engine.state, trips=trips, answers=upset.answers, why=why)
+    code = engine.process.returncode
+    sound = code == (-signal.SIGKILL if kind == "engine killed" else 0)
+    return ending if sound or ending.why else dataclasses.replace(ending, why=f"ended with code {code}")
 
 
 def _load(kind: str) -> Act:
