@@ -1,4 +1,4 @@
-"""What is found once for a configuration is its model's, and no pull escapes the verdict on what nothing strains."""
+"""What is found once for a configuration is its model's; no pull escapes the verdict on the unstrained."""
 
 from __future__ import annotations
 

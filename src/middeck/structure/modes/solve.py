@@ -186,7 +186,7 @@ def _solve(
     pairs = solve_pairs(K, M, count, soft)
     if pairs is None:
         raise _massless(model, free, int(np.argmin(abs(K + M).sum(axis=0))))
-    pairs = separate_rigid(model, config, loads, pairs.pick(slice(count)), free)
+    pairs = separate_rigid(model, config, loads, pairs.pick(slice(count)), free, at)
     T = transport(config, model.tree)
     rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, free, T)
     rank = np.argsort(~rigid, kind="stable")
