@@ -29,6 +29,7 @@ ELSEWHERE = {
     ("ROTOR", "RSPIN", "RGYRO"): "rotors do not spin: give a [[wheel]] and its speed in the environment",
     ("PBUSHT", "PELAST"): "stiffness by frequency or load: the article has that of PBUSH, PELAS",
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): DAMPS,
+    ("NSM", "BGSET", "BCTABLE", "BCONP"): NOT_SELECTED,
 }
 DIVIDES = "which superelement something is in: the article is not divided"
 
