@@ -662,3 +662,11 @@ def test_cards_of_stiffness_by_frequency_are_not_said_to_have_no_effect(tmp_path
     path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}NSM1,7\nBGSET,7\nENDDATA\n")
     rows = {card: why for card, _, why in convert_deck(read_deck(path), SI, "consistent", "a").left_out}
     assert rows["NSM1"] == rows["BGSET"] == "not selected by case control"
+
+
+@pytest.mark.parametrize(("card", "by"), [("ASET1,123,2", "to its ASET"), ("OMIT1,456,2", "by OMIT")])
+def test_a_reduction_of_the_deck_is_told(tmp_path, card, by):
+    path = tmp_path / "a.dat"
+    path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}{card}\nENDDATA\n")
+    notes = convert_deck(read_deck(path), SI, "consistent", "a").notes
+    assert f"the deck reduces {by}: the article keeps all degrees of freedom" in notes
