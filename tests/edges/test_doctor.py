@@ -105,14 +105,13 @@ def test_durations_take_the_same_room_however_many_they_are():
 @pytest.mark.usefixtures("compiler")
 def test_a_run_of_any_length_keeps_one_piece_of_it(monkeypatch):
     """Of engine and bare loop alike: nothing of a piece is still there when the next but one begins."""
-    kept, most, sizes = [], [], []
+    kept, most = [], []
 
     def watched(give):
         def one(*args):
             most.append(sum(piece() is not None for piece in kept))
             given = give(*args)
             kept.append(weakref.ref(given))
-            sizes.append(given.shape[-1])
             return given
 
         return one
@@ -121,11 +120,9 @@ def test_a_run_of_any_length_keeps_one_piece_of_it(monkeypatch):
     monkeypatch.setattr(timing, "BARE_PIECE", 40)
     monkeypatch.setattr(Supervisor, "run", watched(Supervisor.run))
     monkeypatch.setattr(timing, "run_bare_loop", watched(timing.run_bare_loop))
-    report = timing.measure_timing(rate_hz=1000.0, seconds=0.2, shape=(6, 2, 1), priority=None)
-    assert len(sizes) >= 8
+    report = timing.measure_timing(rate_hz=1000.0, seconds=0.5, shape=(6, 2, 1), priority=None)
+    assert len(kept) > report.samples // 40 >= 12
     assert max(most) <= 1
-    assert report.samples >= 200
-    assert max(sizes) < report.samples
 
 
 @pytest.mark.usefixtures("compiler")

@@ -105,6 +105,9 @@ def test_the_lines_on_it_and_a_bad_grid(tmp_path: Path, capfd: pytest.CaptureFix
     assert ended.code == 2
     assert "PARAM GRDPNT" in ended.err
     assert "must be the number of a grid, 0 or -1" in ended.err
+    ended = middeck(capfd, "convert", deck(tmp_path / "c.dat", "PARAM,COUPMASS,ABC"), *units)
+    assert (ended.code, "PARAM COUPMASS" in ended.err) == (2, True)
+    assert "must be a whole number, YES or NO" in ended.err
 
 
 def test_a_negative_mass_takes_away_what_is_there_and_no_more(

@@ -17,7 +17,6 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.optimize as opt
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import lapack
 from scipy.special import erf, ndtr, ndtri
 
 from middeck.values import record
@@ -29,7 +28,6 @@ LEAST, MOST, TIMES = 1e-6, 0.1, 4.0
 USUAL, FACTOR = 3e-4, 3.0
 SWEEPS, GRID = 3, 24
 KNOWN = -1
-LAPACK = cast("Any", lapack)
 # Factors of e about the most probable, and points there, over which it is uncertain; what an interval holds.
 AWAY, POINTS = 4.0, 41
 HELD, NORMAL_95 = 0.95, 1.959964
@@ -225,10 +223,11 @@ def _surprise_along(
 def _of_normal(C: Float[np.ndarray, "row row"], y: Float[np.ndarray, " row"]) -> float:
     """Minus the logarithm of the density of ``y``, but for a constant; the covariance C is overwritten."""
     # A thousand times a refinement, of some fifty rows: NumPy's and SciPy's own checks take longer.
-    root, failed = LAPACK.dpotrf(C.T, lower=True, clean=False, overwrite_a=True)
+    lapack: Any = sla.lapack
+    root, failed = lapack.dpotrf(C.T, lower=True, clean=False, overwrite_a=True)
     if failed:
         raise np.linalg.LinAlgError("a covariance of what was measured is not positive definite")
-    white, _ = LAPACK.dtrtrs(root, y, lower=True)
+    white, _ = lapack.dtrtrs(root, y, lower=True)
     return float(np.log(root.diagonal()).sum() + 0.5 * white @ white)
 
 
