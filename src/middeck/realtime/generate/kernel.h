@@ -84,16 +84,12 @@ static inline int take_inputs(real *held, const real *y, const real *limit, int 
     int i, taken = 0;
 
     for (i = 0; i < count; ++i) {
-        if (!(y[i] - y[i] == 0)) { /* not finite: the last value is kept */
-            ++taken;
-        } else if (y[i] > limit[i]) {
-            held[i] = limit[i];
-            ++taken;
-        } else if (y[i] < -limit[i]) {
-            held[i] = -limit[i];
-            ++taken;
-        } else {
+        if (y[i] <= limit[i] && y[i] >= -limit[i]) {
             held[i] = y[i];
+        } else {
+            ++taken;
+            if (y[i] - y[i] == 0) /* else not finite: the last value is kept */
+                held[i] = y[i] > 0 ? limit[i] : -limit[i];
         }
     }
     return taken;
