@@ -39,7 +39,7 @@ def drawn(seed: int, off: float) -> tuple[np.ndarray, np.ndarray, Refined, np.nd
     return x, other, found, np.log(case.truth(x, False, other).zeta[:TOLD])
 
 
-@pytest.mark.parametrize("off", repeats([0.1, 0.0], 2))
+@pytest.mark.parametrize("off", repeats([0.1, 0.0]))
 def test_hidden_damping_is_recovered_within_what_is_stated(off: float):
     """Complex modes of the truth by matrices of its own: 90 % of 95 % intervals hold, in orbit too.
 
