@@ -20,7 +20,7 @@ from measured.result_file import options_of, write_rows
 
 # The harness of compiled laws and of emulated processors is that of the tests.
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / sub) for sub in ("", "cross")]
-CASES = ("step", "bits", "single", "small", "beam", "engine", "lockstep", "guards", "slow", "gated")
+CASES = ("step", "bits", "single", "small", "fuzz", "beam", "engine", "lockstep", "guards", "slow", "gated")
 
 
 def _case(name: str, options: Any) -> Any:

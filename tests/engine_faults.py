@@ -6,30 +6,34 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
-import resource
+import signal
 import struct
-import tempfile
-import warnings
 from collections.abc import Callable, Generator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from engine_destabilising import scaled_rows, shifted_truth
 from engine_rigs import design, nominal_article, pack, settings_of
+from engine_upsets import ASKED, CLOCKS, DISKS, ENDS, Act, Upset, wait
+from faked_clock import SupervisorByFakedClock, faked_clock
 from middeck.realtime.engine.interface.settings import EngineSettings
-from middeck.realtime.engine.recording.run_file import read_run
+from middeck.realtime.engine.interface.shared_file import LARGEST
 from middeck.realtime.engine.rigs.linear_article import Fault, LinearArticle
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import encode_package
 from middeck.values import record
 from ungated import Supervisor
 
-STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging")
+STATES = ("safe", "ready", "identify", "engaging", "control", "disengaging", "cross-fading")
+"""Those of the engine, and with both slots in a fade."""
+BEFORE = {"safe": 30, "identify": 40, "engaging": 60, "control": 300, "disengaging": 340, "cross-fading": 340}
+"""Samples between the first command towards a state and the fault."""
+LAST = {"disengaging": ("disengage", 0), "cross-fading": ("engage", 1)}
+"""What is commanded last, 60 samples before it."""
 ARTICLE = ("dm", "lab")
-HOLDING, WITHIN, AFTER = 2500, 300, 900
-"""Samples until the hold is verified and stays so, then until the fault may come, then after it."""
+HOLDING, WITHIN = 1500, 300
+"""Samples until the hold is verified and stays so, then until the fault may come."""
 SINGLE, LONG = 1, 1 << 40
 
 
@@ -63,6 +67,11 @@ def law(authority: float = 2.0):
 @functools.cache
 def good() -> ControllerPackage:
     return pack(law())
+
+
+@functools.cache
+def another() -> ControllerPackage:
+    return pack(law(1.5))
 
 
 def _faults(kind: str, value: Callable, channels: str = "sensor", length: int = LONG):
@@ -122,6 +131,7 @@ RIG: dict[str, Callable] = {
     "actuator weak": _faults("output limit", lambda rng, s, k: 10.0 ** rng.uniform(-3.0, -1.0), "output"),
     "rig silent once": _faults("rig silent", lambda rng, s, k: 0.0, length=SINGLE),
     "rig silent for long": _faults("rig silent", lambda rng, s, k: 0.0),
+    "rig dies": _faults("rig dies", lambda rng, s, k: 0.0),
 }  # fmt: skip
 
 
@@ -208,6 +218,7 @@ PACKAGES: dict[str, Callable] = {
     "package for other units": lambda rng: _other_ports("unit"),
     "package corrupted": _corrupted,
     "package truncated": lambda rng: _good_bytes()[: int(rng.integers(1, len(_good_bytes())))],
+    "package too large": lambda rng: _good_bytes() + bytes(LARGEST),
     "package replayed": lambda rng: good(),
     "package with a NaN": _nan,
     "package big-endian": _big_endian,
@@ -216,12 +227,74 @@ PACKAGES: dict[str, Callable] = {
 }
 SOUND = {"package destabilises", "package with too much gain", "compensator unstable", "package replayed"}
 REFUSED = PACKAGES.keys() - SOUND
-ASKED = ("crew STOP", "supervisor silent", "commands out of place", "records not read")
-DISKS = ("disk full", "disk full for a while")
-KINDS = (*RIG, *ARTICLES, *PACKAGES, *ASKED, *DISKS)
+ACTS: dict[str, Act] = {**ASKED, **CLOCKS, **ENDS, **DISKS}
+KINDS = (*RIG, *ARTICLES, *PACKAGES, *ACTS)
+LATE = ("engine overruns for long", "engine stalls", "engine stopped and continued", "clock jumps")
+TRIPS = {
+    "crew STOP": "stop", "supervisor silent": "heartbeat", "rig silent for long": "no answer",
+    "rig dies": "rig dead", "sensor nan for long": "not finite", **dict.fromkeys(LATE, "lateness"),
+}  # fmt: skip
+"""What must trip an engine that is not in SAFE yet."""
+HARMLESS = REFUSED | DISKS.keys() | {
+    "records not read", "commands out of place", "commands repeated", "commands of another session",
+    "engine late once", "engine overruns once", "calendar set",
+}  # fmt: skip
+"""What must trip none, where no excitation plays: that may trip by its own growth."""
 
 
-def play(kind: str, state: str, seed: int) -> Ending:
+OF_THE_DESIGN: dict[str, tuple[str, ...]] = {
+    "sensor NaN": ("sensor nan", "sensor nan for long", "sensor inf"),
+    "sensor spike": ("sensor spike", "sensor out of range"),
+    "sensor stuck": ("sensor stuck", "sensor dead"),
+    "sensor drift": ("sensor drift", "sensor bias", "sensor noisy"),
+    "sensor of swapped sign": ("sensor with swapped sign", "sensor with wrong gain", "sensors swapped"),
+    "sensor delayed": ("sensor late",),
+    "sample dropped": ("samples dropped", "rig silent once", "rig silent for long"),
+    "encoder wrap": ("encoder wraps",),
+    "actuator saturated": ("actuator weak",),
+    "actuator dead": ("actuator dead", "actuator stuck"),
+    "actuator reversed": ("actuator reversed", "actuator too strong"),
+    "frequencies off by 5 %": tuple(ARTICLES),
+    "package destabilises": ("package destabilises", "package with too much gain"),
+    "package too large": ("package too large",),
+    "package of wrong size": ("package of wrong sizes", "package empty"),
+    "package of wrong rate": (
+        "package of another rate", "package for other names", "package for other units",
+    ),
+    "package corrupted": (
+        "package corrupted", "package of noise", "package with a NaN", "package big-endian",
+    ),
+    "package truncated": ("package truncated",),
+    "package replayed": ("package replayed",),
+    "compensator unstable": ("compensator unstable",),
+    "clock step": ("calendar set",),
+    "clock jump": ("clock jumps",),
+    "overrun": ("engine late once", "engine overruns once", "engine overruns for long"),
+    "stall": ("engine stalls",),
+    "SIGSTOP": ("engine stopped and continued",),
+    "SIGKILL of the engine": ("engine killed", "engine told to end"),
+    "SIGKILL of the supervisor": ("supervisor silent",),
+    "SIGKILL of the rig": ("rig dies",),
+    "ring overflow": ("records not read",),
+    "disk full": ("disk full", "disk full for a while"),
+    "disk read-only": ("disk read-only", "folder read-only"),
+    "short write": ("disk takes short writes",),
+    "bit flip in a stored block": ("bit flips in a stored block",),
+    "expired and repeated commands": (
+        "commands repeated", "commands of another session", "commands out of place",
+    ),
+    "STOP in each state": ("crew STOP",),
+}  # fmt: skip
+"""Faults by their names in the design, and what plays them here. Those of decks, crew and link come later."""
+
+
+def table() -> list[str]:
+    """The rows of the requirements' page."""
+    rows = [f"| {name} | {', '.join(kinds)} |" for name, kinds in OF_THE_DESIGN.items()]
+    return ["| fault | played as |", "| --- | --- |", *rows]
+
+
+def play(kind: str, state: str, seed: int, **options: Any) -> Ending:
     """Bring an engine into ``state``, let ``kind`` happen, wait, and finish what was begun."""
     settings, rng = fault_settings(), np.random.default_rng([seed, KINDS.index(kind), STATES.index(state)])
     start = HOLDING + int(rng.integers(5, WITHIN))
@@ -230,99 +303,97 @@ def play(kind: str, state: str, seed: int) -> Ending:
     rig = dataclasses.replace(plain, faults=faults, seed=int(rng.integers(1 << 30)))
     wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
     ring = 64 if kind == "records not read" else 2048
-    with engine_in(state, start, rig, settings, waveform=wave, ring=ring, pretrip_s=2.0) as engine:
+    given = {"waveform": wave, "ring": ring, "pretrip_s": 2.0, "by_clock": kind in CLOCKS, **options}
+    with engine_in(state, start, rig, settings, **given) as engine:
+        engine.events()
         before = engine.state
-        records, answers = [], []
-        if kind in PACKAGES:
-            made = PACKAGES[kind](rng)
-            answers = [engine.load(made, slot=1).word, engine.command("engage", slot=1, values=[1.0]).word]
-        elif kind in ASKED:
-            records, answers = _ask(engine, kind, rng)
-        elif kind in DISKS:
-            records, answers = _fill_disk(engine, kind, rng)
-        if kind != "records not read":
-            records.append(engine.run(AFTER))
+        upset = (_load(kind) if kind in PACKAGES else ACTS.get(kind, wait))(engine, rng)
         trips = tuple(event.kind for event in engine.events() if event.trips)
-        records += _finish(engine, before)
-        return Ending(
-            state=engine.state, trips=trips, answers=tuple(answers),
-            why=_complaint(engine, kind, before, np.concatenate(records), trips, faults, answers),
-        )  # fmt: skip
+        finished = [] if kind in ENDS else _finish(engine, before)
+        records = np.concatenate([upset.records, *finished])
+        why = upset.why or _complaint(engine, kind, before, records, trips, faults, upset.answers)
+        ending = Ending(state=engine.state, trips=trips, answers=upset.answers, why=why)
+    code = engine.process.returncode
+    sound = code == (-signal.SIGKILL if kind == "engine killed" else 0)
+    return ending if sound or ending.why else dataclasses.replace(ending, why=f"ended with code {code}")
+
+
+def _load(kind: str) -> Act:
+    """Load a package of this kind into the second slot, which is busy while it fades, and engage it."""
+
+    def act(engine: Supervisor, rng: np.random.Generator) -> Upset:
+        runs = bool(_slots(engine) & 0b0100)
+        loaded = engine.load(PACKAGES[kind](rng), slot=1).word
+        engaged = engine.command("engage", slot=1, values=[1.0]).word
+        why = "" if (loaded == "busy") == runs else f"{loaded} where the slot runs: {runs}"
+        return Upset(records=wait(engine, rng).records, answers=(loaded, engaged), why=why)
+
+    return act
 
 
 @contextlib.contextmanager
 def engine_in(
-    state: str, start: int, rig: LinearArticle, settings: EngineSettings, **options: Any
+    state: str,
+    start: int,
+    rig: LinearArticle,
+    settings: EngineSettings,
+    *,
+    by_clock: bool = False,
+    **options: Any,
 ) -> Generator[Supervisor]:
     """An engine that is in ``state`` at sample ``start``; of 100 rigs the first whose hold allows it."""
     for seed in range(rig.seed, rig.seed + 100):
-        with Supervisor(settings, dataclasses.replace(rig, seed=seed), **options) as engine:
+        with _started(settings, dataclasses.replace(rig, seed=seed), by_clock, options) as engine:
             if reach(engine, state, start):
-                assert (engine.state, engine.sample) == (state, start)
+                fading = state == "cross-fading"
+                assert (engine.state, engine.sample) == ("engaging" if fading else state, start)
+                assert not fading or _slots(engine) == 0b1101
                 yield engine
                 return
 
 
+def _slots(engine: Supervisor) -> int:
+    """Which slots run and are in control, as the last record has it: two bits each."""
+    return int(engine.file.ring["slots"][(engine.sample - 1) % len(engine.file.ring)])
+
+
+@contextlib.contextmanager
+def _started(
+    settings: EngineSettings, rig: LinearArticle, by_clock: bool, options: dict[str, Any]
+) -> Generator[Supervisor]:
+    if not by_clock:
+        with Supervisor(settings, rig, **options) as engine:
+            yield engine
+        return
+    patient = dataclasses.replace(settings, heartbeat_s=2.0)  # fewer looks of the supervisor, which take time
+    with faked_clock() as clock, SupervisorByFakedClock(patient, rig, clock=clock, **options) as engine:
+        yield engine
+
+
 def reach(engine: Supervisor, state: str, start: int) -> bool:
     """Bring it there; False where its hold is not verified when that is asked for."""
+
+    def run_to(sample: int) -> None:
+        engine.run(sample - engine.sample, keep=False)
+
     assert engine.load(good()).done
+    assert state != "cross-fading" or engine.load(another(), slot=1).done
     assert engine.reset().done
-    wait = {"safe": 30, "identify": 40, "engaging": 60, "control": 300, "disengaging": 340}.get(state, 0)
-    engine.run(start - wait, keep=False)
+    run_to(start - BEFORE.get(state, 0))
     if not engine.file.status["hold_verified"]:
         return False
     if state == "safe":
         engine.stop()
     elif state == "identify":
         assert engine.command("excite", values=[0.0]).done
-    elif wait:
+    elif state != "ready":
         assert engine.command("engage", values=[1.0]).done
-    if state == "disengaging":
-        engine.run(300, keep=False)
-        assert engine.command("disengage").done
-    engine.run(start - engine.sample, keep=False)
+    if state in LAST:
+        run_to(start - 60)
+        word, slot = LAST[state]
+        assert engine.command(word, slot=slot, values=[1.0]).done
+    run_to(start)
     return True
-
-
-def _ask(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[np.ndarray], list[str]]:
-    if kind == "crew STOP":
-        engine.stop()
-        return [], []
-    if kind == "supervisor silent":
-        return [engine.run(10, beats=False) for _ in range(20)], []
-    if kind == "records not read":
-        return [engine.run(AFTER, keep=False), engine.run(1)], []
-    words = [("reset", 0, [1e9]), ("standby", 7, []), ("engage", -1, [1.0]), ("engage", 1, [1.0]),
-             ("engage", 0, [np.nan]), ("excite", 0, [-1.0]), ("excite", 0, [0.5]), ("strip", 99, [0, 1]),
-             ("strip", 0, [np.nan, 1]), ("strip", 0, [0, 1e9]), ("adapt", 0, [1.0]), ("load", 1, [0.0]),
-             ("load", 9, [8.0]), ("load", 1, [1e12])]  # fmt: skip
-    order = rng.permutation(len(words))
-    return [], [engine.command(words[i][0], slot=words[i][1], values=words[i][2]).word for i in order]
-
-
-def _fill_disk(engine: Supervisor, kind: str, rng: np.random.Generator) -> tuple[list[np.ndarray], list[str]]:
-    """Record, let the system refuse all after some bytes, and say what is wrong with the file."""
-    most = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        file = Path(folder) / "run.mdr"
-        recorder = engine.record(file)
-        first = engine.sample
-        try:
-            resource.setrlimit(
-                resource.RLIMIT_FSIZE, (file.stat().st_size + int(rng.integers(200_000)), most[1])
-            )
-            records = [engine.run(AFTER)]
-            if kind == "disk full":
-                engine.end_recording()
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, most)
-        engine.end_recording()
-        run = read_run(file)
-    found = run.records["sequence"]
-    whole = len(found) >= AFTER if kind != "disk full" else bool(recorder.faults)
-    ordered = np.array_equal(found[-AFTER:], first + 1 + np.arange(len(found[-AFTER:])))
-    return records, [] if whole and ordered else [f"a record of {len(found)} samples, {recorder.faults}"]
 
 
 def _finish(engine: Supervisor, before: str) -> list[np.ndarray]:
@@ -353,10 +424,12 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
             return f"{sensor.port.name} at {share:.2f} of its envelope"
     if kind in REFUSED and answers[0] == "done":
         return "a package accepted that must be refused"
-    if kind in DISKS and answers:
-        return answers[0]
-    if kind == "commands out of place" and "done" in answers:
-        return "a command carried out that must be refused"
+    if kind in HARMLESS and before != "identify" and trips:
+        return f"tripped by {trips}"
+    if before != "safe" and kind in TRIPS and trips[:1] != (TRIPS[kind],):
+        return f"not tripped by {TRIPS[kind]}"
+    if kind in ENDS:
+        return ""
     if engine.state == "safe":
         return _safe_complaint(engine, before, trips)
     if before == "safe":

@@ -15,7 +15,6 @@ from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_law import without_applied
 from middeck.realtime.package.rounding_errors import LinearLaw, unfold_law
-from middeck.realtime.package.single_precision import bound_error
 from middeck.signals.ports import Port
 from middeck.systems.state_space.statespace import SampledStateSpace
 
@@ -149,7 +148,7 @@ def worst_error(
     command, or one within its limits, unless the bound is for its own commands.
     """
     runs, m = [compile_law(one, folder) for one in (package, single)], len(package.inputs)
-    own = bound_error(package).own
+    own = single.error_bound_own
     noise = np.sign(np.random.default_rng(5).standard_normal((count, m + len(package.outputs))))
     worst = np.zeros(len(package.outputs))
     moved = without_applied(package) if own else package

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
+import scipy.sparse.linalg as spla
 
 PEERS = Path(__file__).resolve().parents[1] / "peers"
 
@@ -42,3 +46,17 @@ def peer(python: str | None, script: str, **given: Any) -> dict[str, np.ndarray]
         subprocess.run([python, str(PEERS / script), str(source), str(target)], check=True)
         with np.load(target, allow_pickle=False) as answer:
             return {k: answer[k] for k in answer.files}
+
+
+@contextlib.contextmanager
+def counted_factorisations() -> Iterator[list[int]]:
+    """A list that grows by one entry with every sparse factorisation."""
+    found: list[int] = []
+    real = spla.splu
+
+    def counted(*given: Any, **more: Any) -> Any:
+        found.append(1)
+        return real(*given, **more)
+
+    with mock.patch.object(spla, "splu", counted):
+        yield found

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from engine_campaigns import CAMPAIGNS, TWENTIETH, table
+from engine_faults import table as fault_table
 
 ROOT = Path(__file__).parents[2]
 ROWS = [
@@ -48,6 +49,10 @@ def test_each_test_that_is_named_exists():
         named = re.findall(r"`([^`]+)`", tests)
         assert named, number
         assert set(named) <= functions, number
+
+
+def test_the_table_of_faults_is_what_the_campaign_plays():
+    assert "\n".join(fault_table()) in (ROOT / "docs/reference/requirements.md").read_text()
 
 
 def test_the_table_of_campaigns_is_what_the_tests_run():

@@ -90,6 +90,20 @@ def test_a_folder_that_takes_no_file_is_refused_before_any_work(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_study_fills_no_folder_below_a_file(tmp_path: Path, capfd: Capture) -> None:
+    (tmp_path / "taken").touch()
+    said = refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", tmp_path / "taken" / "out")
+    assert f"no such folder: {tmp_path / 'taken'} is a file" in said
+
+
+def test_names_of_a_command_are_counted_before_it_is_designed(
+    capfd: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("middeck.cli.work.design_excitation.design", pytest.fail)
+    given = ("multisine", "--band", "1,9", "--period", 4, "--rate", 100, "--peak", 1)
+    assert "--name: 2 names for 1 inputs" in refused(capfd, "excite", *given, "--name", "a,b")
+
+
 def test_a_study_fills_no_folder_without_a_name(capfd: Capture) -> None:
     assert "-o: no name of a file" in refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", "")
 
@@ -101,7 +115,35 @@ def test_an_option_for_records_is_not_ignored_with_an_article(
     capfd: Capture, typed: tuple[object, ...]
 ) -> None:
     said = refused(capfd, "design", ARTICLE, *typed)
-    assert f"{typed[0]} is for a fitted model or a record" in said
+    kinds = "a fitted model or a record" if typed[0] == "--pade-order" else "a record"
+    assert f"{typed[0]} is for {kinds}\n" in said
+
+
+@pytest.mark.parametrize("typed", [("--states", 4), ("--fit-band", "1,2"), ("--periods", 3)])
+def test_an_option_of_fits_is_not_ignored_with_a_model_that_is_fitted(
+    capfd: Capture, typed: tuple[object, ...]
+) -> None:
+    assert f"{typed[0]} is for a record\n" in refused(capfd, "design", "model.json", *typed)
+
+
+@pytest.mark.parametrize("typed", ["states=4", "sampled=true"])
+def test_keys_of_fits_are_not_ignored_with_a_model_that_is_fitted(capfd: Capture, typed: str) -> None:
+    said = refused(capfd, "design", "model.json", "--set", typed)
+    assert f"--set {typed.partition('=')[0]} is for a record" in said
+
+
+@pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
+def test_models_that_are_qualified_have_no_environment(
+    tmp_path: Path, capfd: Capture, typed: tuple[object, ...]
+) -> None:
+    md.write(tmp_path / "model.json", one_mode())
+    zero = md.systems.StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    law = md.Compensator(
+        dynamics=zero, inputs=(md.Port("angle", "rad"),), outputs=(md.Port("torque", "N m"),)
+    )
+    md.write(tmp_path / "law.json", law)
+    said = refused(capfd, "qualify", tmp_path / "law.json", tmp_path / "model.json", *typed)
+    assert f"{typed[0]} is for articles and environments" in said
 
 
 @pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
@@ -111,12 +153,32 @@ def test_an_option_for_articles_is_not_ignored_with_a_model(
     assert f"{typed[0]} is for an article" in refused(capfd, "design", "model.json", *typed)
 
 
+@pytest.mark.parametrize(
+    ("verb", "flag", "more"),
+    [
+        ("refine a b", "--choose", ("-o", "refined.toml")),
+        ("refine a b", "--choose", ("--predict", "lab")),
+        ("refine a b", "--choose", ("--count", 3)),
+        ("record a", "--stream", ("--require",)),
+        ("record a", "--stream", ("--periods", 2)),
+        ("record a", "--stream", ("--reference", "m.json")),
+        ("gate p a", "--paper", ("--share", 0.5)),
+        ("gate p a", "--paper", ("--noise", 0.1)),
+    ],
+)
+def test_an_option_without_an_effect_beside_a_flag_is_not_ignored(
+    capfd: Capture, verb: str, flag: str, more: tuple[object, ...]
+) -> None:
+    said = refused(capfd, *verb.split(), flag, *more)
+    assert f"{more[0]} has no effect beside {flag}" in said
+
+
 def test_names_that_are_not_there(tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     said = refused(capfd, "design", ARTICLE, "--control", "torque", "--measure", "pri_in_z")
     assert f"{ARTICLE}: no actuator 'torque'" in said
     said = refused(capfd, "response", ARTICLE, "--input", "", "--output", "bus_z", "--at", 1)
-    assert "takes names has none" in said
+    assert said.startswith("error: --input: an option that takes names has none")
     alone = shutil.copy(ARTICLE, tmp_path)
     said = refused(capfd, "modes", alone, "--set", "no.such=1")
     assert "not in" in said
@@ -179,6 +241,19 @@ def test_seconds_since_1970_count_no_lines(tmp_path: Path, step: int, first: int
     assert any(f.kind == "rate" for f in found.faults) == doubted
 
 
+@pytest.mark.parametrize("step", [100, 1000])
+def test_ticks_of_a_counter_are_no_seconds_since_1970(tmp_path: Path, step: int) -> None:
+    """Microseconds of 32 bits count to 4.3e9: three quarters of them are in that range, read as minutes."""
+    path = write_csv(tmp_path / "run.csv", "time", [str(1_200_000_000 + step * k) for k in range(200)])
+    assert any(f.kind == "rate" and f.severity == "serious" for f in read_record(path).faults)
+
+
+def test_seconds_since_1970_are_told_with_their_day(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", "time", [str(1_300_000_000 + 10 * k) for k in range(200)])
+    (note,) = (f for f in read_record(path).faults if f.kind == "format")
+    assert "from 2011-03-13 on, at 0.1 Hz" in note.what
+
+
 @pytest.mark.parametrize("stamp", ["2026-11-29T06:00:0{}", "06:00:0{}", "29.11.2026 06:00:0{}"])
 def test_a_date_is_no_number(tmp_path: Path, stamp: str) -> None:
     path = write_csv(tmp_path / "run.csv", "time", [stamp.format(k) for k in range(9)])
@@ -213,13 +288,16 @@ def test_unlike_records_in_words(tmp_path: Path, capfd: Capture) -> None:
     )
 
 
-def test_a_record_has_not_drifted_from_itself(tmp_path: Path, capfd: Capture) -> None:
+def test_a_record_has_not_drifted_from_itself(
+    tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "a.csv"
     u, y = np.random.default_rng(0).normal(size=400), np.zeros(400)
     for k in range(1, 400):
         y[k] = 0.9 * y[k - 1] + u[k - 1]
     rows = [f"{0.01 * k:.2f},{a:.6g},{b:.6g}" for k, (a, b) in enumerate(zip(u, y, strict=True))]
     path.write_text("time_s,u:torque [N m],y:angle [rad]\n" + "\n".join(rows) + "\n")
+    monkeypatch.setattr("middeck.cli.work.fit_records.identify", pytest.fail)
     said = refused(capfd, "drift", path, tmp_path / "." / "a.csv", "--states", 1, "--sampled")
     assert "the same record twice" in said
 

@@ -7,8 +7,6 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -18,37 +16,52 @@ import pytest
 
 from engine_campaigns import seeds_of
 from engine_cases import plain_settings, random_article, random_package
-from engine_supervised import settings
+from engine_supervised import (
+    HELD,
+    Forked,
+    constant_law,
+    held_settings,
+    kill_at_line,
+    settings,
+    supervise,
+    supervise_held,
+)
 from middeck.errors import ConfigError, DataError
-from middeck.realtime.engine.interface.shared_file import open_shared_file
+from middeck.realtime.engine.interface.commands import KINDS, TRIPS
+from middeck.realtime.engine.interface.shared_file import event_rows, open_shared_file
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
 from middeck.realtime.engine.recording.run_file import read_run
 from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
-SCRIPT = Path(__file__).parents[1] / "engine_supervised.py"
 PATIENCE_S = 20.0
+STOPS_AT = {"lockstep": 30_000, "real": 6000}
+"""Lines of its own that a supervisor has executed after seconds."""
 
 
 @contextlib.contextmanager
-def supervised(clock):
-    """A supervisor in another process, its engine's number, and its folder; nothing of it is left behind."""
-    folder, pid = Path(tempfile.mkdtemp(prefix="middeck-kill-")), 0
-    process = subprocess.Popen(
-        [sys.executable, str(SCRIPT), str(folder), clock], stdout=subprocess.PIPE, text=True
-    )
+def supervised(act):
+    """A process that does ``act``, and its folder; neither it nor its engine is left behind."""
+    folder = Path(tempfile.mkdtemp(prefix="middeck-kill-"))
     try:
-        assert process.stdout is not None
-        pid = int(process.stdout.readline())
-        yield process, pid, folder
+        with Forked(lambda told: act(folder, told)) as process:
+            yield process, folder
     finally:
-        process.kill()
-        process.wait()
-        if process.stdout is not None:
-            process.stdout.close()
-        if pid:
-            AdoptedEngine(open_shared_file(folder / "engine.shared")).kill()
+        for pid in engines_of(folder):
+            os.kill(pid, signal.SIGKILL)
         shutil.rmtree(folder)
+
+
+def engines_of(folder):
+    """Numbers of the processes that run the engine of a folder, found by their words."""
+    name = str(folder / "engine.shared").encode()
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            words = (place / "cmdline").read_bytes().split(b"\0")
+            if name in words and when_born(int(place.name)):
+                found.append(int(place.name))
+    return found
 
 
 def until(reached):
@@ -59,12 +72,11 @@ def until(reached):
 
 
 def killed(process, seed):
-    """Kill it at some instant; the last that it said was on the disk."""
+    """Kill it at some instant of its rounds; the last that it said was on the disk."""
+    until(lambda: process.told["round"] > 0)
     time.sleep(random.Random(seed).uniform(0.0, 1.6))
     process.kill()
-    said = process.communicate()[0].splitlines()
-    whole = [line.split() for line in said if len(line.split()) == 2]
-    return max((int(synced) for synced, _ in whole), default=0)
+    return int(process.told["synced"])
 
 
 def check_file(path, synced):
@@ -83,9 +95,10 @@ def seeds():
 def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
     """Another one takes over: it reads on, resets and engages again, and goes on with the same file."""
     for seed in seeds:
-        with supervised("real") as (process, pid, folder):
+        with supervised(lambda folder, told: supervise(folder, True, told)) as (process, folder):
             synced = killed(process, seed)
             shared = open_shared_file(folder / "engine.shared")
+            (pid,) = engines_of(folder)
             until(lambda shared=shared: int(shared.status["state"]) == 0 and int(shared.status["trip"]) > 0)
             before = check_file(folder / "loop.mdr", synced)
             with Supervisor.attach(folder / "engine.shared", settings(True)) as engine:
@@ -110,7 +123,7 @@ def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
 def test_a_killed_supervisor_ends_a_lockstep_engine(seeds):
     """By itself, through its safe state; all that it ran can still be read."""
     for seed in seeds:
-        with supervised("lockstep") as (process, _, folder):
+        with supervised(lambda folder, told: supervise(folder, False, told)) as (process, folder):
             synced = killed(process, seed)
             orphan = AdoptedEngine(open_shared_file(folder / "engine.shared"))
             orphan.wait(PATIENCE_S)
@@ -126,6 +139,86 @@ def test_a_killed_supervisor_ends_a_lockstep_engine(seeds):
             assert not run.faults
             assert len(run.records) == engine.sample
             assert np.all(run.records["u"][-1] == 0.0)
+
+
+def killed_at_line(clock, seed):
+    """At a line of its own: from its first one to many rounds with a hold and a law; process and folder.
+
+    Every other seed looks at the start closely, as evenly as multiples of the golden ratio lie.
+    """
+    share, most = 0.6180339887 * seed % 1.0, STOPS_AT[clock]
+    line = round(share * most if seed % 2 else 10.0 * (0.1 * most) ** share)
+
+    def act(folder, told):
+        kill_at_line(told, line)
+        supervise_held(folder, clock == "real", told)
+
+    return supervised(act)
+
+
+def outputs_of(file):
+    """Records of the ring in order; no output beyond hold and law, and no step beyond that of two ramps."""
+    ring = file.ring[file.ring["sequence"] > 0]
+    records = ring[np.argsort(ring["sequence"])]
+    assert np.all(np.diff(records["sequence"]) == 1)
+    u = records["u"]
+    assert np.all((u >= HELD - 1e-12) & (u <= 1e-12))
+    settings = held_settings(False)
+    steepest = sum(1.5 / settings.samples(ramp_s) for ramp_s in (settings.ramp_s, settings.safe_ramp_s))
+    assert np.abs(np.diff(u, axis=0)).max(initial=0.0) <= -HELD * steepest
+    return records
+
+
+def check_record(process, folder):
+    """What was said to be recorded can be read, whenever it was killed."""
+    told = process.told
+    if told["recorded"]:
+        check_file(folder / "loop.mdr", int(told["synced"]))
+    elif (folder / "loop.mdr").exists() and (folder / "loop.mdr").stat().st_size:
+        check_file(folder / "loop.mdr", 0)
+
+
+def test_a_supervisor_killed_at_any_line_leaves_a_lockstep_engine_at_zero():
+    """It ends, from the law or the hold along ramps, and none is left that waits for a supervisor."""
+    constant_law()
+    for seed in seeds_of("kills of a supervisor at any of its lines, in lockstep"):
+        with killed_at_line("lockstep", seed) as (process, folder):
+            process.wait()
+            until(lambda folder=folder: not engines_of(folder))
+            check_record(process, folder)
+            if process.told["round"]:
+                file = open_shared_file(folder / "engine.shared")
+                records = outputs_of(file)
+                assert not np.any(records["u"][-1])
+                assert records["state"][-1] == 0
+                assert int(file.status["running"]) == 0
+                assert int(file.status["sample"]) == records["sequence"][-1]
+
+
+def test_a_supervisor_killed_at_any_line_leaves_a_real_time_loop_in_its_safe_state():
+    """The verified hold, else zero; within the time that its heart may not beat."""
+    silent = held_settings(True).samples(held_settings(True).heartbeat_s)
+    ramp = held_settings(True).samples(held_settings(True).safe_ramp_s)
+    constant_law()
+    for seed in seeds_of("kills of a supervisor at any of its lines, in real time"):
+        with killed_at_line("real", seed) as (process, folder):
+            process.wait()
+            check_record(process, folder)
+            if not engines_of(folder):
+                assert process.told["round"] == 0  # killed before it started one
+                continue
+            file = open_shared_file(folder / "engine.shared")
+            last = int(file.status["sample"])
+            until(lambda file=file, last=last: int(file.status["sample"]) > last + silent + 2 * ramp)
+            os.kill(engines_of(folder)[0], signal.SIGSTOP)
+            records = outputs_of(file)
+            trips = [row for row in event_rows(file, 0) if KINDS[int(row["kind"])] in TRIPS]
+            if process.told["round"]:
+                assert {KINDS[int(row["kind"])] for row in trips} == {"heartbeat"}
+                assert trips[-1]["sample"] <= last + silent + 1
+            held = HELD if file.status["hold_verified"] else 0.0
+            assert np.all(records["state"][-ramp:] == 0)
+            assert records["u"][-1] == pytest.approx(held, abs=1e-12)
 
 
 @pytest.mark.parametrize("clock", ["real", "lockstep"])

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-import hashlib
 import itertools
 import struct
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine_campaigns import cases_of
 from engine_cases import plain_settings, random_article, random_package
+from fuzzed_packages import build_fuzzer, python_reads, sealed, small_packages, told_by_engine
 from middeck.errors import DataError
-from middeck.realtime.engine.interface.commands import ANSWERS
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.shared_file import STAGING
-from middeck.realtime.engine.process.compile import engine_sources
-from middeck.realtime.generate.compiler import FLAGS
-from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_bytes import decode_package, encode_package
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.single_precision import to_single
@@ -30,65 +26,26 @@ from repeats import LONG
 from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
-FUZZ = Path(__file__).parents[1] / "fuzz" / "package_fuzz.c"
-SANITIZED = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-READER = ("package.c", "law.c", "poles.c", "sha256.c", "text.c")
 SECTION = Section(np.array([0.2, 0.3, 0.1]), np.array([-0.5, 0.2]))
-
-
-def small_packages():
-    """Short ones, so that a change hits what matters: every form, filters, a path of applied commands."""
-    rng = np.random.default_rng(4)
-    given = {"input_range": 0.1, "limit": 0.5, "ramp_s": 0.01}
-    yield package_law(random_law(rng, 4, 2, 2), "modal", filters=(InputFilter(1, SECTION),), **given)
-    yield package_law(random_law(rng, 3, 1, 2), "dense", form="dense", slew_rate=10.0, **given)
-    yield package_law(random_law(rng, 0, 1, 1, applied=False), "gain")
-    yield package_law(random_law(rng, 2, 1, 1, radii=(1.1, 1.2)), "unstable", unstable=True, **given)
 
 
 @pytest.fixture(scope="module")
 def fuzzer(tmp_path_factory):
     """The program and its corpus."""
     folder = tmp_path_factory.mktemp("fuzz")
-    for name, text in engine_sources().items():
-        (folder / name).write_text(text)
-    (folder / FUZZ.name).write_text(FUZZ.read_text())
-    subprocess.run(
-        ["cc", *FLAGS, *SANITIZED, "-O2", FUZZ.name, *READER, "-o", "fuzz", "-lm"], cwd=folder, check=True
-    )
     files = []
     for package in small_packages():
         files.append(folder / f"{package.name}.mdk")
         files[-1].write_bytes(encode_package(package))
-    return [folder / "fuzz"], files
-
-
-def told_by(fuzzer, seed, count, every):
-    """Bytes and the engine's word for each case that was told."""
-    program, files = fuzzer
-    words = [*program, str(seed), str(count), str(every), *files]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        while head := process.stdout.read(8):
-            size, answer = struct.unpack("<II", head)
-            yield process.stdout.read(size), ANSWERS[answer]
-        said = process.stderr.read() if process.stderr else b""
-    assert process.returncode == 0, said.decode()[:3000]
-
-
-def python_reads(data):
-    try:
-        decode_package(data)
-    except DataError:
-        return False
-    return True
+    return build_fuzzer(folder), files
 
 
 def test_no_change_crashes_the_reader_or_passes_it(fuzzer):
-    """Every package that it accepts is one for Python; of the refused ones a sample is compared."""
-    count, sample = cases_of("changed packages, the engine's reader"), 20_000 if LONG else 200
+    """Sealed again, what it accepts is another package for Python too; of the others a sample is compared."""
+    count = cases_of("changed packages sealed again, the engine's reader")
+    sample = 20_000 if LONG else 200
     words, stricter = collections.Counter(), collections.Counter()
-    for data, word in told_by(fuzzer, 1993, count, count // sample):
+    for data, word in told_by_engine(*fuzzer, count, seal=True, every=count // sample):
         words[word] += 1
         if word == "done":
             assert python_reads(data)
@@ -100,8 +57,12 @@ def test_no_change_crashes_the_reader_or_passes_it(fuzzer):
     assert set(stricter) <= {"bad vectors", "bad text"}, stricter
 
 
-def sealed(body):
-    return body + hashlib.sha256(body).digest()
+def test_no_change_passes_under_the_hash_before_it(fuzzer):
+    count = cases_of("changed packages under their own hash, the engine's reader")
+    words = collections.Counter(word for _, word in told_by_engine(*fuzzer, count, seal=False, every=100))
+    assert words["done"] == 0
+    assert sum(words.values()) == count // 100
+    assert words["bad hash"] > 0.5 * count // 100
 
 
 def changed(at, form, value):
@@ -121,6 +82,11 @@ def undeclared():
     data = encode_package(package_law(law, "law", form="dense", unstable=True))
     flags = struct.unpack_from("<I", data, 12)[0]
     return sealed(data[:12] + struct.pack("<I", flags & ~4) + data[16:-32])
+
+
+def own_commands():
+    data = encode_package(random_package())
+    return sealed(data[:12] + struct.pack("<I", struct.unpack_from("<I", data, 12)[0] | 16) + data[16:-32])
 
 
 def renamed(**changes):
@@ -156,6 +122,7 @@ BROKEN = {
     "a later format": (changed(8, "<I", 2), "bad format", "format 2"),
     "wrong size": (changed(16, "<I", 21), "bad length", "."),
     "too many states": (changed(16, "<I", 70_000), "bad size", "states 70000"),
+    "a bound of rounding in double": (own_commands(), "bad size", "a bound of rounding"),
     "a NaN coefficient": (changed(first_number() + 8 * 9, "<d", np.nan), "bad number", "not finite"),
     "a NaN limit": (changed(first_number() + 8 * 4, "<d", np.nan), "bad limit", "limits"),
     "an undeclared pole": (undeclared(), "undeclared pole", "undeclared pole"),
@@ -214,14 +181,8 @@ def test_poles_are_judged_as_eigenvalues_are(form):
             assert python_reads(data) == (radius <= 1.0)
 
 
-def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
+def test_no_shared_file_crashes_the_engine(tmp_path, sanitized_engine):
     """Places, settings, article and the supervisor's words: refused with code 2 or 3 and a reason, or run."""
-    folder = fuzzer[0][0].parent
-    units = [name for name in engine_sources() if name.endswith(".c")]
-    effort = "-O2" if LONG else "-O0"  # of the compiler, which takes longer than a few starts
-    subprocess.run(
-        ["cc", *FLAGS, *SANITIZED, effort, *units, "-o", "engine", "-lm", "-lpthread"], cwd=folder, check=True
-    )
     rng, codes = np.random.default_rng(5), collections.Counter()
     with Supervisor(plain_settings(), random_article(), ring=64, pretrip_s=0.1) as engine:
         engine.file.asks["until"] = 0
@@ -258,7 +219,7 @@ def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
         if clock == 1 or rig == 1 or ramp > 10_000:
             continue  # it would run on, wait for another process, or take long to end
         done = subprocess.run(
-            [str(folder / "engine"), str(tmp_path / "engine.shared")], capture_output=True, text=True,
+            [str(sanitized_engine), str(tmp_path / "engine.shared")], capture_output=True, text=True,
             check=False, timeout=30,
         )  # fmt: skip
         assert done.returncode in (0, 2, 3), done.stderr[:3000]

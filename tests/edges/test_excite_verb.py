@@ -138,3 +138,37 @@ def test_what_makes_no_signal_is_refused(arguments, tmp_path: Path, monkeypatch:
     with pytest.raises(ConfigError):
         run(*arguments)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "said"),
+    [
+        ("mls", ("--order", 7, "--band", "1,9"), "mls: --band is for multisine, sweep, noise, burst, binary"),
+        ("mls", ("--order", 7, "--period", 4), "--period is for multisine"),
+        ("sweep", ("--band", "1,9", "--period", 4, "--grid", "odd"), "sweep: --grid is for multisine"),
+        ("sweep", ("--band", "1,9", "--period", 4, "--realisations", 3), "--realisations is for multisine"),
+        ("multisine", ("--band", "1,9", "--period", 4, "--law", "logarithmic"), "--law is for sweep"),
+        ("noise", ("--band", "1,9", "--period", 4, "--set", "order=4"), "noise: --order is for mls"),
+    ],
+)
+def test_what_another_kind_of_signal_has_is_not_ignored(kind: str, given: tuple[str | int, ...], said: str):
+    with pytest.raises(ConfigError, match=said):
+        run(kind, "--rate", 100, "--peak", 1, *given)
+
+
+def test_help_of_a_verb_that_is_called_by_itself():
+    """The same as by way of `middeck`: click keeps what it made first, and the page of verbs hung on it."""
+    assert "-h, --help" in CliRunner().invoke(verb, ["-h"]).output
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("--period", -3, "--rms", 1), r"--period = -3\.0"),
+        (("--period", 8, "--rms", -1), r"--rms = -1\.0"),
+        (("--period", 8, "--rms", 1, "--set", "rms=-1"), r"^--set rms: rms = -1"),
+    ],
+)
+def test_a_number_out_of_range_is_named_as_it_was_typed(given: tuple[str | int, ...], said: str):
+    with pytest.raises(ConfigError, match=said + ": must be > 0"):
+        run("multisine", "--band", "1,30", "--rate", 128, *given)

@@ -561,6 +561,42 @@ def test_damping_by_direct_input_is_left_out_as_other_damping_is(tmp_path, comma
     assert rows[f"DMIG of {command}"] == (2, "damping: give it in the article's [damping]")
 
 
+DAMPER = ("DMIG,BB,0,6,1,0", "DMIG,BB,4,1,,4,1,5.")
+OF_B2GG = ("DMIG of B2GG", 2, "damping: give it in the article's [damping]")
+
+
+@pytest.mark.parametrize(
+    ("case", "row", "absent"),
+    [
+        ("B2GG=BX", ("DMIG", 2, "not selected by case control"), "B2GG BX"),
+        (
+            "B2GG=2.0*BB, 0.5*BX",
+            ("DMIG of B2GG", 2, "damping: give it in the article's [damping]"),
+            "B2GG BX",
+        ),
+        ("B2GG=2.0*BB", OF_B2GG, ""),
+    ],
+)
+def test_damping_matrices_that_case_control_names_otherwise(tmp_path, case, row, absent):
+    """In sums, with factors, or not there: those of stiffness are refused, these are told."""
+    made = convert(write(tmp_path, *DAMPER, "PARAM,CK2,2.", case=[case]))
+    assert [r for r in made.left_out if r[0].startswith("DMIG")] == [row]
+    told = [note for note in made.notes if "which is not there" in note]
+    assert told == ([f"case control selects {absent}, which is not there"] if absent else [])
+
+
+@pytest.mark.parametrize("back", [-500.0, 0.0, 500.0])
+def test_gyroscopic_terms_are_no_damping(tmp_path, back):
+    """A matrix in two triangles is damping if they are equal; else it moves frequencies, as a wheel does."""
+    cards = ("DMIG,BB,0,1,1,0", "DMIG,BB,4,5,,4,6,500.", *([f"DMIG,BB,4,6,,4,5,{back}"] if back else []))
+    path = write(tmp_path, *cards, case=["B2PP=BB"])
+    if back == 500.0:
+        assert ("DMIG of B2PP", 3, "damping: give it in the article's [damping]") in convert(path).left_out
+        return
+    with pytest.raises(ConfigError, match=r"a\.dat:4: B2PP = BB: DMIG BB is not symmetric"):
+        convert(path)
+
+
 PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
 
 
@@ -593,9 +629,9 @@ def test_parameters_that_nothing_is_made_of_are_named(tmp_path):
     path = tmp_path / "a.dat"
     read = "PARAM,CK1,1.\nPARAM,CM2,2.\nPARAM,COUPMASS,1\n"
     bulk = f"{PLAIN}{read}PARAM,WTMAS,.00259\nPARAM,POST,-1\nGRDSET,,,,,,,,2\n"
-    path.write_text(f"SOL 103\nCEND\nPARAM,GRDPNT,0\nBEGIN BULK\n{bulk}ENDDATA\n")
+    path.write_text(f"SOL 103\nCEND\nPARAM,PRGPST,NO\nBEGIN BULK\n{bulk}ENDDATA\n")
     rows = convert_deck(read_deck(path), SI, "consistent", "a").left_out
-    assert ("PARAM WTMAS, POST, GRDPNT", 3, "not read") in rows
+    assert ("PARAM WTMAS, POST, PRGPST", 3, "not read") in rows
     assert [row[:2] for row in rows if row[0] == "GRID SEID"] == [("GRID SEID", 2)]
 
 

@@ -134,6 +134,16 @@ def test_places_that_tell_no_one_grid_are_refused(
         read_assembly(copied(tmp_path / "b", *BY_PLACE, *edits), UNITS, "a")
 
 
+def test_a_grid_beside_the_place_is_not_at_it(tmp_path: Path) -> None:
+    """TOL is 1e-5 mm, of the digits that places may lack 0.03 mm: the grid at the place itself is meant."""
+    beside = ("outboard.asm", THIRD, f"GRID,99,,600.02,0.,300.\n{THIRD}")
+    _, parts = read_assembly(copied(tmp_path / "a", *BY_PLACE, beside), UNITS, "a")
+    assert parts["a-se101.npz"].frames == ("g3", "g11", "g19", "g27")
+    wide = ("outboard.asm", "AUTO          ", "AUTO      0.05")
+    with pytest.raises(ConfigError, match="boundary grid 3 stands at several grids"):
+        read_assembly(copied(tmp_path / "b", *BY_PLACE, beside, wide), UNITS, "a")
+
+
 def test_a_component_that_its_grids_take_elsewhere_is_told(tmp_path: Path) -> None:
     away = [("outboard.pch", "0.600000000E+03 ", "0.500000000E+03 ")] * 4
     deck, parts = read_assembly(copied(tmp_path / "a", *away), UNITS, "a")

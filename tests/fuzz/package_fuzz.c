@@ -1,6 +1,6 @@
-/* Valid packages, changed and mostly sealed again, through the engine's reader.
+/* Valid packages, changed, through the engine's reader: sealed again, or (SEAL 0) under the hash that they had.
 
-   package_fuzz SEED COUNT EVERY FILE...  writes each package that was accepted, and of the others one in EVERY: size, answer, bytes. */
+   package_fuzz SEED COUNT EVERY SEAL FILE...  writes each package that was accepted, and of the others one in EVERY: size, answer, bytes. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -88,13 +88,19 @@ static enum answer read_it(const unsigned char *bytes, size_t size)
     return found;
 }
 
-static size_t seal(body *b)
+/* Its size with a hash, of ``whole`` unless it is sealed again; one in fifty is cut. */
+static size_t end(body *b, const body *whole, int seal)
 {
-    if (below(10))
+    if (seal)
         sha256(b->bytes, b->size, b->bytes + b->size);
     else
-        memset(b->bytes + b->size, 0, HASH_SIZE);
+        memcpy(b->bytes + b->size, whole->bytes + whole->size, HASH_SIZE);
     return below(50) ? b->size + HASH_SIZE : below(b->size + HASH_SIZE);
+}
+
+static int same(const body *a, const body *b)
+{
+    return a->size == b->size && !memcmp(a->bytes, b->bytes, a->size);
 }
 
 static int load(body *b, const char *path)
@@ -113,25 +119,31 @@ static int load(body *b, const char *path)
 
 int main(int count, char **words)
 {
-    const int files = count - 4;
-    long k, cases, every;
+    const int files = count - 5;
+    long k, cases, every, seal;
 
     if (files < 1 || files > FILES)
         return 2;
     random_state = (uint64_t)strtoul(words[1], NULL, 10);
     cases = strtol(words[2], NULL, 10);
     every = strtol(words[3], NULL, 10);
+    seal = strtol(words[4], NULL, 10);
     for (k = 0; k < files; ++k)
-        if (!load(&corpus[k], words[4 + k]))
+        if (!load(&corpus[k], words[5 + k]))
             return 2;
     for (k = 0; k < cases; ++k) {
-        int changes = 1 + (int)below(3);
+        const body *whole = &corpus[below((size_t)files)];
         uint32_t told[2];
 
-        changed = corpus[below((size_t)files)];
-        while (changes--)
-            change(&changed);
-        told[0] = (uint32_t)seal(&changed);
+        do {
+            int changes = 1 + (int)below(3);
+
+            changed.size = whole->size;
+            memcpy(changed.bytes, whole->bytes, whole->size);
+            while (changes--)
+                change(&changed);
+        } while (same(&changed, whole));
+        told[0] = (uint32_t)end(&changed, whole, seal != 0);
         told[1] = (uint32_t)read_it(changed.bytes, told[0]);
         if (told[1] == DONE || k % every == 0) {
             fwrite(told, sizeof told, 1, stdout);

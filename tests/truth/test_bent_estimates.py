@@ -115,3 +115,26 @@ def test_a_bar_on_cables_is_not_bent_by_their_length_their_bounce_and_its_mass()
         assert ln_hz(way) + ln_hz(-way) - 2.0 * middle == pytest.approx(0.0, abs=2e-7)
     index = np.array([modes.name.index(n) for n in ("yaw", "bounce")])
     assert np.abs(frequency_curvature(modes, there.bound, index)).max() < 0.001
+
+
+@pytest.mark.parametrize("added", [False, True])
+def test_modes_that_a_cable_holds_in_part_are_bent_as_differences_say(added: bool):
+    """Length and bounce as factors and as amounts, over all modes: pendulums and tilts have both."""
+    bar = build.rigid_bar(8.0, 2.0, (0.3, 2.0, 2.0), attach_y=0.1)
+    lab = build.on_cables(4.0, 0.4, ("xyz", "yz"), attach=("left", "right"))
+    names = ("environment.cable_length", "environment.bounce_hz")
+    own = [Unknown(name=n, parameters=(n,), spread=0.1, added=added) for n in names]
+    there = set_up(bar, lab, (), own)
+    middle = there.solve(np.zeros(2))
+    steps = np.diag([0.02, 0.004] if added else [0.02, 0.02])
+
+    def ln_hz(x: np.ndarray) -> np.ndarray:
+        return np.log(there.solve(x).frequency_hz)
+
+    a, b = steps
+    along = [(ln_hz(s) + ln_hz(-s) - 2.0 * np.log(middle.frequency_hz)) / s.sum() ** 2 for s in steps]
+    across = (ln_hz(a + b) - ln_hz(a - b) - ln_hz(b - a) + ln_hz(-a - b)) / (4.0 * a.sum() * b.sum())
+    found = frequency_curvature(middle, there.bound, np.arange(6))
+    assert found[:, [0, 1], [0, 1]] == pytest.approx(np.transpose(along), rel=1e-3, abs=1e-4)
+    assert found[:, 0, 1] == pytest.approx(across, rel=1e-3, abs=1e-4)
+    assert np.abs(along).max() > 0.2

@@ -20,6 +20,7 @@ from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
 from middeck.realtime.gate.steps_on_paper import check_error_bound
+from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks
 from middeck.realtime.package.modal_form import to_modal
@@ -32,8 +33,9 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
-from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error
+from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error, worst_signs
 from plant_builders import unit_weights
+from study_compensators import study_law
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -331,12 +333,32 @@ def test_a_bound_for_own_commands_asks_that_no_limit_or_fade_touches_them(tmp_pa
     package = package_law(law, "law", input_range=0.01, limit=30.0)
     single = to_single(package)
     assert bound_error(package).own
+    assert single.error_bound_own
     worst = worst_error(package, single, 3000, tmp_path)
     assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
     assert check_error_bound(single).said.endswith("for its own commands applied in full")
+    assert "its own commands are applied in full" in generate_c(single, "law").header
+    boast = check_error_bound(dataclasses.replace(single, error_bound_own=False))
+    assert not boast.passed
+    assert "for its own commands only" in boast.said
     for touched in ({"limit": 0.3}, {"limit": 30.0, "ramp_s": 1.0}):
         with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
             to_single(package_law(law, "law", input_range=0.01, **touched))
+
+
+@pytest.mark.parametrize("learns", [True, False], ids=["own commands", "ramp and limits that act"])
+def test_a_law_of_the_study_stays_within_its_bound(learns, tmp_path):
+    """The one of most authority; whatever is applied, if it does not learn that."""
+    package = package_law(study_law(2.0), "law", input_range=0.02, limit=5.0)
+    if not learns:
+        package = without_applied(package_law(study_law(2.0), "law", input_range=0.02, limit=0.3, ramp_s=0.5))
+        y = 0.02 * next(worst_signs(package, 5000))[:, :14]
+        assert np.abs(compile_law(package, tmp_path)(y)).max() == 0.3
+    single = to_single(package)
+    assert single.error_bound_own == learns
+    worst = worst_error(package, single, 5000, tmp_path)
+    assert np.all(worst <= single.error_bound)
+    assert np.median(single.error_bound / worst) < 100.0
 
 
 def test_what_has_no_bound_is_refused():
@@ -363,6 +385,9 @@ def test_what_has_no_bound_is_refused():
     to_single(package_law(Compensator(extreme, law.inputs, law.outputs), "law", input_range=1.0))
     with pytest.raises(ConfigError, match="the path of applied commands"):
         without_applied(to_single(package_law(law, "law", input_range=1.0, limit=1e3)))
+    grows = random_law(np.random.default_rng(0), 2, 1, 1, radii=(1.01, 1.02))
+    with pytest.raises(ConfigError, match="unstable law"):
+        to_single(package_law(grows, "law", input_range=1.0, limit=1.0, unstable=True))
     slow = Compensator(
         SampledStateSpace([[1.0 - 1e-7]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), *ports(1, 1, 1)
     )

@@ -49,9 +49,17 @@ def test_a_record_has_every_signal_of_its_sample():
     assert np.array_equal(r["sequence"], r["sequence"][0] + np.arange(len(r)))
     at_limit = np.array([[row >> k & 1 for k in range(OUTPUTS)] for row in r["saturated"]], dtype=bool)
     assert np.array_equal(at_limit & (np.abs(r["u"]) == 0.5), np.abs(wanted) >= 0.5)
-    assert {"excitation", "wanted_0", "wanted_1", "gain", "late_ns", "step_ns", "unhealthy"} <= set(
-        r.dtype.names
-    )
+    assert {
+        "y",
+        "state",
+        "excitation",
+        "wanted_0",
+        "wanted_1",
+        "gain",
+        "late_ns",
+        "step_ns",
+        "unhealthy",
+    } <= set(r.dtype.names)
     assert len(set(r["slots"].tolist())) >= 2
     assert np.ptp(r["excitation"]) > 0.0
 

@@ -128,6 +128,30 @@ def test_a_strip_scales_shifts_limits_and_holds():
     assert shifted[-1].tolist() == [0.1, 0.0]
 
 
+@pytest.mark.parametrize(("name", "value", "end"), [("gain", -0.5, -0.15), ("limit", 0.2, 0.1)])
+def test_no_strip_makes_a_jump(name, value, end):
+    """There and back, on a command of 0.3 that stands still: a change by one takes a ramp."""
+    package = static_package(np.full((OUTPUTS, SENSORS), 0.3))
+    with started(article=still_article([1.0, 0.0, 0.0]), package=package) as engine:
+        engine.command("engage", values=[1.0])
+        engine.run(300)
+        rows = []
+        for asked, reached in ((value, end), (1.0, 0.3)):
+            assert engine.set_strip("u0", name, asked).done
+            rows.append(engine.run(400))
+            assert rows[-1]["u"][-1, 0] == pytest.approx(reached)
+    assert np.abs(np.diff(np.concatenate(rows)["u"][:, 0])).max() <= 1.001 * 0.5 / 250
+
+
+def test_each_command_has_one_answer_under_its_number():
+    words = {"silence": "done", "engage": "not loaded", "standby": "not loaded"}
+    with started() as engine:
+        asked = [(name, engine.send(name, values=[1.0])) for name in 40 * list(words)]
+        engine.run(5)
+        assert np.all(np.diff([number for _, number in asked]) == 1)
+        assert [engine.answer(number).word for _, number in asked] == [words[name] for name, _ in asked]
+
+
 def test_slots_cross_fade_with_warm_states():
     """The second law has followed the article in standby; no command jumps where the first one hands over."""
     first, second = random_package(seed=1), random_package(seed=7)

@@ -190,6 +190,34 @@ def test_a_trip_within_a_sample_begins_the_ramp_in_it(trust):
     assert np.allclose(now, (1.0 - first) * before + first * aim, rtol=1e-12)
 
 
+@pytest.mark.parametrize("state", ["ready", "identify", "engaging", "control", "disengaging"])
+@pytest.mark.parametrize("kind", ["sensor nan", "sensor add"])
+def test_a_sample_that_cannot_be_moves_no_output(kind, state):
+    """Its command is the first step from the last one to what SAFE has for the last good sample."""
+    start = 1300
+    rig = still_article([0.5, -0.5, 0.1], faults=(Fault(kind=kind, start=start, end=start + 1, value=1e3),))
+    with Supervisor(held_settings(), rig, waveform=np.full((40, OUTPUTS), 0.1)) as engine:
+        engine.load(static_package(np.full((OUTPUTS, SENSORS), 0.3)))
+        verified(engine)
+        if state == "identify":
+            engine.run(start - 20 - engine.sample, keep=False)
+            engine.command("excite", values=[0.0])
+        elif state != "ready":
+            wait = {"engaging": 100, "control": 400, "disengaging": 500}[state]
+            engine.run(start - wait - engine.sample, keep=False)
+            engine.command("engage", values=[1.0])
+        if state == "disengaging":
+            engine.run(start - 100 - engine.sample, keep=False)
+            engine.command("disengage")
+        (before,) = engine.run(start - engine.sample)[-1:]
+        assert engine.state == state
+        (now,) = engine.run(1)
+        assert engine.state == "safe"
+    first = 3.0 / SAFE_RAMP**2 - 2.0 / SAFE_RAMP**3
+    aim = GAIN * np.array([0.5, -0.5])
+    assert np.allclose(now["u"], (1.0 - first) * before["u"] + first * aim, rtol=1e-12)
+
+
 def test_a_slew_limit_makes_no_jump_where_two_compensators_run():
     """Each goes on from what it has added itself, not from what both have."""
     first = static_package(np.full((OUTPUTS, SENSORS), 0.2))
@@ -239,6 +267,16 @@ def test_momentum_outlives_a_reset_and_safe_adds_none():
     assert turned.max() <= 0.05 + (1 + SAFE_RAMP / 2) * 0.2 * PERIOD_S  # a sample, then the fall of the ramp
     steepest = 1.5 / SAFE_RAMP  # of 3 s^2 - 2 s^3
     assert np.abs(np.diff(records["u"][:, 0])).max() <= steepest * 0.2
+
+
+@pytest.mark.parametrize(("share", "trips"), [(0.49, []), (0.51, ["effort"])])
+def test_an_output_beyond_its_share_of_the_limit_is_an_effort(share, trips):
+    settings = plain_settings(effort_s=0.1, effort_share=0.5)
+    with Supervisor(settings, still_article([0.0, 0.0, 0.0])) as engine:
+        engine.reset()
+        engine.set_strip("u0", "offset", share * 0.5)
+        engine.run(1000, keep=False)
+        assert [event.kind for event in engine.events() if event.trips] == trips
 
 
 def test_a_compensator_at_its_own_limit_is_an_effort():
@@ -306,19 +344,20 @@ def test_a_sensor_that_stands_off_at_power_up_is_no_step():
         assert engine.state == "ready"
 
 
-def test_growth_needs_windows_to_grow_from():
-    """The first window after a reset has none before it."""
+@pytest.mark.parametrize(("share", "trips"), [(0.99, True), (1.01, False)])
+def test_growth_needs_windows_to_grow_from(share, trips):
+    """The first window after a reset has none before it; a slower growth is none."""
     rate, window = 0.02, 50
     rig = still_article([1e-3, 0.0, 0.0], A=np.diag([1.0 + rate, 1.0, 1.0]))
     factor = (1.0 + rate) ** window
     monitor = Monitor(
-        channel="y0", band_hz=(0.0, np.inf), window_s=window * PERIOD_S, factor=0.99 * factor, times=3
+        channel="y0", band_hz=(0.0, np.inf), window_s=window * PERIOD_S, factor=share * factor, times=3
     )
     with Supervisor(plain_settings(monitors=(monitor,)), rig) as engine:
         engine.reset()
         engine.run(5 * window, keep=False)
-        (trip,) = [event for event in engine.events() if event.trips]
-        assert (trip.kind, trip.sample) == ("growth", 4 * window - 1)
+        found = [(event.kind, event.sample) for event in engine.events() if event.trips]
+        assert found == [("growth", 4 * window - 1)] * trips
 
 
 def test_an_envelope_looks_ahead_by_the_rate():

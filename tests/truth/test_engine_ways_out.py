@@ -87,14 +87,21 @@ def test_the_end_is_a_ramp_from_the_law_to_the_hold_and_then_to_zero(tmp_path, w
     assert u[-1].tolist() == [0.0, 0.0]
 
 
-def test_the_end_keeps_the_slew_limits():
+def test_a_trip_and_the_end_keep_the_slew_limits():
     """What a motor cannot do at once takes as long as it takes."""
     _, u = ports(0, SENSORS, OUTPUTS)
     slow = tuple(Drive(port=port, lower=-0.5, upper=0.5, slew_rate=0.5) for port in u)
     with Supervisor(plain_settings(drives=slow), still_article(OFF)) as engine:
-        engine.reset()
-        engine.set_strip("u0", "offset", 0.4)
-        engine.run(1000, keep=False)
+        for _ in range(2):
+            engine.reset()
+            engine.set_strip("u0", "offset", 0.4)
+            pushed = engine.run(1000)["u"][:, 0]
+            assert pushed[-1] == 0.4
+            if engine.trip == 0:
+                engine.stop()
+                pushed = engine.run(500)["u"][:, 0]
+                assert pushed[0] > 0.39
+                assert pushed[-1] == 0.0
         file = engine.file
     rows = np.sort(file.ring[file.ring["sequence"] > 0], order="sequence")
     assert np.abs(np.diff(rows["u"][:, 0])).max() <= 0.5 * PERIOD_S + 1e-15

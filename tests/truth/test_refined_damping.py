@@ -8,6 +8,7 @@ import functools
 import lossy_case as case
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 import middeck as md
 from middeck.errors import ConfigError, DataError
@@ -199,3 +200,28 @@ def test_unknowns_of_damping_that_cannot_be(sound: Refined):
     one = dataclasses.replace(bare, damping=md.Damping(by_mode=((7, 0.01),)))
     with pytest.raises(ConfigError, match=r"the model gives mode .* no damping"):
         refine(one, [survey], [Unknown(name="a", parameters=("damping.mode.7",), spread=0.5)])
+
+
+def test_frequencies_of_decays_or_of_undamped_modes_are_told_from_those_of_roots():
+    """Dampers seven times the model's: a root is 0.1 % off the undamped mode, and 0.4 % off its decay."""
+    x = np.append(np.zeros(len(case.UNKNOWNS) - 1), 2.0)
+    some = slice(0, None, len(case.UNKNOWNS) - 1)
+    true = case.truth(x, held=True)
+    seen = case.survey(true, np.random.default_rng(6))
+    lossless = np.sqrt(sla.eigvalsh(sum(case.parts()[:4]), case.parts().mass)) / (2.0 * np.pi)
+    shift = np.log(true.hz / lossless[lossless > 1e-2 * true.hz[0]])[: case.MODES]
+    undamped = seen.measured.frequency_hz * np.exp(-shift)
+    stated = dataclasses.replace(seen, measured=dataclasses.replace(seen.measured, frequency_hz=undamped))
+    found = refine(case.article(), [stated], case.UNKNOWNS[some], damping_error=0.1)
+    (said,) = (line for line in findings(found) if "fit better as those" in line)
+    assert "as those of undamped modes, than as natural ones" in said
+    assert f"by up to {100.0 * np.abs(shift).max():.2g} %" in said
+    (one,) = found.compared
+    at = one.pairs[:, 1]
+    decay = 0.5 * np.log1p(-(true.zeta[at] ** 2))
+    for moved, words in ((shift[at], None), (shift[at] + decay, "as those of decays, |s| sqrt(1 - zeta^2)")):
+        residual = one.residual.copy()
+        residual[: len(at)] += moved
+        again = dataclasses.replace(found, compared=(dataclasses.replace(one, residual=residual),))
+        lines = [line for line in findings(again) if "fit better as those" in line]
+        assert [words in line for line in lines] == [True] * (words is not None)

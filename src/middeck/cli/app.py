@@ -6,6 +6,7 @@ from importlib import import_module
 import click
 
 from middeck import __version__
+from middeck.cli.options import HELP
 
 # In the order of the work.
 VERBS = (
@@ -65,6 +66,6 @@ app = click.version_option(__version__, prog_name="middeck")(
         "middeck",
         help="Control of flexible structures that must work where they cannot be tested.",
         epilog=EXAMPLES,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings=HELP,
     )
 )

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from middeck.plot.shapes import Shown
     from middeck.report.shape_page import ShapePage
+    from middeck.structure.correlation.correlate import Correlation
     from middeck.structure.gravity.compare_modes import ModeComparison
     from middeck.structure.plants.whirl_modes import GyroscopicModes
 
@@ -138,6 +139,33 @@ def draw_comparison_to(
         sides=("0-g", place),
         rows=_pair_rows(comparison, len(alone)),
         warnings=tuple(warnings),
+    )
+    _write_shapes(page, file)
+
+
+def draw_survey_to(found: Correlation, file: str) -> None:
+    """Pairs of measured mode and mode of the model with the sign that makes them alike; then those alone."""
+    from middeck.plot.shapes import Shown
+    from middeck.report.shape_page import ShapePage
+    from middeck.structure.correlation.measured_modes import real_shapes, sensor_rows
+    from middeck.structure.correlation.survey_drawing import build_survey_drawing
+
+    modes, measured, pairs = found.modes, found.measured, found.pairs
+    seen = sensor_rows(modes, measured.node, measured.direction) @ modes.shapes
+    alike = [real_shapes(measured)[:, j] @ seen[:, i] for i, j in pairs]
+    rows = [
+        (Shown(0, int(j)), Shown(1, p, -1.0 if alike[p] < 0.0 else 1.0)) for p, (_, j) in enumerate(pairs)
+    ]
+    drawings = (
+        build_survey_drawing(modes, measured),
+        md.structure.build_mode_drawing(modes, pairs[:, 0].tolist()),
+    )
+    page = ShapePage(
+        title=f"Measured modes beside those of {drawings[1].title} in {drawings[1].environment}",
+        drawings=drawings,
+        sides=("test", "model"),
+        rows=(*rows, *((Shown(0, j), None) for j in found.unpaired)),
+        warnings=found.warnings,
     )
     _write_shapes(page, file)
 

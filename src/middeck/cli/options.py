@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import functools
 import os
+import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -27,6 +28,8 @@ RESPONSES = (".uff", ".unv", ".uf", ".58")
 # Help of options that `design` and `qualify` share.
 SENSOR_NOISE = "Sensor noise, two-sided, output unit/sqrt(Hz)."
 INPUT_NOISE = "Noise at the inputs, two-sided, unit/sqrt(Hz)."
+# Of the app and of each verb, which may be called by itself.
+HELP = {"help_option_names": ["-h", "--help"]}
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
 COMPONENTS = (".npz", ".mat")
@@ -37,7 +40,8 @@ class Verb(click.Command):
     """A command with ``examples``, whose options are given once, unless they take several values."""
 
     def __init__(self, *args: Any, examples: str, **settings: Any) -> None:
-        super().__init__(*args, epilog=f"\b\nExamples:\n{examples}", **settings)
+        epilog = f"\b\nExamples:\n{examples}"
+        super().__init__(*args, epilog=epilog, context_settings=HELP, **settings)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does, but refuse a repeated option, of which click takes the last."""
@@ -73,6 +77,20 @@ class Verb(click.Command):
                     taken[file] = named
                 if type(param) is Target:
                     to_write(value, named)
+
+
+def typed(name: str) -> str:
+    """The option of a parameter of the verb that runs, if it was typed; empty otherwise."""
+    context = click.get_current_context(silent=True)
+    if context is None or context.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE:
+        return ""
+    return next(param.opts[0] for param in context.command.params if param.name == name)
+
+
+def refuse_unused(where: str, *names: str) -> None:
+    """Refuse parameters of the verb that runs that were typed and have no effect ``where`` they stand."""
+    for option in filter(None, map(typed, names)):
+        raise ConfigError(f"{option} has no effect {where}", hint="leave one of them out")
 
 
 class Target(click.Option):
@@ -349,12 +367,17 @@ def require_writable(path: str, endings: Sequence[str], option: str) -> None:
     if file.suffix.lower() not in endings:
         what = f"no writer for {file.suffix!r} files" if file.suffix else "no ending says what to write"
         raise ConfigError(what, where=where, hint=f"a file that ends in {known}")
-    if not file.parent.is_dir():
-        above = next(p for p in file.parents if p.exists())
-        if not above.is_dir():
-            raise ConfigError(f"no such folder: {above} is a file", where=where, hint="another folder")
-        raise ConfigError("no such folder", where=where, hint=f"mkdir -p {file.parent}")
+    if _folder_above(file, where) != file.parent:
+        raise ConfigError("no such folder", where=where, hint=f"mkdir -p {shlex.quote(str(file.parent))}")
     _refuse_locked(file.parent, where)
+
+
+def _folder_above(path: Path, where: str) -> Path:
+    """The nearest folder above ``path`` that is there; raises `ConfigError` where a file is in its place."""
+    above = next(p for p in path.parents if p.exists())
+    if not above.is_dir():
+        raise ConfigError(f"no such folder: {above} is a file", where=where, hint="another folder")
+    return above
 
 
 def refuse_nameless(name: str, option: str) -> None:
@@ -383,14 +406,18 @@ def require_folder(ctx: click.Context, param: click.Parameter, name: str) -> Pat
     if value.suffix.lower() in (".html", ".htm", ".pdf", *FIGURES, *SYSTEMS, *RECORDS):
         hint = f"a folder, such as {value.with_suffix('')}"
         raise ConfigError(f"a study fills a folder, not a {value.suffix} file", where=where, hint=hint)
-    above = next(p for p in (value, *value.absolute().parents) if p.is_dir())
-    _refuse_locked(above, where)
+    _refuse_locked(value if value.is_dir() else _folder_above(value, where), where)
     return value
 
 
 def listed(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...] | None:
     """A callback for an option of names that may be repeated: all of them, None without any."""
-    return separate_names(value) if value else None
+    return names(ctx, param, value) or None
+
+
+def names(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    """The same without None."""
+    return separate_names(value, param.opts[0])
 
 
 def chained(
@@ -400,14 +427,15 @@ def chained(
     return tuple(number for group in value for number in group) or None
 
 
-def separate_names(values: tuple[str, ...]) -> tuple[str, ...]:
+def separate_names(values: tuple[str, ...], option: str) -> tuple[str, ...]:
     """Names given by several options, by commas or both; raises `ConfigError` for an empty text.
 
-    >>> separate_names(("a,b", "c"))
+    >>> separate_names(("a,b", "c"), "--input")
     ('a', 'b', 'c')
     """
     if not all(value.strip(", ") for value in values):
-        raise ConfigError("an option that takes names has none", hint="a name, or leave the option out")
+        what = "an option that takes names has none"
+        raise ConfigError(what, where=option, hint="a name, or leave the option out")
     return tuple(name.strip() for value in values for name in value.split(",") if name.strip())
 
 

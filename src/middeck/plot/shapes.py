@@ -35,6 +35,7 @@ LETTER_IN = 0.062  # room for a letter at 7 points
 MOST_PANELS = 40  # of a picture in a file: what is longer fits no page
 TINY = float(np.finfo(float).tiny)
 MARKS: dict[str, dict[str, Any]] = {
+    "node": {"marker": "o", "markersize": 2.2, "color": COLOUR["ink"], "markerfacecolor": "none"},
     "mass": {"marker": "o", "markersize": 3.5, "color": COLOUR["ink"]},
     "clamp": {"marker": "s", "markersize": 5.0, "color": "black"},
     "support": {"marker": "^", "markersize": 5.5, "color": "black", "markerfacecolor": "none"},
@@ -42,7 +43,7 @@ MARKS: dict[str, dict[str, Any]] = {
     "force": {"marker": "^", "markersize": 4.5, "color": COLOUR["lab"]},
     "moment": {"marker": "$\\circlearrowleft$", "markersize": 7.0, "color": COLOUR["lab"]},
 }
-WORDS = {"ground": "bushing to the ground", "support": "support of some directions"}
+WORDS = {"node": "measured node", "ground": "bushing to the ground", "support": "support of some directions"}
 BOX = "body, as the uniform box of its size or inertia"
 PART = "component, from its centre of mass to its grids"
 LINKED = "link that leaves some motion free, or average"

@@ -107,6 +107,7 @@
       pen.beginPath(); pen.moveTo(x, y - 6); pen.lineTo(x + 6, y + 5); pen.lineTo(x - 6, y + 5); pen.closePath(); pen.stroke();
     }
     else if (what === "ground") pen.strokeRect(x - 5, y - 5, 10, 10);
+    else if (what === "node") { pen.beginPath(); pen.arc(x, y, 2.5, 0, 7); pen.stroke(); }
     else if (what === "mass") { pen.beginPath(); pen.arc(x, y, 4, 0, 7); pen.fill(); }
     else { const [u, v] = project(...direction); arrow(pen, x - u, y + v, x, y); if (what === "moment") pen.fillText("M", x - u, y + v); }
   }

@@ -1,15 +1,19 @@
 """Settings of verbs without a document: options first, then ``--set``, all checked."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar
 
+import click
 from pydantic import Field
 
+from middeck.files.toml.faults import Fault
 from middeck.files.toml.form import Band, Form, Positive, whole, within
 from middeck.files.toml.overrides import Target, apply_overrides
 from middeck.files.toml.source import Source, check, sound
 
 F = TypeVar("F", bound=Form)
+OPTIONS = "options"
 
 
 class FitSettings(Form):
@@ -52,7 +56,7 @@ class ConvertSettings(Form):
     """How a deck is converted: as the options of ``middeck convert``."""
 
     units: str | None = None
-    mass_formulation: Literal["consistent", "coupled", "lumped"] = "consistent"
+    mass_formulation: Literal["consistent", "coupled", "lumped", "deck"] = "consistent"
     subcase: Annotated[int, whole(1, 99_999_999)] | None = None
 
 
@@ -83,8 +87,17 @@ class LoopSettings(Form):
 def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) -> F:
     """``options`` (None is left out) under ``overrides``, checked like a document; all faults at once."""
     source = Source(
-        "options", {k: v for k, v in options.items() if v is not None}, lambda: {(k,): 0 for k in options}
+        OPTIONS, {k: v for k, v in options.items() if v is not None}, lambda: {(k,): 0 for k in options}
     )
     listed = {k: list(v) if isinstance(v, tuple) else v for k, v in source.data.items()}
     (data,), (changed,) = apply_overrides([Target(source.file, listed, form)], overrides)
-    return sound(check(source, data, changed, form))
+    checked = check(source, data, changed, form)
+    return sound(replace(checked, faults=tuple(map(_named_as_typed, checked.faults))))
+
+
+def _named_as_typed(fault: Fault) -> Fault:
+    """``fault`` under the option that gave the value, where no override did."""
+    options = {p.name: p.opts[0] for p in click.get_current_context().command.params}
+    key, *_ = fault.key.split(".")
+    typed = fault.file == OPTIONS and key in options
+    return replace(fault, key=options[key]) if typed else fault

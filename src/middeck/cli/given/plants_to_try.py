@@ -9,7 +9,7 @@ import numpy as np
 
 from middeck.cli.given.cases import solve_case
 from middeck.cli.given.design_plants import tell_warnings
-from middeck.cli.options import Case, Tried
+from middeck.cli.options import Case, Tried, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
@@ -38,6 +38,7 @@ from middeck.values import record
 Law = Compensator
 # As far as a shift to instability is looked for.
 MOST = 0.2
+FOR_ARTICLES = ("overrides", "load_case", "environments", "count")
 
 
 @record
@@ -58,8 +59,7 @@ class Gathered:
 
 def gather_plants(tried: Tried, law: Law) -> Gathered:
     """Each article in each environment (``lab`` by default), model and promised plant, all with the delay."""
-    asked = {"--set": tried.overrides, "--load-case": tried.load_case, "--environment": tried.environments}
-    unused = [key for key, given in asked.items() if given]
+    unused = [option for name in FOR_ARTICLES if (option := typed(name))]
     if unused and all(s.lower().endswith(".json") for s in tried.plants):
         raise ConfigError(
             f"{unused[0]} is for articles and environments", hint="name an article, or leave it out"

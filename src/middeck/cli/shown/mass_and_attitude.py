@@ -39,6 +39,31 @@ def summary_lines(numbers: dict[str, Any]) -> list[str]:
     ]
 
 
+def about_point(summary: Summary, grid: int, at: np.ndarray) -> dict[str, Any]:
+    """Mass and inertia about a grid of a deck (0: the origin), as keys of a JSON document."""
+    arm = summary.centre - at
+    shift = summary.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return {
+        "grid": grid,
+        "at_m": at,
+        "centre_of_mass_from_it_m": arm,
+        "inertia_about_it_kg_m2": summary.inertia + shift,
+    }
+
+
+def about_lines(numbers: dict[str, Any]) -> list[str]:
+    """The lines of `about_point`."""
+    inertia = np.asarray(numbers["inertia_about_it_kg_m2"])
+    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+    where = f"grid {numbers['grid']}" if numbers["grid"] else "the origin"
+    return [
+        f"\nabout {where} (PARAM GRDPNT), in SI and basic axes, WTMASS included:",
+        f"centre       {_row(numbers['centre_of_mass_from_it_m'])} m from it, x y z",
+        f"inertia      {_row(np.diag(inertia))} kg m^2, xx yy zz",
+        f"             {_row(products, np.abs(inertia).max())} kg m^2, minus products xy xz yz",
+    ]
+
+
 def measure_lines(numbers: dict[str, Any]) -> list[str]:
     """Size, scale of frequency and mesh."""
     bending, slim = numbers["bending_scale_hz"], numbers["element_slenderness"]

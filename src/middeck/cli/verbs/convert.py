@@ -38,9 +38,9 @@ EXAMPLES = """\
 )
 @click.option(
     "--mass-formulation",
-    type=click.Choice(("consistent", "coupled", "lumped")),
+    type=click.Choice(("consistent", "coupled", "lumped", "deck")),
     help="Mass of the members: consistent, with rotary inertia; coupled, as NX Nastran 9 with COUPMASS; "
-    "lumped, half at each end.  [default: consistent]",
+    "lumped, half at each end; deck, coupled or lumped as its PARAM COUPMASS says.  [default: consistent]",
 )
 @click.option(
     "--subcase",
@@ -77,17 +77,27 @@ def verb(
     likeliest set and writes nothing. --set takes units, mass_formulation and subcase.
     """
     from middeck.cli.given.checked_options import ConvertSettings, settle
-    from middeck.cli.shown.mass_and_attitude import measure_lines, summary_lines, summary_numbers
+    from middeck.cli.shown.mass_and_attitude import (
+        about_lines,
+        about_point,
+        measure_lines,
+        summary_lines,
+        summary_numbers,
+    )
     from middeck.files.nastran.article.convert import convert_deck
+    from middeck.files.nastran.deck.deck import asked_formulation
 
     given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase}
     chosen = settle(ConvertSettings, given, overrides)
     source, known, name, parts = _read(deck, chosen.units, chosen.subcase, target)
-    made = convert_deck(source, known, chosen.mass_formulation, name, parts)
+    asked = chosen.mass_formulation
+    formulation = asked_formulation(source) if asked == "deck" else asked
+    made = convert_deck(source, known, formulation, name, parts)
     if target and made.holds and not held_target:
         raise _not_held(source.path)
-    summary = _written(made, source, known, chosen.mass_formulation, target, held_target)
+    summary = _written(made, source, known, formulation, target, held_target)
     numbers = summary_numbers(summary)
+    about = None if made.reference is None else about_point(summary, *made.reference)
     document = {
         "schema": "middeck.convert/1",
         "deck": deck,
@@ -95,7 +105,7 @@ def verb(
         "environment": held_target,
         "components": list(made.components),
         "units": known._asdict() | {"force": known.force},
-        "mass_formulation": chosen.mass_formulation,
+        "mass_formulation": formulation,
         "subcase": chosen.subcase,
         "cards": source.cards,
         "read": made.read,
@@ -104,8 +114,10 @@ def verb(
         "notes": made.notes,
         "warnings": summary.warnings,
         **numbers,
+        "grid_point_weight": about,
     }
-    show(as_json, document, *_blocks(document), *summary_lines(numbers), *measure_lines(numbers))
+    lines = [*summary_lines(numbers), *measure_lines(numbers), *(about_lines(about) if about else ())]
+    show(as_json, document, *_blocks(document), *lines)
 
 
 def _read(

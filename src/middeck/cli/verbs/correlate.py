@@ -76,7 +76,7 @@ clamped nodes belongs to no mode, so that the sum is then below 100 %."""
 @options.defaulted("--runs", default=1000, type=click.IntRange(min=1), help="Noisy tests of a correct model.")
 @options.defaulted("--seed", default=0, type=click.IntRange(min=0), help="Seed of the noise.")
 @click.option("--require", is_flag=True, help="End with exit code 1 if the model does not pass.")
-@figures.figure
+@figures.shapes
 @options.common
 def verb(
     case: options.Case,
@@ -110,14 +110,14 @@ def verb(
     with reading(test):
         if not measured.node:
             found = md.structure.compare_frequencies(modes, measured, criteria)
-            document = {**describe_frequencies(found), "test": test}
+            document = {**describe_frequencies(found), "test": test, "test_source": measured.source}
             blocks = _frequency_tables(document)
         else:
             found = md.correlate_modes(
                 modes, measured, criteria, rng=np.random.default_rng(seed), noise=given,
                 reduction=md.structure.Reduction(reduction), runs=runs,
             )  # fmt: skip
-            document = {**describe(found), "seed": seed, "test": test}
+            document = {**describe(found), "seed": seed, "test": test, "test_source": measured.source}
             blocks = _tables(document)
         if figure_file is not None:
             _draw(found, figure_file, test)
@@ -140,6 +140,11 @@ def _draw(found: Correlation | FrequencyComparison, file: str, test: str) -> Non
     from middeck.structure.correlation.correlate import Correlation
 
     shapes = isinstance(found, Correlation)
+    if file.lower().endswith(".html"):
+        if not shapes:
+            raise click.UsageError(f"{test} has frequencies alone, and {file} would show shapes")
+        figures.draw_survey_to(found, file)
+        return
     of = f"of {len(found.pairs)} pairs."
     figures.write_figure(
         correlation_figure(found) if shapes else frequencies_figure(found),
@@ -236,6 +241,7 @@ def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
     verdict = "does not pass" if missed else "passes" if document["passed"] else "open: see the warnings"
     return [
         *case_lines(document),
+        *_source(document),
         f"profile      {document['profile']}",
         f"verdict      {verdict}",
         Table("pairs by frequency alone", ["", "test Hz", "model Hz", "error %", "only one", "name"], rows),
@@ -268,6 +274,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     lowest = sorted(document["comac"].items(), key=lambda item: item[1])[:SHOWN]
     return [
         *case_lines(document),
+        *_source(document),
         f"profile      {document['profile']}: {document['profile_title']}",
         f"sensors      {_condition(document['sensor_condition'])}; mass by {document['reduction'].value}",
         f"verdict      {'passes' if document['passed'] else 'does not pass'}",
@@ -284,6 +291,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         EFFECTIVE_NOTE,
         Table("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest]),
     ]
+
+
+def _source(document: dict[str, Any]) -> list[str]:
+    """Where the survey is from, if its file says so."""
+    return [f"test         {document['test_source']}"] if document["test_source"] else []
 
 
 def _condition(condition: float | None) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +26,12 @@ EXAMPLES = """\
     --log10-authority 12 --angle-noise 1e-7 --disturbance 0.1 -o law.json
 """
 
-# Parameters that one kind of source alone has a use for.
-FOR_ARTICLES = ("load_case", "environment", "count")
-FOR_RECORDS = ("pade_order", "periods", "states", "fit_band_hz")
+# Parameters that have a use for some kinds of source alone, and which these are.
+FOR = {
+    **dict.fromkeys(("load_case", "environment", "count"), "an article"),
+    "pade_order": "a fitted model or a record",
+    **dict.fromkeys(("periods", "states", "fit_band_hz"), "a record"),
+}
 UNREACHED = "left out of the design, as no port reaches or sees it"
 
 
@@ -38,8 +40,13 @@ UNREACHED = "left out of the design, as no port reaches or sees it"
 @options.environment
 @options.load_case
 @options.count
-@options.several("--control", metavar="PORT", help="Input to drive; may be repeated.")
-@options.several("--measure", metavar="PORT", help="Output to measure and keep small; may be repeated.")
+@options.several("--control", metavar="PORT", callback=options.names, help="Input to drive; may be repeated.")
+@options.several(
+    "--measure",
+    metavar="PORT",
+    callback=options.names,
+    help="Output to measure and keep small; may be repeated.",
+)
 @click.option(
     "--authority", type=options.POSITIVE, help="1/rho, rho the factor on the control weights.  [default: 10]"
 )
@@ -100,9 +107,13 @@ def verb(
         "disturbance_nm_per_rthz": given["disturbance"],
         **{k: given[k] for k in ("pade_order", "band_hz", "states", "fit_band_hz", "periods")},
     }
-    _refuse_unused(FOR_RECORDS if from_article else FOR_ARTICLES, from_article)
+    is_model = len(sources) == 1 and Path(sources[0]).suffix.lower() == ".json"
+    _refuse_unused("an article" if from_article else "a fitted model" if is_model else "a record")
     settings = settle(LoopSettings, asked, () if from_article else overrides)
-    wanted = Wanted(options.separate_names(control), options.separate_names(measure))
+    for name in ("periods", "states", "fit_band_hz", "sampled"):
+        if is_model and getattr(settings, name) is not None:
+            raise ConfigError(f"--set {name} is for a record", hint="leave it out: the model is fitted")
+    wanted = Wanted(control, measure)
     warnings: tuple[str, ...] = ()
     if from_article:
         from middeck.cli.given.cases import solve_case
@@ -126,15 +137,11 @@ def verb(
     show(as_json, document, *_tables(document))
 
 
-def _refuse_unused(options_of_others: Sequence[str], from_article: bool) -> None:
-    """Refuse what was typed and would have no effect on this kind of source."""
-    context = click.get_current_context()
-    source = context.get_parameter_source
-    names = {p.name: p.opts[0] for p in context.command.params}
-    typed = [names[n] for n in options_of_others if source(n) is click.core.ParameterSource.COMMANDLINE]
-    if typed:
-        other = "a fitted model or a record" if from_article else "an article"
-        raise ConfigError(f"{typed[0]} is for {other}", hint=f"name {other}, or leave it out")
+def _refuse_unused(kind: str) -> None:
+    """Refuse what was typed and would have no effect on this ``kind`` of source."""
+    for name, others in FOR.items():
+        if kind not in others and (option := options.typed(name)):
+            raise ConfigError(f"{option} is for {others}", hint=f"name {others} alone, or leave it out")
 
 
 def _draw(plant: md.Plant, designed: DesignedLoop, settings: LoopSettings, file: str) -> None:

@@ -102,10 +102,11 @@ def compare(before: str, after: str, settings: FitSettings, level: float) -> dic
         warnings = [*second.warnings, *_unlike_holds(model, second.fit.model)]
         warnings += [] if covariance is not None else [f"{before}: {EXACT}"]
         return describe(before, after, found, None, warnings)
-    first = identify([before], settings)
+    require_record(before)
     if os.path.realpath(before) == os.path.realpath(after):
         what = "the same record twice, in which nothing can have changed"
         raise ConfigError(what, where=after, hint="two records, of before and after")
+    first = identify([before], settings)
     same = {"sampled": first.fit.model.sample_hz is not None, "states": first.fit.model.states}
     second = identify([after], settings.model_copy(update=same))
     with reading(before, after):

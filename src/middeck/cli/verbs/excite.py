@@ -52,7 +52,9 @@ EXAMPLES = """\
     callback=options.chained,
     help="Rms of each output's noise, with --model.",
 )
-@options.several("--name", "names", metavar="NAME", help="Name of each input: repeat it, or A,B.")
+@options.several(
+    "--name", "names", metavar="NAME", callback=options.names, help="Name of each input: repeat it, or A,B."
+)
 @options.defaulted("--unit", default="N m", help="Unit of the inputs.")
 @options.output("command_file", options.COMMANDS, "Write the samples.", "COMMAND.csv|npz")
 @options.common
@@ -80,19 +82,19 @@ def verb(
         raise ConfigError(
             "the expected accuracy of a test needs a model and its noise", hint="--model and --noise"
         )
+    named = names or _numbered(settings.inputs)
+    if len(named) != settings.inputs:
+        raise ConfigError(
+            f"{len(named)} names for {settings.inputs} inputs",
+            where="--name",
+            hint="one for each: --name a --name b, or --name a,b",
+        )
     made = design(settings)
     expected = None
     if model_file is not None and noise_rms is not None:
         expected = expect(made, model_file, noise_rms, settings.periods)
     written: tuple[Any, ...] = ()
     if command_file is not None:
-        named = options.separate_names(names) or _numbered(settings.inputs)
-        if len(named) != settings.inputs:
-            raise ConfigError(
-                f"{len(named)} names for {settings.inputs} inputs",
-                where="--name",
-                hint="one for each: --name a --name b, or --name a,b",
-            )
         ports = [md.Port(name, unit) for name in named]
         written = write_command(command_file, made, settings.periods, ports)
     document = describe(made, settings, expected) | {"unit": unit, "files": [str(p) for p in written]}

@@ -160,7 +160,6 @@ def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]
     """The JSON document; null stands for a limit that is not there."""
     from middeck.files.laws.packages import package_document
     from middeck.realtime.package.package_bytes import encode_package
-    from middeck.realtime.package.single_precision import bound_error
 
     keys = (
         "sha256", "name", "period_s", "precision", "unstable", "inputs", "input_range", "outputs", "lower",
@@ -170,7 +169,7 @@ def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]
     return {
         "schema": "middeck.generate/1",
         **{key: twin[key] for key in keys},
-        "error_bound_own": bound_error(package).own if package.single else None,
+        "error_bound_own": package.error_bound_own if package.single else None,
         "form": "dense" if package.core.pairs is None else "modal",
         "states": len(package.core.A),
         "applied": package.core.drives,

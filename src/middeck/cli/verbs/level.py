@@ -30,6 +30,7 @@ EXAMPLES = """\
     "offsets",
     metavar="ATTACH.AXIS",
     required=True,
+    callback=options.names,
     help="Offset that may change, in the axes of its frame; may be repeated.",
 )
 @options.several(
@@ -58,7 +59,7 @@ def verb(
 
     structure, surroundings, *files = read_case(case)
     axes = "".join(about).replace(",", "") if about else None
-    free = [split_offset(text) for text in options.separate_names(offsets)]
+    free = [split_offset(text) for text in offsets]
     with reading(*files):
         found = md.level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
     document = {

@@ -48,7 +48,9 @@ def verb(
         show(as_json, document, *_scores(document), *([f"wrote {target}"] if target else []))
         return
     if len(files) != 2:
-        raise ConfigError(f"{len(files)} files", hint="PROMISE.json OUTCOME, or COMPARISON.json of many")
+        raise ConfigError(
+            f"{len(files)} files where two belong", hint="PROMISE.json OUTCOME, or COMPARISON.json of many"
+        )
     _compare(*files, date, target, figure_file, as_json)
 
 

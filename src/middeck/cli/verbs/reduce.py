@@ -25,11 +25,23 @@ EXAMPLES = """\
 
 @click.command("reduce", cls=options.Verb, examples=EXAMPLES)
 @options.article
-@options.several("--boundary", metavar="NODES", help="Nodes that remain; may be repeated.")
+@options.several(
+    "--boundary", metavar="NODES", callback=options.names, help="Nodes that remain; may be repeated."
+)
 @click.option("--modes", "count", type=click.IntRange(min=0), help="Number of fixed-interface modes.")
 @click.option("--upto-hz", type=options.POSITIVE, help="All fixed-interface modes up to this frequency.")
-@options.several("--residual", metavar="NODES", help="Nodes with residual attachment modes; may be repeated.")
-@options.several("--recover", metavar="NODES", help="Nodes whose motion can be recovered from the file.")
+@options.several(
+    "--residual",
+    metavar="NODES",
+    callback=options.names,
+    help="Nodes with residual attachment modes; may be repeated.",
+)
+@options.several(
+    "--recover",
+    metavar="NODES",
+    callback=options.names,
+    help="Nodes whose motion can be recovered from the file.",
+)
 @options.output(
     "target",
     options.COMPONENTS,
@@ -64,8 +76,7 @@ def verb(
             options.to_write(str(Path(target).with_suffix(ending)), f"-o {target}")
     path = find_document(article, "article")
     structure = load_structure(path, overrides)
-    nodes = options.separate_names(boundary)
-    if not nodes or (count is None) == (upto_hz is None):
+    if not boundary or (count is None) == (upto_hz is None):
         raise ConfigError(
             "a reduction needs boundary nodes and a number of modes",
             hint="--boundary, and one of --modes and --upto-hz",
@@ -74,11 +85,11 @@ def verb(
     with reading(path):
         made = md.reduce_structure(
             structure,
-            nodes,
+            boundary,
             count=count,
             upto_hz=upto_hz,
-            residual=options.separate_names(residual),
-            recover=options.separate_names(recover),
+            residual=residual,
+            recover=recover,
             name=name,
         )
     written: list[str] = []

@@ -27,9 +27,21 @@ EXAMPLES = """\
 
 @click.command("response", cls=options.Verb, examples=EXAMPLES)
 @options.case
-@options.several("--input", "inputs", metavar="PORT", required=True, help="Actuator; may be repeated.")
 @options.several(
-    "--output", "outputs", metavar="PORT", required=True, help="Sensor, or its _rate; may be repeated."
+    "--input",
+    "inputs",
+    metavar="PORT",
+    required=True,
+    callback=options.names,
+    help="Actuator; may be repeated.",
+)
+@options.several(
+    "--output",
+    "outputs",
+    metavar="PORT",
+    required=True,
+    callback=options.names,
+    help="Sensor, or its _rate; may be repeated.",
 )
 @options.several(
     "--at",
@@ -66,16 +78,15 @@ def verb(
     from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
 
     modes = solve_case(case, count, standstill=True)
-    u, y = options.separate_names(inputs), options.separate_names(outputs)
     with reading(find_case(case.article, case.environment)[0]):
-        plant = md.build_plant(modes, inputs=u, outputs=y, count=count, static=static)
-        gain = compare_static_gain(modes, inputs=u, outputs=y, count=count) if static else None
+        plant = md.build_plant(modes, inputs=inputs, outputs=outputs, count=count, static=static)
+        gain = compare_static_gain(modes, inputs=inputs, outputs=outputs, count=count) if static else None
 
     def respond(hz: np.ndarray) -> md.FrequencyResponse:
         found = md.evaluate_plant(plant, hz)
         if not static:
             return found
-        return complete_response(modes, found, inputs=u, outputs=y, count=count)
+        return complete_response(modes, found, inputs=inputs, outputs=outputs, count=count)
 
     with reading(find_case(case.article, case.environment)[0]):
         response = respond(np.array(frequency_hz))

@@ -67,13 +67,13 @@ def verb(
     """
     from middeck.cli.given.cases import find_case, solve_case
 
+    if not all(pattern.strip(", ") for pattern in patterns):
+        raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')
     modes = solve_case(case)
     rest = modes.equilibrium
     chosen = find_modes(modes.name, wanted)
     with reading(*find_case(case.article, case.environment)):
-        if not (patterns and all(pattern.strip(", ") for pattern in patterns)):
-            raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')
-        names = options.separate_names(patterns)
+        names = options.separate_names(patterns, "--parameter")
         parameters = md.structure.find_parameters(rest.model.structure, rest.environment, names)
         by_rest = md.structure.differentiate_rest(rest, parameters)
         by_modes = md.differentiate_frequencies(modes, parameters, max([count, *(m + 1 for m in chosen)]))

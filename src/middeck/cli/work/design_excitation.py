@@ -38,8 +38,28 @@ class ExciteSettings(Form):
     seed: Annotated[int, within(least=0)] = 0
 
 
+WITHIN_A_BAND = ("multisine", "sweep", "noise", "burst", "binary")
+DRAWN_AGAIN = ("multisine", "noise", "burst")
+# Kinds that have a use for a setting.
+KINDS = {
+    "band_hz": WITHIN_A_BAND,
+    "period_s": WITHIN_A_BAND,
+    "order": ("mls",),
+    "realisations": DRAWN_AGAIN,
+    "grid": ("multisine",),
+    "phases": ("multisine",),
+    "law": ("sweep",),
+}
+
+
 def design(settings: ExciteSettings) -> Excitation:
-    """The excitation; raises `ConfigError` for a missing band, period, order or limit."""
+    """The excitation; raises `ConfigError` for a missing band, period, order or limit, and for settings that
+    its kind has no use for."""
+    for name, kinds in KINDS.items():
+        default = ExciteSettings.model_fields[name].default
+        if settings.kind not in kinds and getattr(settings, name) != default:
+            option = f"--{name.partition('_')[0]}"
+            raise ConfigError(f"{option} is for {', '.join(kinds)}", where=settings.kind, hint="leave it out")
     rng, inputs = np.random.default_rng(settings.seed), settings.inputs
     limits = Limits(settings.rms, settings.peak, settings.slew)
     if settings.kind == "mls":

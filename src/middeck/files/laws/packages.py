@@ -91,6 +91,7 @@ def package_document(package: ControllerPackage) -> dict[str, Any]:
         "slew_per_sample": _open(package.slew),
         "ramp_samples": package.ramp,
         "error_bound": package.error_bound,
+        **({"error_bound_own": True} if package.error_bound_own else {}),
         "pairs": core.pairs,
         **{name: getattr(core, name) for name in "ABCDE"},
         "filters": [{"input": f.input, **_section(f.section)} for f in package.filters],
@@ -106,7 +107,7 @@ def _from_document(data: dict[str, Any], where: str) -> ControllerPackage:
         "vectors",
     )  # fmt: skip
     require_keys(data, keys, where, AGAIN)
-    strange = sorted(set(data) - {"schema", *keys})
+    strange = sorted(set(data) - {"schema", "error_bound_own", *keys})
     if strange:
         _refuse(f"keys that no package has: {', '.join(strange)}", where)
     try:
@@ -152,6 +153,7 @@ def _build(data: dict[str, Any], where: str) -> ControllerPackage:
         unstable=_of(data, "unstable", bool, where),
         single=_is_single(_of(data, "precision", str, where), where),
         error_bound=None if data["error_bound"] is None else _numbers(data["error_bound"], where),
+        error_bound_own=_of({"error_bound_own": False} | data, "error_bound_own", bool, where),
         vectors=TestVectors(
             start_level=_of(vectors, "start_level", int, where),
             engaged=np.array(_list(vectors["engaged"], where), dtype=bool),

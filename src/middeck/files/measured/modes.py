@@ -22,6 +22,8 @@ MEASURED_SCHEMA = "middeck.measured-modes/1"
 REQUIRED = ("frequency_hz", "damping", "node", "direction", "shape")
 # A damping ratio from which on it is more likely one in per cent.
 PERCENT = 0.3
+# Text beside the numbers.
+TEXTS = ("lines", "source")
 OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m", "modal_mass")
 
 
@@ -42,10 +44,12 @@ def load_measured_modes(path: str | Path) -> MeasuredModes:
     values |= {k: _numbers(data[k], f"{path}, {k}") for k in OPTIONAL if data.get(k) is not None}
     shape = _shape(data["shape"], f"{path}, shape")
     names = {k: _texts(data[k], f"{path}, {k}") for k in ("node", "direction")}
+    lines = _lines(data.get("lines", []), f"{path}, lines")
+    (source,) = _texts([data.get("source", "")], f"{path}, source")
     if not shape.size and not names["node"]:  # frequencies alone: no rows, which JSON cannot give a width
         shape = np.zeros((0, len(values["frequency_hz"])))
     try:
-        return MeasuredModes(**values, **names, shape=shape)  # ty: ignore[invalid-argument-type]
+        return MeasuredModes(**values, **names, shape=shape, lines=lines, source=source)  # ty: ignore[invalid-argument-type]
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint) from None
     except ConfigError as error:
@@ -92,12 +96,13 @@ def write_measured_modes(
         raise ConfigError(f"{path} is JSON, which has no data sets", where="sets", hint=hint)
     shape = np.real(measured.shape) if measured.is_real else measured.shape
     stated = {k: v for k in OPTIONAL if (v := getattr(measured, k)) is not None}
+    stated |= {k: v for k in TEXTS if (v := getattr(measured, k))}
     required = {k: getattr(measured, k) for k in REQUIRED} | {"shape": shape}
     write_json(path, {"schema": MEASURED_SCHEMA, **required, **stated})
 
 
 def _check_keys(data: dict[str, Any], where: str) -> None:
-    known = ("schema", *REQUIRED, *OPTIONAL)
+    known = ("schema", *REQUIRED, *OPTIONAL, *TEXTS)
     missing = [k for k in REQUIRED if k not in data]
     if missing:
         raise DataError(
@@ -136,3 +141,9 @@ def _texts(value: Any, where: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(v, str) for v in cast("list[Any]", value)):
         raise DataError("not a list of texts", where=where, hint="one name for each channel")
     return tuple(cast("list[str]", value))
+
+
+def _lines(value: Any, where: str) -> tuple[tuple[str, ...], ...]:
+    if not isinstance(value, list):
+        raise DataError("not a list of lines", where=where, hint="a list of names for each line")
+    return tuple(_texts(line, where) for line in cast("list[Any]", value))

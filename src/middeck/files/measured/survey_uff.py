@@ -3,10 +3,12 @@
 Places and motions in Cartesian, cylindrical and spherical systems of 2420 are turned into the part's own.
 
 Columns as SDRC defined them (University of Cincinnati, Structural Dynamics Research Laboratory, universal
-file formats). Functions (58) of the same file are passed over; trace lines (82) only show what is missing.
+file formats). Functions (58) of the same file are passed over. Trace lines (82) are the lines of pictures and
+show what is missing; the header (151) says where the survey is from.
 """
 
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,8 +74,8 @@ def load_uff(path: Path) -> MeasuredModes:
     moved = [(k, a) for k in range(len(numbers)) for a in range(6) if table[k, :, a].any()]
     located = bool(places) and all(n in places for n in numbers)
     said = dict.fromkeys(w for s in shapes for w in (*s.warnings, *_lacking(s, len(numbers))))
-    traced = {n for s in sets if s.number == LINES for n in _traced(s, path)}
-    if places and (lost := sorted(traced - places.keys())):
+    traced = [line for s in sets if s.number == LINES for line in _traced(s, path)]
+    if places and (lost := sorted({n for line in traced for n in line} - places.keys())):
         said[f"trace lines join nodes without coordinates ({_few(lost)}): is the file whole?"] = None
     if rigid:
         said[f"{rigid} modes at 0 Hz are left out"] = None
@@ -96,6 +98,8 @@ def load_uff(path: Path) -> MeasuredModes:
             position_m=np.array([places[numbers[k]] for k, _ in moved]) / (factor or 1.0)
             if located
             else None,
+            lines=tuple(dict.fromkeys(tuple(map(str, line)) for line in traced)),
+            source=_source(heads),
             warnings=tuple(said),
         )
     except DataError as error:
@@ -109,8 +113,15 @@ def _lacking(shape: Shape, nodes: int) -> tuple[str, ...]:
     return (f"{what}: they are taken to stand still in it (is the file whole?)",) if lacks else ()
 
 
-def _traced(found: TextSet, path: Path) -> set[int]:
-    """The nodes that a trace line joins; `DataError` for fewer than it states (some fill up with zeros)."""
+def _source(heads: list[TextSet]) -> str:
+    """Model, description, program and date of the first header; of our own the name of the model alone."""
+    model, about, program, date, *_ = [*(heads[0].lines if heads else ()), "", "", "", ""]
+    told = [model] if program.strip() == "middeck" else [model, about, program, date[:20]]
+    return "; ".join(" ".join(text.split()) for text in told if text.strip().upper() not in ("", "NONE"))
+
+
+def _traced(found: TextSet, path: Path) -> list[list[int]]:
+    """Nodes that a trace line joins, 0 lifting the pen; `DataError` for fewer than it states."""
     lines = _Lines(found, path)
     stated = lines.whole(2)[1]
     lines.line()  # its name
@@ -120,7 +131,8 @@ def _traced(found: TextSet, path: Path) -> set[int]:
     if len(joined) < stated:
         what = f"{len(joined)} of the {stated} nodes of a trace line"
         raise DataError(what, where=lines.where(), hint=AGAIN)
-    return set(joined) - {0}
+    drawn = [list(pen) for down, pen in groupby(joined, bool) if down]
+    return [line for line in drawn if len(line) > 1]
 
 
 def _few(nodes: list[int]) -> str:

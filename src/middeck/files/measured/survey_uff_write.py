@@ -14,18 +14,20 @@ import numpy as np
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import replacing
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
+from middeck.structure.correlation.placing import unbroken
 from middeck.structure.model.article import Structure
 
 NONE = "NONE"
 DISPLACEMENT, REAL, COMPLEX = 8, 2, 5
 SETS = (2411, 55)
+LONGEST = 250  # entries of a trace line, as the format has it
 CHOICES = {(nodes, shapes) for nodes in (2411, 15) for shapes in (55, 2414)}
 
 
 def write_uff(
     path: Path, measured: MeasuredModes, structure: Structure | None = None, sets: tuple[int, int] = SETS
 ) -> None:
-    """Write shapes in SI and global axes, whole or not at all; members of ``structure`` as trace lines.
+    """Write shapes in SI and global axes, whole or not at all; lines and members as trace lines.
 
     A node has the number at the end of its name; without one, or with another's, a number that no name has.
     ``sets`` are those of nodes (2411, or 15 with six digits) and of shapes (55 or 2414). Numbers have six
@@ -51,8 +53,9 @@ def write_uff(
     if not measured.is_real and np.any(np.abs(measured.damping) >= 1.0):
         raise DataError("a complex mode that does not oscillate", where=where, hint="leave it out")
     numbers = _numbers(measured, where)
+    name = " ".join(measured.source.split())[:80] or path.stem
     with replacing(path) as temporary, open(temporary, "w", encoding="ascii", errors="replace") as text:
-        _set(text, 151, [path.stem, f"{len(measured.frequency_hz)} modes", "middeck", "", "", "middeck", ""])
+        _set(text, 151, [name, f"{len(measured.frequency_hz)} modes", "middeck", "", "", "middeck", ""])
         _set(
             text,
             164,
@@ -60,8 +63,8 @@ def write_uff(
         )
         if measured.position_m is not None:
             _set(text, sets[0], _node_lines(measured, numbers, sets[0]))
-        if structure is not None:
-            _set(text, 82, _trace_lines(structure, numbers))
+        for lines in _trace_lines(measured, structure, numbers):
+            _set(text, 82, lines)
         for mode in range(len(measured.frequency_hz)):
             _set(text, sets[1], _mode_lines(measured, numbers, mode, sets[1]))
 
@@ -95,12 +98,23 @@ def _node_lines(measured: MeasuredModes, numbers: dict[str, int], kind: int) -> 
     return lines
 
 
-def _trace_lines(structure: Structure, numbers: dict[str, int]) -> list[str]:
-    """Members whose ends are measured, one behind the other; 0 lifts the pen."""
-    ends = [(m.start, m.end) for m in structure.members]
-    path = [n for a, b in ends if a in numbers and b in numbers for n in (numbers[a], numbers[b], 0)]
-    rows = ["".join(f"{n:10d}" for n in path[k : k + 8]) for k in range(0, len(path), 8)]
-    return [f"{1:10d}{len(path):10d}{11:10d}", "members", *rows]
+def _trace_lines(
+    measured: MeasuredModes, structure: Structure | None, numbers: dict[str, int]
+) -> list[list[str]]:
+    """Lines of the survey and members whose ends are measured, one behind the other; 0 lifts the pen."""
+    ends = [] if structure is None else [(m.start, m.end) for m in structure.members]
+    every = dict.fromkeys((*measured.lines, *ends))
+    known = [[n if n in numbers else None for n in line] for line in every]
+    pens = [part[k : k + LONGEST - 1] for line in known for part in unbroken(line)
+            for k in range(0, len(part) - 1, LONGEST - 2)]  # fmt: skip
+    paths: list[list[int]] = []
+    for pen in pens:
+        if not paths or len(paths[-1]) + len(pen) + 1 > LONGEST:
+            paths.append([])
+        paths[-1] += [*(numbers[name] for name in pen), 0]
+    rows = [[_whole(path[k : k + 8]) for k in range(0, len(path), 8)] for path in paths]
+    heads = [_whole((number, len(path), 11)) for number, path in enumerate(paths, 1)]
+    return [[head, "lines", *own] for head, own in zip(heads, rows, strict=True)]
 
 
 def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int, kind: int) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import datetime
 import itertools
 import re
 import tomllib
@@ -23,12 +24,14 @@ from middeck.files.records.ending import cut_short
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
 from middeck.files.records.stamps import (
     JITTER,
+    SLOW,
     doubt_of_seconds,
     is_even,
     last_digit,
     mean_step,
     open_share,
     rate_of,
+    since_1970,
 )
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel
@@ -232,8 +235,13 @@ def _doubts_of_rate(opening: Opening, rate: float, digit: float, first: float) -
     counted = opening.second == 1.0 and rate == 1.0 and digit == 1.0
     meant = opening.in_words and not counted
     what = "" if meant and (opening.samples or rate >= SLOWEST) else doubt_of_seconds(rate, counted, first)
-    if not what:
+    if not what and (meant or rate >= SLOW or not since_1970(first)):
         return ()
+    if not what:
+        day = datetime.datetime.fromtimestamp(first, datetime.UTC).date()
+        what = f"times are read as seconds since 1970, from {day} on, at {rate:.6g} Hz"
+        hint = "nothing, if that is the day; if they are ticks, state the rate (--sample-hz)"
+        return (channel_fault("format", "note", opening.heads[0], what, hint),)
     hint = "state the rate (--sample-hz) if it is right; if not, head the column time [ms], or leave it out"
     return (channel_fault("rate", "serious", opening.heads[0], what, hint),)
 

@@ -19,6 +19,8 @@ SURE = 4.0
 SLOW = 10.0
 # Seconds since 1970 of a record made from 2001 to 2096.
 EPOCH = (1e9, 4e9)
+# A rate [Hz] below which they rather are ticks of a counter.
+LOGGED = 1.0 / 60.0
 # Half a unit of the last digit, and what printed decimals lose as binary numbers.
 HALF = 0.5 + 1e-6
 
@@ -91,10 +93,15 @@ def _least_deviation(index: Int[np.ndarray, " line"], off: Float[np.ndarray, " l
     return float(found.fun) * size if found.success else np.inf
 
 
+def since_1970(first: float) -> bool:
+    """Whether a record's ``first`` stamp may be seconds since then."""
+    return EPOCH[0] <= first < EPOCH[1]
+
+
 def doubt_of_seconds(rate: float, counted: bool, first: float) -> str:
     """Words about stamps that were read as seconds, at a ``rate`` [Hz] that no structure is sampled at; none
-    where nothing is odd, or where the ``first`` can be seconds since 1970 only."""
-    if (not counted and rate >= SLOW) or EPOCH[0] <= first < EPOCH[1]:
+    where nothing is odd, or where the ``first`` may be seconds since 1970."""
+    if (not counted and rate >= SLOW) or (since_1970(first) and rate >= LOGGED):
         return ""
     meant = "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"
     return f"times are read as seconds, so that the rate is {rate:.6g} Hz: {meant}"

@@ -155,8 +155,10 @@ def check_error_bound(package: ControllerPackage) -> GateStep:
         for p, stated, needed in zip(package.outputs, package.error_bound, least.outputs, strict=True)
         if stated < needed
     ]
+    if least.own and not package.error_bound_own:
+        faults.append("it states a bound whatever is applied, but one is found for its own commands only")
     said = f"at most {float(package.error_bound.max()):.3g}"
-    if least.own:
+    if package.error_bound_own:
         said += ", for its own commands applied in full"
     return _step("error bound", faults, said)
 

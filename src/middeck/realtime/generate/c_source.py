@@ -57,6 +57,7 @@ def _words(package: ControllerPackage) -> dict[str, str]:
         "title": package.name,
         "hash": hash_package(package),
         "precision": "Single precision" if single else "Double precision",
+        "error": _error_text(package),
         "form": "dense law" if core.pairs is None else "modal law",
         "period": repr(package.period_s),
         "rate": f"{1.0 / package.period_s:g}",
@@ -81,6 +82,20 @@ def _words(package: ControllerPackage) -> dict[str, str]:
         "start_level": str(vectors.start_level),
         "vectors": "\n".join(vector_tables(vectors, single)),
     }
+
+
+def _error_text(package: ControllerPackage) -> str:
+    """What is proved of a law in single precision, as lines of a comment; nothing for one in double."""
+    if package.error_bound is None:
+        return ""
+    holds = "as long as it is engaged and its own commands are applied in full, from a reset on"
+    if not package.error_bound_own:
+        holds = "whatever limits and ramp do, and whatever is applied within the limits"
+    bounds = ", ".join(f"{bound:.3g}" for bound in package.error_bound.tolist())
+    return (
+        " *\n * No operation overflows or gives NaN. Outputs differ from those in double precision by at most"
+        f"\n *   {bounds}\n * {holds}.\n"
+    )
 
 
 def _plain(name: str, unit: str) -> str:

@@ -60,6 +60,8 @@ class ControllerPackage:
         single: Whether it is computed in single precision: all numbers are of 24 bits.
         error_bound: Of a law in single precision: the most by which each output differs from that of the law
             in double precision, whatever the inputs; None else.
+        error_bound_own: Whether that holds only from a reset on while the law's own commands are applied in
+            full; else it holds whatever limits, fade and others do to them.
         vectors: Test vectors; None before they are computed.
 
     Raises `ConfigError` for what does not fit or exceeds `STATES`, `CHANNELS`, `SECTIONS`, `RAMP`, `SAMPLES`.
@@ -80,6 +82,7 @@ class ControllerPackage:
     unstable: bool = False
     single: bool = False
     error_bound: Float[np.ndarray, " output"] | None = None
+    error_bound_own: bool = False
     vectors: TestVectors | None = None
 
     def __post_init__(self) -> None:
@@ -111,8 +114,11 @@ class ControllerPackage:
         self._check_declared()
         if self.single:
             self._check_single()
-        elif self.error_bound is not None:
-            _refuse("a bound of rounding for a law in double precision", "error_bound=None")
+        elif self.error_bound is not None or self.error_bound_own:
+            _refuse(
+                "a bound of rounding for a law in double precision",
+                "error_bound=None and error_bound_own=False",
+            )
         if self.vectors is not None:
             self._check_vectors(self.vectors)
 
@@ -152,6 +158,11 @@ class ControllerPackage:
             _refuse("a law in single precision without a bound of its error", "build it with to_single")
         if self.unstable:
             _refuse("an unstable compensator in single precision", "double precision: its error has no bound")
+        if self.error_bound_own and not self.core.drives:
+            _refuse(
+                "a bound for own commands of a law that does not learn what is applied",
+                "error_bound_own=False",
+            )
         with np.errstate(over="ignore"):  # beyond single precision, and so not equal
             longer = any(np.any(numbers != numbers.astype(np.float32)) for numbers in law_numbers(self))
         if longer:

@@ -30,7 +30,7 @@ from middeck.signals.ports import Port
 MAGIC = b"MIDDECKP"
 FORMAT = 1
 AGAIN = "the file as it was generated"
-MODAL, SINGLE, UNSTABLE, APPLIED = 1, 2, 4, 8
+MODAL, SINGLE, UNSTABLE, APPLIED, OWN = 1, 2, 4, 8, 16
 _HASH = 32
 
 
@@ -51,7 +51,7 @@ class _Head(NamedTuple):
     reserved: int
 
 
-_MOST = _Head(FORMAT, 15, STATES, STATES // 2, CHANNELS, CHANNELS, SECTIONS, SECTIONS, RAMP, SAMPLES, RAMP, 0)
+_MOST = _Head(FORMAT, 31, STATES, STATES // 2, CHANNELS, CHANNELS, SECTIONS, SECTIONS, RAMP, SAMPLES, RAMP, 0)
 _HEAD = struct.Struct(f"<8s{len(_Head._fields)}Id")
 
 
@@ -65,6 +65,7 @@ def encode_package(package: ControllerPackage) -> bytes:
         + SINGLE * package.single
         + UNSTABLE * package.unstable
         + APPLIED * core.drives
+        + OWN * package.error_bound_own
     )
     head = _Head(
         FORMAT, flags, len(core.A), core.pairs or 0, len(package.inputs), len(package.outputs),
@@ -196,7 +197,7 @@ class _Reader:
             filters=tuple(InputFilter(i, s) for (i, _), s in placed[: head.filters]),
             paths=tuple(LoopPath(i, o, s) for (i, o), s in placed[head.filters :]),
             ramp=head.ramp, unstable=bool(head.flags & UNSTABLE), single=bool(head.flags & SINGLE),
-            error_bound=bound,
+            error_bound=bound, error_bound_own=bool(head.flags & OWN),
             vectors=TestVectors(start_level=head.start_level, engaged=engaged, y=y, u=u),
         )  # fmt: skip
 

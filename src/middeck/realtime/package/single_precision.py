@@ -34,8 +34,9 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     difference to the law of ``package`` in double precision never exceeds it. No operation overflows there.
     Where a law estimates from what was applied, that may be anything within the limits, as the law's own
     command is; limits and fade act as gains from 0 to 1, which about one half must not amplify errors
-    without end (Khalil 2002, section 7.1). Where they may, the bound is for its own commands applied in full
-    (`ErrorBound.own`): no inputs within their ranges let them reach a limit, and no ramp fades them.
+    without end (Khalil 2002, section 7.1). Where they may, the bound is for its own commands applied in full,
+    and the package says so (``error_bound_own``): no inputs within their ranges let them reach a limit, and
+    no ramp fades them.
 
     Raises `ConfigError` for a law that is single already, unstable, without a range at an input or a limit of
     what is applied, or with a slew limit, in which roundings add up without end; and where no bound is found.
@@ -48,7 +49,7 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     exact = dataclasses.replace(package, core=modal or core, vectors=None)
     numbers = np.concatenate([np.ravel(part) for part in law_numbers(exact)])
     _require_room(float(np.abs(numbers[np.isfinite(numbers)]).max()), "a coefficient or limit")
-    bound = bound_error(exact).outputs
+    bound = bound_error(exact)
     rounded = dataclasses.replace(
         exact,
         core=_round_core(exact.core),
@@ -58,7 +59,8 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
         lower=_rounded(exact.lower),
         upper=_rounded(exact.upper),
         single=True,
-        error_bound=bound,
+        error_bound=bound.outputs,
+        error_bound_own=bound.own,
     )
     return add_test_vectors(rounded, len(package.vectors.y) if package.vectors else 48)
 
@@ -96,7 +98,8 @@ def _bound_untouched(package: ControllerPackage) -> Array | None:
     if package.ramp or not package.core.drives:
         return None
     silent = dataclasses.replace(package.core, E=np.zeros_like(package.core.E))
-    bound, wanted = _find_bound(dataclasses.replace(package, core=silent, vectors=None))
+    alone = dataclasses.replace(package, core=silent, error_bound_own=False, vectors=None)
+    bound, wanted = _find_bound(alone)
     least = np.minimum(package.upper, -package.lower) * (1.0 - 2.0 * UNIT)
     return bound if np.all(wanted <= least) else None
 

@@ -43,3 +43,8 @@ def carried_mass(model: Model, config: Configuration, loads: Loads | None = None
         return M
     T = transport(config, model.tree)
     return symmetric(sp.csr_array(T.T @ M @ T))
+
+
+def drawn_mass(model: Model) -> sp.csr_array:
+    """`carried_mass` as drawn, without devices; found once."""
+    return model.rest.once("mass", model, lambda: carried_mass(model, model.rest))

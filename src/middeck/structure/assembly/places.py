@@ -40,9 +40,16 @@ class At(NamedTuple):
 
 def poses_at(model: Model, config: Configuration) -> At:
     """Where all points of the model are at ``config``."""
+    return config.once("at", model, lambda: _poses_at(model, config))
+
+
+def _poses_at(model: Model, config: Configuration) -> At:
     poses, since = frame_poses(model.tree, config), config.since_drawn
     motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
-    return At(poses, config.angle, points_in_world(model.points, poses), since, motion)
+    world = points_in_world(model.points, poses)
+    for shared in (world, *motion):
+        shared.setflags(write=False)
+    return At(poses, config.angle, world, since, motion)
 
 
 def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -52,6 +52,8 @@ class MeasuredModes:
             them; that of a complex shape is of real and imaginary part together.
         position_m: Where each channel is, in world axes, where the test states it.
         modal_mass: Of each real shape as it stands [kg], where it is known; what computes shapes knows it.
+        lines: Nodes that lines of a picture join, one after the other, where the test states any.
+        source: What a file says of the test: model, description, program, date.
         warnings: What the reader of a file found odd.
 
     A survey of frequencies alone has no channels.
@@ -70,6 +72,8 @@ class MeasuredModes:
     shape_std: Float[np.ndarray, "channel mode"] | None = None
     position_m: Float[np.ndarray, "channel 3"] | None = None
     modal_mass: Float[np.ndarray, " mode"] | None = None
+    lines: tuple[tuple[str, ...], ...] = ()
+    source: str = ""
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -193,6 +197,12 @@ def measure_modes(
         shape_std=shape_std,
         modal_mass=None,
     )
+
+
+def real_shapes(measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
+    """Shapes turned to the phase in which they are largest."""
+    phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
+    return np.real(measured.shape * np.exp(-1j * phase))
 
 
 def every_channel(model: Model) -> list[tuple[str, str]]:

@@ -4,6 +4,7 @@ number."""
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -56,6 +57,7 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
         left = len(measured.node) - len(keep)
         said.append(f"{left} channels of nodes that are not in the model are left out: {list_names(absent)}")
     std = measured.shape_std
+    lines = [[_named(n, found, known, kinds) for n in line] for line in measured.lines]
     return replace(
         measured,
         node=tuple(found.get(measured.node[k]) or measured.node[k] for k in keep),
@@ -63,8 +65,24 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
         shape=measured.shape[keep],
         shape_std=None if std is None else std[keep],
         position_m=None if here is None else here[keep],
+        lines=tuple(tuple(part) for line in lines for part in unbroken(line)),
         warnings=(*measured.warnings, *said),
     )
+
+
+def _named(
+    node: str, found: dict[str, str | None], known: set[str], kinds: list[dict[str, np.ndarray]]
+) -> str | None:
+    """A node of a line by the model's name; one without channels, as a fixed one, by its number alone."""
+    if node in found or node in known or not node.isdigit():
+        return found.get(node, node if node in known else None)
+    return next((name for names in kinds if (name := _with_number(names, node))), None)
+
+
+def unbroken(line: Sequence[str | None]) -> list[list[str]]:
+    """The pieces of a line between nodes that are not in the model."""
+    parts = [list(names) for there, names in groupby(line, lambda name: name is not None) if there]
+    return [[name for name in part if name] for part in parts if len(part) > 1]
 
 
 def _place(

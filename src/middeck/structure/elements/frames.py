@@ -15,6 +15,10 @@ offset masses, rigid offsets and gimbals under load have their exact tangent: th
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Callable
+from typing import TypeVar
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Inexact
@@ -30,6 +34,8 @@ from middeck.structure.elements.rotations import rotation_exp, skew
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses
 from middeck.values import record
 
+Found = TypeVar("Found")
+
 
 @record
 class Configuration:
@@ -43,6 +49,13 @@ class Configuration:
     R: Inexact[np.ndarray, "root 3 3"]
     angle: Inexact[np.ndarray, " joint"]
     since_drawn: SinceDrawn | None = None
+
+    def once(self, what: str, model: object, compute: Callable[[], Found]) -> Found:
+        """``compute()``, which hangs on this configuration and ``model`` alone, found once for both."""
+        known = vars(self).get(what)
+        if known is None or known[0]() is not model:
+            known = vars(self)[what] = (weakref.ref(model), compute())
+        return known[1]
 
 
 def move(tree: FrameTree, config: Configuration, q: Inexact[np.ndarray, " coordinate"]) -> Configuration:

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from middeck.errors import ConfigError, EquilibriumError, UnstableEquilibriumError
 from middeck.structure.assembly.energy import Assembly, assemble_carried
 from middeck.structure.assembly.environment_loads import Loads
-from middeck.structure.assembly.mass import carried_mass
+from middeck.structure.assembly.mass import drawn_mass
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.gravity.continuation import rest_near
 from middeck.structure.gravity.crossings_and_veerings import Advance, Course, reorder, resolve_exchanges
@@ -172,7 +172,7 @@ def follow_gravity(
         modes = solve_modes(_settled(full, loads_at(at_first)) if np.any(at_first) else free, count)
     except UnstableEquilibriumError as error:
         return _no_path(path, error, at_first)
-    mass = carried_mass(full.model, full.model.rest)
+    mass = drawn_mass(full.model)
     legs = [_Leg(full, free, mass, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
     rest, match = modes.equilibrium, np.ones(len(modes.omega))
     first = PathState(0.0, at_first, rest.config, spectrum_of(modes), match, rest.tension, 0.0)

@@ -357,8 +357,8 @@ class Damping:
 
     Attributes:
         flexible, suspension, rigid: The base: of strain, of everything else that holds a mode (devices,
-            weight), and of a mode at zero. A mode has the mean of the first two, weighted with its energy
-            (`Modes.strain_share`).
+            weight), and of a mode at zero. A mode has both of the first two, weighted with the parts of its
+            energy; where weight or preload softens it, these add up to more than one (`lossy_shares`).
         by_rank: Instead of that, the 1993 paper's rule: the n lowest modes have ``suspension`` and all others
             ``flexible``, n the number of rigid-body modes in orbit.
         table: The base of every mode that oscillates, instead of ``flexible`` and ``suspension``.

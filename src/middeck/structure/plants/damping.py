@@ -4,8 +4,9 @@ Three sources add up: a base (of flexibility and suspension, or from a measured 
 material, and viscous devices. A mode that is given its own ratio has that and nothing else.
 
 - Base: with a loss factor of 2 zeta_f in all that strains and of 2 zeta_s in all else that holds the article,
-  a mode whose strain is the part s of its energy has zeta = s zeta_f + (1 - s) zeta_s (the modal strain
-  energy method, see below). Or by rank, where the article says so.
+  a mode with the parts s and r of its energy in these has zeta = s zeta_f + r zeta_s (the modal strain energy
+  method, see below). r = 1 - s unless weight or preload softens the mode: what they take away has no loss,
+  and s alone may be above one. In orbit r = 0. Or by rank, where the article says so.
 
 - Material: a loss factor eta makes the stiffness of a member k (1 + j eta). To first order the mode loses
   the fraction sum_i eta_i U_i / U of its energy U = omega^2 / 2, and zeta = sum_i eta_i U_i / (2 U)
@@ -27,7 +28,7 @@ from jaxtyping import Bool, Float, Inexact
 from middeck.errors import ConfigError
 from middeck.structure.elements.frames import points_in_world, pose_jacobian
 from middeck.structure.model.article import Damper, DamperPlace, Damping, DampingTable, JointState
-from middeck.structure.modes.motions.strain_shares import member_energy
+from middeck.structure.modes.motions.strain_shares import lossy_shares, member_energy
 from middeck.structure.modes.names.kinds import CURE, is_held, kinds_by_rank
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.loss_coupling import Losses, coupled_pairs
@@ -39,6 +40,8 @@ COUPLING_LIMIT = 0.1
 the frequency is then wrong by half its square times the relative distance of the two."""
 UNCOUPLED = 1e-9
 """Part of the largest entry of phi' C phi below which an entry is rounding."""
+ROUNDING = 1e-6
+"""Of the energy of the stiffest modes."""
 
 
 @record(kw_only=True)
@@ -73,7 +76,8 @@ def estimate_damping(
     damping = modes.equilibrium.model.structure.damping if damping is None else damping
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     omega, shapes = modes.omega[:count], modes.shapes[:, :count]
-    base = _base(modes, damping, count)
+    parts = base_parts(modes, damping, modes.equilibrium, omega**2, shapes)
+    base = _base(modes, damping, parts)
     material = material_ratios(modes.equilibrium, damping, omega, shapes)
     C = damper_matrix(modes.equilibrium, damping, shapes)
     device = np.divide(np.diag(C), 2.0 * omega, out=np.zeros(count), where=omega > 0.0)
@@ -87,12 +91,15 @@ def estimate_damping(
     zeta = base + material + device
     worst = int(np.argmax(zeta)) if len(zeta) else 0
     if len(zeta) and not zeta[worst] < 1.0:
+        part = parts[0, worst]
+        near = f": weight or preload takes {1.0 - 1.0 / part:.2%} of its stiffness" if part > 2.0 else ""
         raise ConfigError(
-            f"mode {modes.name[worst]!r} would have the damping ratio {zeta[worst]:.3g}",
+            f"mode {modes.name[worst]!r} would have the damping ratio {zeta[worst]:.3g}{near}",
             where="damping",
-            hint="a modal ratio is below 1; smaller loss factors or dampers, or a rate loop",
+            hint="a modal ratio is below 1; smaller loss factors or dampers, or a rate loop"
+            + (", or an article that is farther from falling over" if near else ""),
         )
-    warnings += _coupled_losses(modes, damping, base + material, count)
+    warnings += _coupled_losses(modes, damping, base + material, np.abs(parts.sum(axis=0) - 1.0) > ROUNDING)
     coupling, i, j = _coupling(C, omega)
     if coupling > COUPLING_LIMIT:
         pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
@@ -102,12 +109,15 @@ def estimate_damping(
     )
 
 
-def _coupled_losses(modes: Modes, damping: Damping, zeta: np.ndarray, count: int) -> tuple[str, ...]:
+def _coupled_losses(
+    modes: Modes, damping: Damping, zeta: np.ndarray, lossless: np.ndarray
+) -> tuple[str, ...]:
     """Modes of nearly one frequency whose losses are not those of each alone."""
-    by_energy = goes_by_energy(modes, damping) and damping.table is None
+    count = len(zeta)
+    by_energy = damping.table is None and not damping.by_rank
+    rest = damping.suspension if is_held(modes.equilibrium) else damping.flexible
     losses = Losses(
-        2.0 * (damping.flexible - damping.suspension) if by_energy else 0.0,
-        member_losses(modes.equilibrium, damping),
+        2.0 * damping.flexible * by_energy, 2.0 * rest * by_energy, member_losses(modes.equilibrium, damping)
     )
     given = {find_mode(modes, key) for key, _ in damping.by_mode}
     return tuple(
@@ -115,38 +125,49 @@ def _coupled_losses(modes: Modes, damping: Damping, zeta: np.ndarray, count: int
         f"{modes.frequency_hz[j]:.4g} Hz share their losses: their ratios would be {a:.3g} and {b:.3g} in "
         f"place of {zeta[i]:.3g} and {zeta[j]:.3g}; {CURE}, or give each its own ratio ([damping.mode])"
         for (i, j), (a, b) in coupled_pairs(
-            modes.equilibrium, modes.omega[:count], modes.shapes[:, :count], zeta, losses
+            modes.equilibrium, modes.omega[:count], modes.shapes[:, :count], zeta, losses, lossless
         )
         if not given & {i, j}
     )
 
 
-def _base(modes: Modes, damping: Damping, count: int) -> np.ndarray:
+def _base(modes: Modes, damping: Damping, parts: np.ndarray) -> np.ndarray:
+    count = parts.shape[1]
     swings = modes.omega[:count] > 0.0
-    base = base_ratios(damping, flexible_share(modes, damping)[:count], swings)
+    base = base_ratios(damping, parts, swings)
     if damping.table is not None:
         base[swings] = _interpolate(damping.table, modes.frequency_hz[:count][swings])
     return base
 
 
 def base_ratios(
-    damping: Damping, share: Inexact[np.ndarray, " mode"], swings: Bool[np.ndarray, " mode"]
+    damping: Damping, parts: Inexact[np.ndarray, "2 mode"], swings: Bool[np.ndarray, " mode"]
 ) -> Inexact[np.ndarray, " mode"]:
-    """The base of each mode from its `flexible_share`, and that of modes at zero; analytic."""
-    return np.where(swings, share * damping.flexible + (1.0 - share) * damping.suspension, damping.rigid)
+    """The base of each mode from its `base_parts`, and that of modes at zero; analytic."""
+    return np.where(swings, parts[0] * damping.flexible + parts[1] * damping.suspension, damping.rigid)
 
 
-def flexible_share(modes: Modes, damping: Damping) -> Float[np.ndarray, " mode"]:
-    """Weight of the flexible ratio in the base of each mode; that of the suspension's is the rest."""
+def base_parts(
+    modes: Modes,
+    damping: Damping,
+    equilibrium: Equilibrium,
+    lam: Inexact[np.ndarray, " mode"],
+    shapes: Inexact[np.ndarray, "coordinate mode"],
+) -> Inexact[np.ndarray, "2 mode"]:
+    """Weights of the flexible and of the suspension's ratio in the bases of the lowest modes; analytic.
+
+    ``equilibrium``, ``lam`` (omega^2) and ``shapes`` are those of ``modes``, or perturbed. In orbit what does
+    not strain is the article's own preload, and has no loss.
+    """
     if damping.by_rank:
-        kinds = kinds_by_rank(modes.equilibrium, modes.kind)
-        return np.array([float(kind == "flexible") for kind in kinds])
-    return modes.strain_share if goes_by_energy(modes, damping) else np.ones(len(modes.omega))
-
-
-def goes_by_energy(modes: Modes, damping: Damping) -> bool:
-    """Whether energy weighs the base; in orbit, what does not strain is the article's own preload."""
-    return not damping.by_rank and is_held(modes.equilibrium)
+        kinds = kinds_by_rank(modes.equilibrium, modes.kind)[: len(lam)]
+        flexible = np.array([float(kind == "flexible") for kind in kinds])
+        return np.array([flexible, 1.0 - flexible])
+    parts = lossy_shares(equilibrium, lam, shapes)
+    if is_held(modes.equilibrium):
+        return parts
+    whole = (np.abs(np.real(parts[0]) - 1.0) <= ROUNDING) | (np.real(lam) == 0.0)
+    return np.array([np.where(whole, 1.0, parts[0]), np.zeros(len(lam))])
 
 
 def damped_kinds(modes: Modes) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
 """Losses that couple modes of neighbouring frequencies, which a damping ratio for each mode leaves out.
 
 A loss factor in what strains, and another in all else that holds the article, make the stiffness complex.
-In the real modes its imaginary part H has entries beside the diagonal where the two losses differ. They
-matter where |H_ij| is not small beside |omega_i^2 - omega_j^2|: a pendulum and a bending mode of nearly one
-frequency share their losses. The ratios of two such modes follow from the two of them alone.
+In the real modes its imaginary part H has entries beside the diagonal where the two losses differ, or where
+weight or preload changes a mode without loss. They matter where |H_ij| is not small beside
+|omega_i^2 - omega_j^2|: a pendulum and a bending mode of nearly one frequency share their losses. The
+ratios of two such modes follow from the two of them alone.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from middeck.structure.modes.motions.strain_shares import member_energy, strain_energy
+from middeck.structure.modes.motions.strain_shares import device_strain, member_energy, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
 SHIFT = 1e-2
@@ -21,9 +22,10 @@ SHIFT = 1e-2
 
 
 class Losses(NamedTuple):
-    """Loss factors: of all that strains beyond that of the rest, and of each member beside it."""
+    """Loss factors: of all that strains, of all else that holds the article, of each member beside that."""
 
     strain: float
+    rest: float
     member: Float[np.ndarray, " member"]
 
 
@@ -40,14 +42,18 @@ def coupled_pairs(
     shapes: Float[np.ndarray, "coordinate mode"],
     zeta: Float[np.ndarray, " mode"],
     losses: Losses,
+    lossless: Bool[np.ndarray, " mode"],
 ) -> list[CoupledPair]:
     """Pairs of modes of which one has another ratio, by more than `SHIFT`, once their common losses count.
 
-    ``zeta`` are the ratios of each alone. Modes at zero and without losses have no part in it.
+    ``zeta`` are the ratios of each alone; what weight and preload add to ``lossless`` modes, or take, has no
+    loss. Modes at zero and without losses have no part in it.
     """
-    if not (losses.strain or losses.member.any()):
+    if losses.strain == losses.rest and not lossless.any() and not losses.member.any():
         return []
-    own, size = _lost(equilibrium, shapes, losses)
+    own = _energies(equilibrium, shapes, losses)
+    most = np.abs(_weights(losses, np.array([False, lossless.any()]))).max(axis=0)
+    size = np.maximum(most @ own, 0.0)  # a rigid mode's energy is rounding, of either sign
     apart = np.abs(omega[:, None] ** 2 - omega**2)
     # |H_ij| is at most the geometric mean of both diagonals; a ratio moves towards the other by the square
     # of that over the distance.
@@ -59,25 +65,31 @@ def coupled_pairs(
     first, second = np.nonzero(near)
     if not len(first):
         return []
-    both, _ = _lost(equilibrium, shapes[:, first] + shapes[:, second], losses)
+    both = _energies(equilibrium, shapes[:, first] + shapes[:, second], losses)
+    weights = _weights(losses, lossless[first] | lossless[second])
+    between = np.einsum("pk,kp->p", weights, both - own[:, first] - own[:, second])
     found: list[CoupledPair] = []
-    for i, j, shared in zip(
-        first.tolist(), second.tolist(), (both - own[first] - own[second]).tolist(), strict=True
-    ):
+    for i, j, shared in zip(first.tolist(), second.tolist(), between.tolist(), strict=True):
         together = _together(omega[[i, j]], zeta[[i, j]], shared)
         if np.any(np.abs(together - zeta[[i, j]]) > SHIFT * zeta[[i, j]]):
             found.append(CoupledPair((i, j), (float(together[0]), float(together[1]))))
     return found
 
 
-def _lost(
-    equilibrium: Equilibrium, shapes: np.ndarray, losses: Losses
-) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """Half of the diagonal of H, and the same with all losses taken as positive."""
+def _energies(equilibrium: Equilibrium, shapes: np.ndarray, losses: Losses) -> Float[np.ndarray, "3 mode"]:
+    """Of strain, of the strain of devices, and what members lose of theirs."""
     strain = strain_energy(equilibrium, shapes).sum(axis=1)
     member = member_energy(equilibrium, shapes) @ losses.member
-    # A rigid mode's energy is rounding, of either sign.
-    return losses.strain * strain + member, np.maximum(abs(losses.strain) * strain + member, 0.0)
+    return np.array([strain, device_strain(equilibrium, shapes), member])
+
+
+def _weights(losses: Losses, lossless: np.ndarray) -> Float[np.ndarray, "pair 3"]:
+    """Loss factors of `_energies` in H between two modes, less the multiple of omega^2 that is not between.
+
+    What is neither strain nor a device has the loss of the rest where neither mode is ``lossless``.
+    """
+    alike, rest = np.ones(len(lossless)), losses.rest
+    return np.array([losses.strain - rest * ~lossless, rest * lossless, alike]).T
 
 
 def _together(omega: np.ndarray, zeta: np.ndarray, shared: float) -> Float[np.ndarray, "2"]:

@@ -46,6 +46,10 @@ def _displaced_force(model: Model) -> float:
 
 def article_size(model: Model) -> float:
     """Half the extent of the article as drawn [m], at least its radius of gyration; a metre for a point."""
+    return model.rest.once("size", model, lambda: _article_size(model))
+
+
+def _article_size(model: Model) -> float:
     x = model.rest.x
     inertia = np.trace(model.body_inertia, axis1=1, axis2=2).sum()
     gyration = np.sqrt(0.5 * inertia / model.structure.mass) if model.structure.mass > 0.0 else 0.0

@@ -11,7 +11,7 @@ from middeck.structure.assembly.energy import assemble_carried
 from middeck.structure.assembly.environment_loads import Loads, scale_loads
 from middeck.structure.assembly.factorisation import factorise
 from middeck.structure.assembly.linked import closed, static_freedom
-from middeck.structure.assembly.mass import carried_mass
+from middeck.structure.assembly.mass import drawn_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.springs import pose_shift
 from middeck.structure.elements.frames import Configuration, move_carried, points_in_world
@@ -68,7 +68,7 @@ def settle_pinned(model: Model, loads: Loads, pinned: PinnedPoints) -> PinnedSta
     iteration does not converge. A free motion that no weight drives is ignored: it changes no force.
     """
     supports = find_supports(model, pinned)
-    mass = carried_mass(model, model.rest)
+    mass = drawn_mass(model)
     start, none = model.rest, np.zeros(len(supports.axis))
     found = _settle_pinned(model, loads, supports, mass, start, none, contract=True)
     if found is None:

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.structure.assembly.environment_loads import Loads, scale_loads
-from middeck.structure.assembly.mass import carried_mass
+from middeck.structure.assembly.mass import drawn_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.followed_branch import displace, follow, prescribed_steps
@@ -30,7 +30,7 @@ def settle(model: Model, loads: Loads) -> Settled:
     step downhill where the tangent is not positive definite; it is reduced after every success and the last
     step is a pure Newton step. Convergence is on the true residual alone; on the way a rough one will do.
     """
-    mass = carried_mass(model, model.rest)
+    mass = drawn_mass(model)
     moved = model.held is not None and bool(np.any(model.held.moved))
     pushed = bool(np.any(loads.push))
     held = model.held is not None or pushed or len(loads.ground.point) or not np.any(loads.gravity)

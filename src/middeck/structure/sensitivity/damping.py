@@ -9,17 +9,15 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.structure.model.article import Damping, DampingTable
-from middeck.structure.modes.motions.strain_shares import strain_share
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import shared_losses
 from middeck.structure.plants.damping import (
     ModalDamping,
+    base_parts,
     base_ratios,
     damper_matrix,
     estimate_damping,
     find_mode,
-    flexible_share,
-    goes_by_energy,
     material_ratios,
 )
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -136,10 +134,8 @@ def _base(modes: Modes, at: Equilibrium, change: ModeSensitivity) -> Float[np.nd
     damping, count = modes.equilibrium.model.structure.damping, change.d_shapes.shape[1]
     swings = modes.omega[:count] > 0.0
     omega, shapes = _moved(modes, change)
-    share = flexible_share(modes, damping)[:count]
-    if goes_by_energy(modes, damping):
-        share = strain_share(at, omega**2, shapes)
-    slope = derivative(base_ratios(at.model.structure.damping, share, swings).astype(complex))
+    parts = base_parts(modes, damping, at, omega**2, shapes)
+    slope = derivative(base_ratios(at.model.structure.damping, parts, swings).astype(complex))
     if damping.table is not None:
         slope[swings] += _along_table(modes, damping.table, derivative(omega), count)
     return slope

@@ -9,8 +9,9 @@ a_ij = phi_i'(K' - lambda_i M') phi_j (K', M' slopes by the unknowns),
 (Fox and Kapoor 1968, AIAA J. 6, once more differentiated). Modes close by are left out of the sum: measured
 shapes say how these mix. K and M are taken as linear in each parameter, of elements that stay where they are
 at rest: those that turn as an article sags would mix modes of its length into all others, which K'' undoes.
-A suspension's stiffness is not linear: it goes with a cable's length and with a bounce by powers (W / L,
-m omega^2), and the logarithm of a frequency that it holds is straight in theirs.
+A suspension's stiffness is not linear: it goes with a cable's length and with a bounce by powers p^n (W / L,
+m omega^2), whose K'' is (n - 1) K' / p. Their second derivatives with other unknowns, which may change W, are
+left out: there are none where the suspension alone holds a mode.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.structure.modes.solve import Modes
+from middeck.structure.sensitivity.parameters import Parameter, read_parameter
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import NEIGHBOURS, set_up
@@ -28,7 +30,8 @@ from middeck.updating.unknowns.unknowns import Bound, product_slopes
 
 # Lowest modes of which a bent one is made: those above are too far away to matter.
 MODES = 40
-BY_POWERS = ("cable_length", "bounce_hz")
+# Exponents of parameters that a stiffness is not linear in.
+POWERS = {"cable_length": -1.0, "bounce_hz": 2.0}
 
 
 def frequency_curvature(
@@ -42,19 +45,39 @@ def frequency_curvature(
     mixing = slopes[: len(pairs[0])].reshape(len(index), count, len(bound))
     own = mixing[np.arange(len(index)), index]
     inertia = (slopes[len(pairs[0]) :] - own) / lam[index, None]
-    factor = np.diag([float(not b.unknown.added) for b in bound])
-    own_lam = lam[index]
+    second, own_lam = _second_slopes(modes, bound, index, own), lam[index]
     with np.errstate(divide="ignore"):
         far = np.abs(np.log(modes.frequency_hz[:count] / modes.frequency_hz[index, None])) > NEIGHBOURS
     weight = np.divide(2.0, own_lam[:, None] - lam[:count], out=np.zeros(far.shape), where=far)
     turned = np.einsum("mja,mj,mjb->mab", mixing, weight, mixing)
     crossed = own[:, :, None] * inertia[:, None]
-    bent = own[:, :, None] * factor - crossed - np.swapaxes(crossed, 1, 2) + turned
+    bent = second[:, :, None] * np.eye(len(bound)) - crossed - np.swapaxes(crossed, 1, 2) + turned
     square = own[:, :, None] * own[:, None]
     curvature = 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
-    straight = [any(p.name.endswith(BY_POWERS) for p in b.parameters) for b in bound]
-    curvature[:, straight] = curvature[:, :, straight] = 0.0
+    powers = np.array([any(map(_power, b.parameters)) for b in bound], dtype=bool)
+    curvature[:, powers[:, None] != powers] = 0.0
     return curvature
+
+
+def _power(parameter: Parameter) -> float:
+    """The exponent of a suspension's stiffness; zero for parameters that it is linear in."""
+    return next((power for name, power in POWERS.items() if parameter.name.endswith(name)), 0.0)
+
+
+def _second_slopes(
+    modes: Modes, bound: Sequence[Bound], index: np.ndarray, own: Float[np.ndarray, "mode unknown"]
+) -> Float[np.ndarray, "mode unknown"]:
+    """phi_i'(K'' - lambda_i M'') phi_i by each unknown; ``own`` are those of K' and M'."""
+    found = own * np.array([not b.unknown.added for b in bound])
+    bent = [(k, Bound(b.unknown, (p,))) for k, b in enumerate(bound) for p in b.parameters if _power(p)]
+    if not bent:
+        return found
+    slopes = product_slopes(modes, [b for _, b in bent], index, index, modes.omega[index] ** 2, still=True)
+    rest = modes.equilibrium
+    for (k, b), slope in zip(bent, slopes.T, strict=True):
+        now = read_parameter(rest.model.structure, rest.environment, b.parameters[0])
+        found[:, k] += (_power(now) - 1.0) * slope / (now.value if b.unknown.added else 1.0)
+    return found
 
 
 def bend_of(

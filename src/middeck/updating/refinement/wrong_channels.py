@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.correlation.measured_modes import seen, sensor_rows, straight_channels
+from middeck.structure.correlation.measured_modes import real_shapes, seen, sensor_rows, straight_channels
 from middeck.updating.residuals.pairing import at_channels
-from middeck.updating.residuals.surveys import Compared, neighbours, real_shapes, shape_deviations
+from middeck.updating.residuals.surveys import Compared, neighbours, shape_deviations
 
 # Of what a channel reads in all modes: what is left of one that is wrong, of the others in the mean (rms).
 WRONG, RIGHT = 0.5, 0.15

@@ -9,7 +9,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.structure.correlation.measured_modes import MeasuredModes, sort_rms, straight_channels
+from middeck.structure.correlation.measured_modes import (
+    MeasuredModes,
+    real_shapes,
+    sort_rms,
+    straight_channels,
+)
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.structure.model.article import JointState, Structure
 from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
@@ -20,7 +25,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.updating.residuals.friction import Added, SurveyedFriction
 from middeck.updating.residuals.own_articles import OwnArticles, check_spare, own_articles
-from middeck.updating.residuals.pairing import at_channels, pair
+from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels, pair
 from middeck.updating.residuals.responses import (
     ComparedResponse,
     MeasuredResponse,
@@ -223,7 +228,8 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
             hint="; ".join(
                 (
                     *doubt_survey_units(modes, survey.measured),
-                    "check nodes, directions, frequencies and the environment of the survey",
+                    _nearest(own.modes, survey.measured),
+                    "check nodes, directions, units and the environment",
                 )
             ),
         )
@@ -231,6 +237,16 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
         check_spare(modes.omega, own, pairs, added)
     column = own.columns(pairs[:, 1])[pairs[:, 0] % own.count].T
     return Paired(own, pairs, column, tuple(added))
+
+
+def _nearest(modes: Modes, measured: MeasuredModes) -> str:
+    ours, theirs = modes.frequency_hz[modes.omega > 0.0], measured.frequency_hz
+    i, j = np.unravel_index(np.argmin(np.abs(np.log(ours[:, None] / theirs))), (len(ours), len(theirs)))
+    shapes = f" and by a MAC of {COMMON:g} and more" if measured.node else ""
+    return (
+        f"modes are paired within a factor of {WINDOW:g} in frequency{shapes}; the nearest two are "
+        f"{theirs[j]:.4g} Hz, measured, and {ours[i]:.4g} Hz"
+    )
 
 
 def compare(modes: Modes, survey: Survey, bound: Sequence[Bound], paired: Paired | None = None) -> Compared:
@@ -325,12 +341,6 @@ def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.nd
     found = inverse @ (Q.T @ shape)
     scale = found[one][0]
     return found / scale, np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / np.abs(scale)
-
-
-def real_shapes(measured: MeasuredModes) -> np.ndarray:
-    """Shapes turned to the phase in which they are largest."""
-    phase = 0.5 * np.angle(np.sum(measured.shape**2, axis=0))
-    return np.real(measured.shape * np.exp(-1j * phase))
 
 
 def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:

@@ -11,13 +11,13 @@ from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_cl
 from middeck.files.nastran.article.loads import LoadSets
 from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
 from middeck.files.nastran.article.nodes_and_riders import Standing, find_standing
-from middeck.files.nastran.article.parts import LeftOut, read_parts, set_out
+from middeck.files.nastran.article.parts import Basis, LeftOut, read_parts, set_out
 from middeck.files.nastran.article.springs import scalar_tables, spring_tables
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
 from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
-from middeck.files.nastran.deck.deck import Deck, weight_factor
+from middeck.files.nastran.deck.deck import Deck, reference_grid, weight_factor
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.members.sections_of_bars import read_material
 from middeck.structure.model.component import Component
@@ -28,7 +28,8 @@ class Conversion(NamedTuple):
 
     ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
     ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
-    ``notes`` are sentences for the report, ``components`` what the document names, by file.
+    ``notes`` are sentences for the report, ``components`` what the document names, by file; ``reference`` is
+    the grid (0: the origin) about which the deck wants its mass, and where it is [m].
     """
 
     document: dict[str, Any]
@@ -38,6 +39,7 @@ class Conversion(NamedTuple):
     notes: tuple[str, ...]
     environment: dict[str, Any]
     components: dict[str, Component] = {}  # noqa: RUF012 -- of a frozen tuple, never changed
+    reference: tuple[int, np.ndarray] | None = None
 
     @property
     def holds(self) -> bool:
@@ -101,6 +103,7 @@ def convert_deck(
     left_out += sets.refused
     converted = count_converted(basis, parts, standing)
     converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}
+    reference, lost = _reference(basis)
     coordinates = 6 * len(nodes + pinned) + len(single.nodes) + sum(c.modal for c in components.values())
     document = _head(name, deck) | {
         "section": sections,
@@ -118,10 +121,31 @@ def convert_deck(
         read={card: len(found) for card, found in deck.entries.by_name.items()},
         converted=converted,
         left_out=tuple(left_out),
-        notes=(*note_doubts(basis, parts, coordinates), *tapers, *scalars, *unheld, *rotors, *gravity),
+        notes=(
+            *note_doubts(basis, parts, coordinates),
+            *tapers,
+            *scalars,
+            *unheld,
+            *rotors,
+            *gravity,
+            *lost,
+        ),
         environment=_supports(name, constants, clamps + loose + single.clamps, grounds + single.grounds),
         components=components,
+        reference=reference,
     )
+
+
+def _reference(basis: Basis) -> tuple[tuple[int, np.ndarray] | None, list[str]]:
+    """The grid of PARAM GRDPNT and its place [m], and a note on one that is not there."""
+    grid = reference_grid(basis.deck)
+    if grid is None:
+        return None, []
+    at = basis.places.grids.get(grid)
+    if at is not None:
+        return (grid, basis.units.length * at), []
+    lost = [f"PARAM GRDPNT names grid {grid}, which is not there: the mass is about the origin"]
+    return (0, np.zeros(3)), lost if grid else []
 
 
 def _head(name: str, deck: Deck) -> dict[str, Any]:

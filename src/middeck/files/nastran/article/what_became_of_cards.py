@@ -2,10 +2,11 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import chain
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-from middeck.files.nastran.components.direct_input import DAMPING
+from middeck.files.nastran.components.direct_input import damping_names
 from middeck.files.nastran.deck.cards_read import DIVIDING
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unread_params
 from middeck.files.nastran.deck.entries import Entry
@@ -58,11 +59,11 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     elsewhere = any(e["seid"] for e in entries.of("GRDSET"))
     inside = [e for e in entries.of("GRID") if e["seid"] or (elsewhere and e["seid"] is None)]
     rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
-    idle = [e for e in entries.of("DMIG") if e["name"] not in deck.selection.matrices.values()]
-    rows.append(("DMIG", len(idle), NOT_SELECTED))
-    damping = {name: command for command, name in deck.selection.matrices.items() if command in DAMPING}
-    selected = Counter(damping[e["name"]] for e in entries.of("DMIG") if e["name"] in damping)
-    rows += [(f"DMIG of {command}", count, DAMPS) for command, count in sorted(selected.items())]
+    cards = Counter(e["name"] for e in entries.of("DMIG"))
+    damping = damping_names(deck)
+    selected = {*deck.selection.matrices.values(), *chain.from_iterable(damping.values())}
+    rows.append(("DMIG", sum(cards[name] for name in cards.keys() - selected), NOT_SELECTED))
+    rows += [(f"DMIG of {c}", sum(cards[n] for n in names), DAMPS) for c, names in sorted(damping.items())]
     bare = {*basis.places.grids} - standing.account - {*standing.carriers, *standing.carriers.values()}
     rows.append(("GRID", len(bare), "no element or mass is at them: points of orientation, for instance"))
     damped = [e for e in entries.of("MAT1", "PELAS", "CELAS2") if e["ge"]]
@@ -108,6 +109,10 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
         for union in (e for e in entries.of(names[-1]) if e.id in chosen):
             lacks = sorted({n for n in union["sets"] if n} - single)
             notes += [f"{union.label} names {command} {n}, which is not there" for n in lacks]
+    matrices = {e["name"] for e in entries.of("DMIG")}
+    for command, names in damping_names(deck).items():
+        absent = sorted({*names} - matrices)
+        notes += [f"case control selects {command} {n}, which is not there" for n in absent]
     notes += deck.notes
     stiff = {e["type"] for e in entries.of("PBARL", "PBEAML")} - {"ROD", "TUBE", "TUBE2", "BAR"}
     if stiff:

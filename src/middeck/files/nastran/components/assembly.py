@@ -206,13 +206,18 @@ def _ranges(card: Card, listed: list[str]) -> Iterator[tuple[range, range]]:
         yield first, second
 
 
-def _tolerance(part: Component, units: Units, card: Card) -> float:
-    """Largest distance [units of the deck] of grids that a SEBULK or SECONCT joins: TOL, or by digits."""
+def _stated_tolerance(card: Card) -> float:
+    """TOL of a SEBULK or SECONCT [units of the deck]."""
     field = [*card.fields, *[""] * 5][4 if card.name == "SEBULK" else 2]
     given = real(field) if field else TOL
     if given is None or not given >= 0.0:
         raise_some([_fault(card, f"TOL = {field} is no distance", "a number of zero or more")])
-    return max(TOL, NEAR * float(np.abs(part.positions).max()) / units.length, given or 0.0)
+    return given or 0.0
+
+
+def _tolerance(part: Component, units: Units, card: Card) -> float:
+    """Largest distance [units of the deck] of grids that a SEBULK or SECONCT joins: TOL, or by digits."""
+    return max(TOL, NEAR * float(np.abs(part.positions).max()) / units.length, _stated_tolerance(card))
 
 
 def _joined(
@@ -261,8 +266,11 @@ def _joined(
 
 
 def _at_place(sebulk: Card, grid: str, x: np.ndarray, places: Places, near: float) -> int | None:
-    """The main grid that stands at ``x``; several are a fault, as their order says nothing."""
-    there = [g for g, place in places.grids.items() if np.linalg.norm(place - x) <= near]
+    """The main grid that stands at ``x`` within TOL or, by digits, ``near``; of several none is the one."""
+    apart = {g: float(np.linalg.norm(place - x)) for g, place in places.grids.items()}
+    stated = _stated_tolerance(sebulk)
+    reach = stated if min(apart.values(), default=np.inf) <= stated else near
+    there = [g for g, distance in apart.items() if distance <= reach]
     if len(there) > 1:
         several = ", ".join(map(str, there[:4]))
         raise_some([_fault(sebulk, f"boundary grid {grid} stands at several grids: {several}", "SECONCT")])

@@ -6,17 +6,18 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, component_of
+from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, component_of, read_dmig
 from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.deck import FACTORS, INPUT_FACTORS, Deck, given
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
-from middeck.structure.model.component import Component
+from middeck.structure.model.component import UNEQUAL, Component
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
 DAMPING = frozenset(("B2GG", "B2PP", "K42GG"))
+GYROSCOPIC = "[[wheel]] for momentum; leave it out if the frequencies without it are meant"
 NAME = "direct"
 
 
@@ -73,15 +74,19 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
-    other matrices (A2GG, K2PP ...), sums of matrices, and factors on matrices or loads, also on those of the
-    whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
+    other matrices (A2GG, K2PP ...), sums of matrices, gyroscopic terms, and factors on matrices or loads,
+    also on those of the whole deck. Raises `ConfigError` or `DataError` for matrices that are no component's.
     """
     chosen = deck.selection.matrices
     known = {entry["name"] for entry in deck.entries.of("DMIG")}
     for command, matrix in chosen.items():
         if command in DAMPING:  # listed as left out
-            continue
-        if command not in READ:
+            faults += [
+                _fault(deck, command, f"DMIG {name} is not symmetric: it is more than damping", GYROSCOPIC)
+                for name in damping_names(deck)[command]
+                if _is_skew(deck, name)
+            ]
+        elif command not in READ:
             hint = "K2GG and M2GG are converted"
             faults.append(_fault(deck, command, "matrices of this kind are not converted yet", hint))
         elif matrix not in known:
@@ -89,7 +94,7 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
             faults.append(_fault(deck, command, f"no DMIG {matrix}", hint))
     faults += [
         dataclasses.replace(fault, message="scales matrices or loads: not converted yet")
-        for name in (*FACTORS, *(INPUT_FACTORS if chosen else ()))
+        for name in (*FACTORS, *(INPUT_FACTORS if set(READ) & set(chosen) else ()))
         for text, fault in given(deck, name)
         if real(text) != 1.0
     ]
@@ -103,6 +108,25 @@ def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component
         if error.where.rpartition(":")[2].isdigit():  # a line of the deck
             raise
         raise ConfigError(error.what, where=f"{deck.path}, {', '.join(chosen)}", hint=error.hint) from None
+
+
+def damping_names(deck: Deck) -> dict[str, list[str]]:
+    """Names of the damping matrices that each command of case control selects, also in sums."""
+    return {
+        command: [part.rpartition("*")[2].strip() for part in text.split(",")]
+        for command, text in deck.selection.matrices.items()
+        if command in DAMPING
+    }
+
+
+def _is_skew(deck: Deck, name: str) -> bool:
+    """Whether a damping matrix has a part that turns motion instead of braking it."""
+    cards = [entry.card for entry in deck.entries.of("DMIG") if entry["name"] == name]
+    if not cards or cards[0].fields[2:3] == ["6"]:  # one triangle stands for both
+        return False
+    entries = read_dmig(cards).columns[name]
+    most = max(map(abs, entries.values()), default=0.0)
+    return any(abs(value - entries.get((b, a), 0.0)) > UNEQUAL * most for (a, b), value in entries.items())
 
 
 def _fault(deck: Deck, command: str, message: str, hint: str) -> Fault:

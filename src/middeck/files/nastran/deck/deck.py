@@ -5,7 +5,7 @@ import gc
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, NO_DECK, looks_like
@@ -21,7 +21,7 @@ MANY = 100_000
 # PARAM that multiply stiffness, mass and loads of a deck, and its matrices by direct input; WTMASS does not.
 FACTORS = ("CK1", "CM1", "CP1")
 INPUT_FACTORS = ("CK2", "CM2")
-READ = (*FACTORS, *INPUT_FACTORS, "WTMASS", "COUPMASS", "G")
+READ = (*FACTORS, *INPUT_FACTORS, "WTMASS", "COUPMASS", "GRDPNT", "G")
 CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 
 
@@ -118,6 +118,16 @@ def weight_factor(deck: Deck) -> float:
     return found
 
 
+def reference_grid(deck: Deck) -> int | None:
+    """The grid about which PARAM GRDPNT asks for the mass, 0 for the origin; None where it does not."""
+    found = None
+    for text, fault in given(deck, "GRDPNT"):
+        found = integer(text)
+        if found is None:
+            raise_some([dataclasses.replace(fault, message="must be the number of a grid, 0 or -1")])
+    return None if found is None or found < 0 else found
+
+
 def unread_params(deck: Deck) -> list[str]:
     """Names of the PARAM of bulk data and case control that nothing is made of, each once."""
     stated = [text.upper().replace(",", " ").split() for text, _, _ in deck.selection.params]
@@ -125,8 +135,12 @@ def unread_params(deck: Deck) -> list[str]:
     return [name for name in dict.fromkeys(names) if name not in READ]
 
 
-def asked_formulation(deck: Deck) -> str:
+def asked_formulation(deck: Deck) -> Literal["coupled", "lumped"]:
     """The mass that the deck's own program would give its bars, by PARAM COUPMASS: coupled or lumped."""
-    texts = [text for text, _ in given(deck, "COUPMASS")]
-    coupled = any(text in ("YES", "ON") or (integer(text) or -1) > 0 for text in texts)
+    coupled = False
+    for text, fault in given(deck, "COUPMASS"):
+        number = integer(text)
+        if number is None and text not in ("YES", "ON", "NO", "OFF"):
+            raise_some([dataclasses.replace(fault, message="must be a whole number, YES or NO")])
+        coupled = text in ("YES", "ON") if number is None else number > 0
     return "coupled" if coupled else "lumped"

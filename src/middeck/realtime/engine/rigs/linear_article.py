@@ -18,7 +18,7 @@ from middeck.values import record
 FAULT_KINDS = (
     "sensor nan", "sensor add", "sensor stuck", "sensor drift", "sensor gain", "sensor late", "sensor drop",
     "sensor swap", "sensor noise", "encoder wrap", "output dead", "output gain", "output stuck",
-    "output limit", "rig silent",
+    "output limit", "rig silent", "rig dies",
 )  # fmt: skip
 
 

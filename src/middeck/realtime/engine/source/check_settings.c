@@ -155,7 +155,7 @@ const char *misfit_of_article(const article *a, const settings *set)
         const whole kind = a->fault[k].kind, most = kind >= OUTPUT_DEAD && kind <= OUTPUT_LIMIT ? set->outputs : set->inputs;
         const real value = a->fault[k].value;
 
-        if (!between(SENSOR_NAN, kind, RIG_SILENT) || !between(0, a->fault[k].channel, most - 1)
+        if (!between(SENSOR_NAN, kind, RIG_DIES) || !between(0, a->fault[k].channel, most - 1)
             || (kind == SENSOR_LATE && !(value >= 0 && value <= HISTORY_MOST))
             || (kind == SENSOR_SWAP && !(value >= 0 && value <= (real)(most - 1))) || (kind == ENCODER_WRAP && !(value > 0)))
             return "a fault of the article that it cannot have";

@@ -24,7 +24,6 @@ void engine_start(engine *e, const settings *set, const real *waveform, whole wa
 {
     int i;
 
-    memset(e, 0, sizeof *e);
     e->set = *set;
     e->waveform = waveform;
     e->waveform_samples = waveform_samples;

@@ -97,6 +97,7 @@ typedef struct {
 /* Hashes of laws that are refused from the start. */
 void engine_ban(engine *e, const unsigned char *hashes, whole count);
 
+/* ``e`` is all zeros, as static storage is: clearing its rooms for packages would take the memory of both at every start. */
 void engine_start(engine *e, const settings *set, const real *waveform, whole waveform_samples);
 
 /* One sample: sensors y to outputs u. */

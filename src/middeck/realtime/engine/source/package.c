@@ -9,10 +9,10 @@
 #endif
 
 enum { HEAD = 64, HASH = 32, WORDS = 12, TEXT = 64, LONGEST_RAMP = 1 << 24, SAMPLES = 4096 };
-enum { MODAL = 1, SINGLE = 2, UNSTABLE = 4, APPLIED = 8 };
+enum { MODAL = 1, SINGLE = 2, UNSTABLE = 4, APPLIED = 8, OWN = 16 };
 enum word { W_FORMAT, W_FLAGS, W_STATES, W_PAIRS, W_INPUTS, W_OUTPUTS, W_FILTERS, W_PATHS, W_RAMP, W_SAMPLES, W_START, W_RESERVED };
 
-static const uint32_t most[WORDS] = {1, 15, STATES, STATES / 2, CHANNELS, CHANNELS, SECTIONS, SECTIONS, LONGEST_RAMP, SAMPLES, LONGEST_RAMP, 0};
+static const uint32_t most[WORDS] = {1, 31, STATES, STATES / 2, CHANNELS, CHANNELS, SECTIONS, SECTIONS, LONGEST_RAMP, SAMPLES, LONGEST_RAMP, 0};
 
 typedef struct {
     unsigned char *at, *end;
@@ -106,6 +106,8 @@ static enum answer read_words(const unsigned char *bytes, uint32_t w[WORDS])
         return BAD_SIZE;
     if (w[W_FLAGS] & SINGLE)
         return SINGLE_PRECISION;
+    if (w[W_FLAGS] & OWN) /* of a bound that only single precision has */
+        return BAD_SIZE;
     if (w[W_PATHS])
         return INNER_LOOP;
     return DONE;

@@ -154,10 +154,11 @@ static enum rig_answer read_linear(rig *face, real *y)
             y[i] += r->a->sensor_noise[i] * random_normal(r->random);
     memcpy(r->old[r->sample % HISTORY], y, (size_t)m * sizeof *y);
     for (k = 0; k < r->a->faults; ++k) {
-        if (acts(r, k) && r->a->fault[k].kind == RIG_SILENT)
-            return RIG_MISSED;
-        if (acts(r, k))
-            spoil_sensor(r, k, y);
+        if (!acts(r, k))
+            continue;
+        if (r->a->fault[k].kind == RIG_SILENT || r->a->fault[k].kind == RIG_DIES)
+            return r->a->fault[k].kind == RIG_DIES ? RIG_LOST : RIG_MISSED;
+        spoil_sensor(r, k, y);
     }
     memcpy(r->given, y, (size_t)m * sizeof *y);
     return RIG_READ;

@@ -105,21 +105,51 @@ def _positive(x: np.ndarray) -> np.ndarray:
     return np.where(np.real(x) > 0.0, x, 0.0)
 
 
+def lossy_shares(
+    equilibrium: Equilibrium,
+    lam: Inexact[np.ndarray, " mode"],
+    shapes: Inexact[np.ndarray, "coordinate mode"],
+) -> Inexact[np.ndarray, "2 mode"]:
+    """Strain, and all else that holds the article, as parts of the energy omega^2 / 2 of each mode; analytic.
+
+    What else holds is the strain of devices and, where it is positive, the work of weight and preload. Energy
+    that weight or preload takes away has no loss, and takes none from what strains: the sum is then above
+    one, without bound as omega goes to zero. Zero at lam = 0, as in `strain_share`.
+    """
+    elastic = strain_energy(equilibrium, shapes).sum(axis=1)
+    device = device_strain(equilibrium, shapes)
+    parts = np.array([elastic, device + _positive(0.5 * lam - elastic - device)])
+    swings = np.broadcast_to(np.real(lam) > 0.0, parts.shape)
+    return np.divide(parts, 0.5 * lam, out=np.zeros_like(parts), where=swings)
+
+
 def device_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, " mode"]:
     """Energy [J] of each mode in devices, springs and bushings to the ground; analytic."""
+    return _device_energies(equilibrium, shapes).sum(axis=0)
+
+
+def device_strain(
+    equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
+) -> Inexact[np.ndarray, " mode"]:
+    """The part of `device_energy` that is elastic, without the work of their pull; analytic."""
+    return _device_energies(equilibrium, shapes)[0]
+
+
+def _device_energies(equilibrium: Equilibrium, shapes: np.ndarray) -> Inexact[np.ndarray, "2 mode"]:
+    """By their strain and by their pull."""
     model, loads = equilibrium.model, equilibrium.loads
     places, moves = points_in_world(model.points, equilibrium.poses), equilibrium.moves(shapes)
     state = spring_state(loads.law, places[loads.attach_point] - loads.anchor)
     moved = moves[loads.attach_point, :3]
-    energy = 0.5 * np.einsum("dim,dij,djm->m", moved, state.material + state.geometric, moved)
+    energy = 0.5 * np.einsum("dim,kdij,djm->km", moved, np.array([state.material, state.geometric]), moved)
     if not len(loads.ground.point):
         return energy
     ground = bushing_states(model, equilibrium.config, loads)[1]
-    K = (ground.material + ground.geometric)[:, 6:, 6:]
+    K = np.array([ground.material, ground.geometric])[:, :, 6:, 6:]
     moved = moves[loads.ground.point]
-    return energy + 0.5 * np.einsum("bim,bij,bjm->m", moved, K, moved)
+    return energy + 0.5 * np.einsum("bim,kbij,bjm->km", moved, K, moved)
 
 
 def member_energy(

@@ -24,7 +24,7 @@ from middeck.structure.assembly.energy import assemble_carried, geometric_tangen
 from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.freedom import allowed_motions
 from middeck.structure.assembly.linked import dynamic_freedom
-from middeck.structure.assembly.mass import carried_mass
+from middeck.structure.assembly.mass import carried_mass, drawn_mass
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import transport
 from middeck.structure.eigenproblem.eigen import all_cost_less, count_zero, solve_all, solve_lowest
@@ -224,7 +224,7 @@ def _rigid_in_orbit(equilibrium: Equilibrium) -> int:
         )
     slack = dataclasses.replace(no_loads(), tension=0.0)
     K = assemble_carried(model, model.rest, slack).tangent
-    M = carried_mass(model, model.rest)
+    M = drawn_mass(model)
     soft = uncarried(model.rest.since_drawn, len(free.active))[free.active]
     return count_zero(free.matrix(K), free.matrix(M), soft)
 

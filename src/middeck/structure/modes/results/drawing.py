@@ -58,7 +58,7 @@ class Strand(NamedTuple):
 
 class Mark(NamedTuple):
     """A point with a meaning: "mass", "clamp", "support" (a clamp of some directions), "ground" (a bushing to
-    it), "force" or "moment".
+    it), "force", "moment" or "node" (of a survey).
 
     ``direction`` is a unit vector in W, zero where there is none.
     """

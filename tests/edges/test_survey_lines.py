@@ -1,0 +1,164 @@
+"""Trace lines and headers of universal files: read, kept, written and drawn. The files are written here."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import middeck as md
+from cli_runner import ROOT, middeck
+from middeck.errors import DataError
+from middeck.structure.correlation.survey_drawing import build_survey_drawing
+from structure_builders import TURNING_TUBE, body, member, structure
+from structure_builders import node as node_at
+
+HEAD = [
+    "wing 3", "as delivered", "modal lab 7", "27-NOV-26 10:11:12          1         2         0",
+    "NONE", "modal lab 7", "27-NOV-26 10:11:12",
+]  # fmt: skip
+
+
+def data_set(number: int, lines: list[str]) -> list[str]:
+    return ["    -1", f"{number:6d}", *lines, "    -1"]
+
+
+def whole(*numbers: int) -> str:
+    return "".join(f"{n:10d}" for n in numbers)
+
+
+def survey(path: Path, ids: list[int], trace: list[list[int]], z: np.ndarray) -> Path:
+    """Nodes 1 m apart on x in millimetres; ``z`` [node, mode] is what their modes move [m]."""
+    lines = data_set(151, HEAD)
+    lines += data_set(164, [f"{5:10d}{'mm':<20}{2:10d}", "".join(f"{x:25.17E}" for x in (1e3, 1.0, 1.0))])
+    nodes = [
+        t
+        for k, i in enumerate(ids)
+        for t in (whole(i, 1, 1, 11), "".join(f"{x:25.16E}" for x in (1e3 * k, 0.0, 0.0)))
+    ]
+    lines += data_set(2411, nodes)
+    for k, path_of in enumerate(trace, 1):
+        rows = [whole(*path_of[i : i + 8]) for i in range(0, len(path_of), 8)]
+        lines += data_set(82, [whole(k, len(path_of), 7), f"line {k}", *rows])
+    for mode in range(z.shape[1]):
+        shape = [
+            t
+            for i, v in zip(ids, z[:, mode], strict=True)
+            for t in (whole(i), "".join(f"{x:13.5E}" for x in (0.0, 0.0, 1e3 * v)))
+        ]
+        told = [whole(1, 2, 2, 8, 2, 3), whole(2, 4, 1, mode + 1)]
+        lines += data_set(
+            55,
+            [
+                *["NONE"] * 5,
+                *told,
+                "".join(f"{x:13.5E}" for x in (2.0 + 3.0 * mode, 1.0, 0.01, 0.0)),
+                *shape,
+            ],
+        )
+    path.write_text("\r\n".join([*lines, ""]), newline="")
+    return path
+
+
+IDS = [*range(10, 21)]
+# A line of ten nodes (two rows of eight), the pen lifted, then one with a node (99) that is not in the model.
+COARSE = ("--set", "mesh.elements_per_strut=2")
+TRACE = [[*IDS[:9], 0, IDS[9], IDS[10]], [IDS[0], 99, IDS[2], IDS[3]]]
+Z = np.column_stack([np.linspace(0.0, 1.0, 11) ** 2, np.linspace(0.0, 1.0, 11) ** 2 - 0.3])
+Z[0] = 0.0  # a foot: it has no channel, but a line ends on it
+
+
+def beam_modes() -> md.Modes:
+    nodes = [
+        node_at(f"n{i}", (float(k), 0.0, 0.0), body(0.1, inertia=(1e-4, 1e-4, 1e-4)))
+        for k, i in enumerate(IDS)
+    ]
+    members = [member(f"n{i}", f"n{i + 1}", TURNING_TUBE, 1) for i in IDS[:-1]]
+    return md.solve_modes(md.solve_equilibrium(structure(nodes, members), md.Environment.orbit()))
+
+
+def test_trace_lines_and_header_are_read_kept_and_written(tmp_path: Path) -> None:
+    found = md.load_measured_modes(survey(tmp_path / "a.unv", IDS, TRACE, Z))
+    assert found.source == "wing 3; as delivered; modal lab 7; 27-NOV-26 10:11:12"
+    said = (
+        tuple(map(str, IDS[:9])),
+        tuple(map(str, IDS[9:])),
+        tuple(map(str, (IDS[0], 99, IDS[2], IDS[3]))),
+    )
+    assert found.lines == said
+    md.files.write_measured_modes(tmp_path / "a.json", found)
+    again = md.load_measured_modes(tmp_path / "a.json")
+    assert (again.lines, again.source) == (found.lines, found.source)
+    # Out: a line ends where a node has no channel, and the header keeps the source over two rounds.
+    written = found
+    for name in ("b.unv", "c.unv"):
+        md.files.write_measured_modes(tmp_path / name, written)
+        written = md.load_measured_modes(tmp_path / name)
+        assert written.source == found.source
+        assert written.lines == (said[0][1:], said[1], said[2][2:])
+
+
+def test_lines_are_written_in_sets_of_250_entries(tmp_path: Path) -> None:
+    """600 nodes in one line: whatever the cuts, the same neighbours are joined."""
+    ids = [*range(1, 601)]
+    found = md.load_measured_modes(survey(tmp_path / "a.unv", ids, [ids], np.ones((600, 1))))
+    md.files.write_measured_modes(tmp_path / "b.unv", found)
+    text = (tmp_path / "b.unv").read_text().splitlines()
+    counts = [int(text[k + 1][10:20]) for k, line in enumerate(text) if line == "    82"]
+    assert len(counts) == 3
+    assert max(counts) <= 250
+    again = md.load_measured_modes(tmp_path / "b.unv").lines
+    joined = [pair for line in again for pair in pairwise(line)]
+    assert joined == [(str(i), str(i + 1)) for i in ids[:-1]]
+
+
+def test_a_survey_is_drawn_along_its_lines(tmp_path: Path) -> None:
+    modes = beam_modes()
+    found = md.load_measured_modes(survey(tmp_path / "a.unv", IDS, TRACE, Z))
+    drawing = build_survey_drawing(modes, found)
+    drawn = [(line.last - line.first) for line in drawing.lines]
+    assert drawn == [9, 2, 2]  # the piece between the foot and 99 is a single node
+    for line, ids in zip(drawing.lines, (IDS[:9], IDS[9:], IDS[2:4]), strict=True):
+        at = np.array([ids]).T - IDS[0]
+        np.testing.assert_allclose(drawing.drawn[line.first : line.last], at * [1.0, 0.0, 0.0], atol=1e-12)
+        motion = drawing.motion[:, line.first : line.last]
+        np.testing.assert_allclose(motion[..., 2], Z[at[:, 0]].T, atol=2e-5)
+        assert not motion[..., :2].any()
+    # Without lines of its own, along the members between measured nodes; complex shapes in their own phase.
+    turned = replace(found, lines=(), shape=found.shape * np.exp(0.7j))
+    plain = build_survey_drawing(modes, turned)
+    assert len(plain.lines) == 9
+    last = plain.motion[:, plain.lines[-1].last - 1, 2]
+    np.testing.assert_allclose(np.abs(last), np.abs(Z[-1]), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("lines", "n1"), ("lines", [["n1", 2]]), ("lines", ["n1"]), ("source", 3)]
+)
+def test_lines_and_source_of_a_document_are_checked(tmp_path: Path, key: str, value: object) -> None:
+    found = md.load_measured_modes(survey(tmp_path / "a.unv", IDS, TRACE, Z))
+    md.files.write_measured_modes(tmp_path / "a.json", found)
+    document = json.loads((tmp_path / "a.json").read_text())
+    (tmp_path / "a.json").write_text(json.dumps(document | {key: value}))
+    with pytest.raises(DataError, match=key):
+        md.load_measured_modes(tmp_path / "a.json")
+
+
+def test_correlate_shows_the_test_beside_the_model(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The example's survey without trace lines, and as a universal file with a header and members."""
+    page = tmp_path / "page.html"
+    root = ROOT / "data" / "virtual-survey" / "mace-simple-lab.json"
+    article = ROOT / "articles" / "mace-simple.toml"
+    ended = middeck(capfd, "correlate", article, root, "--runs", 20, *COARSE, "--figure", page, "--json")
+    document = json.loads(ended.out)
+    data = json.loads(page.read_text().split('id="data">')[1].split("</script>")[0])
+    assert [side["label"] for side in data["sides"]] == ["test", "model"]
+    assert len(data["rows"]) == len(document["pairs"]) + len(document["unpaired"])
+    for row, hz in zip(data["rows"], document["measured_hz"], strict=False):
+        assert row[0]["hz"] == pytest.approx(hz, rel=1e-4)
+    assert len(data["sides"][0]["lines"]) == 4  # the four struts between five nodes
+    assert document["test_source"] == ""
