@@ -2,9 +2,9 @@
 
     python benchmarks/realtime.py [--only CASES] [--made DATE] [--ledgers FOLDER] [--workers N]
 
-The cases "guards" and "gated" take hours, "slow" ten minutes: with a folder they keep each outcome there,
-and go on where they were cut off; a folder holds for one state of the code. Needs a C compiler; the case
-"small" also arm-none-eabi-gcc and qemu-system-arm (packages of Debian).
+The case "guards" takes hours, "truth" an hour, "gated" and "slow" ten minutes: with a folder they keep each
+outcome there, and go on where they were cut off; a folder holds for one state of the code. Needs a C
+compiler; the case "small" also arm-none-eabi-gcc and qemu-system-arm (packages of Debian).
 Each case is a module of the folder packaged, with a function rows(options). Times are medians.
 """
 
@@ -20,7 +20,10 @@ from measured.result_file import options_of, write_rows
 
 # The harness of compiled laws and of emulated processors is that of the tests.
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / sub) for sub in ("", "cross")]
-CASES = ("step", "bits", "single", "small", "fuzz", "beam", "engine", "lockstep", "guards", "slow", "gated")
+CASES = (
+    "step", "bits", "single", "small", "fuzz", "beam", "engine", "lockstep", "guards", "slow", "gated",
+    "truth",
+)  # fmt: skip
 
 
 def _case(name: str, options: Any) -> Any:

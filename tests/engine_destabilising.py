@@ -9,6 +9,7 @@ import numpy as np
 
 from engine_rigs import (
     ENVELOPE,
+    RigCase,
     article_of,
     closed_states,
     design,
@@ -32,6 +33,10 @@ SLOW_S = 10.0
 """Growth time from which a package counts as slow."""
 GROWTHS, SATURATED_S = 10.0, 2.0
 """A trip may take so many growth times, and so long of saturation, whichever comes first."""
+LEAST_RATE, MOST_RATE = 0.02, 1000.0
+"""Growth that is drawn [1/s]: what takes 50 s for a factor of e, and what has no need of an engine."""
+LEAST_SHIFT, MOST_SHIFT = 0.02, 0.05
+"""Of every frequency of a truth."""
 READY, AFTER, PIECE, LONGEST = 1600, 2500, 250, 60_000
 
 
@@ -145,7 +150,13 @@ def shifted_truth(
     either: bool = True,
 ) -> LinearArticle:
     """The article with every frequency off by ``least`` to ``most``, to ``either`` side."""
-    case = rig_case(article, environment)
+    return shifted_article(rng, rig_case(article, environment), least, most, either=either)
+
+
+def shifted_article(
+    rng: np.random.Generator, case: RigCase, least: float, most: float, *, either: bool = True
+) -> LinearArticle:
+    """The article of ``case`` with every frequency off by ``least`` to ``most``, to ``either`` side."""
     modal = case.plant.modal
     moved = {
         name: 1.0 + (rng.choice([-1.0, 1.0]) if either else 1.0) * rng.uniform(least, most)
@@ -170,12 +181,12 @@ def draw(
             law, kind = design(article, environment, rng.choice(np.arange(1.0, 8.0, 0.5))), "shifted"
             if growth(closed_states(case, model, law)) >= 0.0:
                 continue
-            truth = shifted_truth(rng, article, environment, 0.02, 0.05)
+            truth = shifted_truth(rng, article, environment, LEAST_SHIFT, MOST_SHIFT)
         else:
             kind, law = wrong(rng, article, environment)
             truth = dataclasses.replace(model, seed=int(rng.integers(1 << 30)))
         rate = growth(closed_states(case, truth, law))
-        if 0.02 < rate < 1000.0:
+        if LEAST_RATE < rate < MOST_RATE:
             share = float(10.0 ** rng.choice([0.0, 0.0, -1.0]))
             return Destabiliser(kind=kind, law=law, article=truth, rate=rate, share=share)
 
@@ -183,15 +194,20 @@ def draw(
 def refused_on_paper(law: Compensator, article: str, environment: str) -> str:
     """The step of the gate that refuses it on the model beside the hold; "" for none. Limits have no part."""
     settings = settings_of(article, environment)
-    reach = [sensor.range for sensor in settings.sensors[: len(law.inputs)]]
-    package = pack(law, input_range=reach, limit=np.ones(len(law.outputs)))
+    package = pack(law, input_range=own_ranges(law, settings), limit=np.ones(len(law.outputs)))
     models = {"on board": rig_case(article, environment).plant}
     verdict = examine_package(package, models, settings=settings)
     return next((step.name.removesuffix(" on board") for step in verdict.steps if not step.passed), "")
 
 
 def own_limits(found: Destabiliser, settings: EngineSettings) -> np.ndarray:
-    return found.share * np.array([drive.upper for drive in settings.drives[: len(found.law.outputs)]])
+    drives = [settings.drives[settings.drive(port.name)] for port in found.law.outputs]
+    return found.share * np.array([drive.upper for drive in drives])
+
+
+def own_ranges(law: Compensator, settings: EngineSettings) -> list[float]:
+    names = [port.name for port in settings.inputs]
+    return [settings.sensors[names.index(port.name)].range for port in law.inputs]
 
 
 def judge(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import scipy.linalg
 import scipy.signal
+from numpy.typing import ArrayLike
 
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
@@ -47,8 +49,10 @@ PIECE_S = 30.0
 
 
 @functools.cache
-def study():
-    return load_study(Path(__file__).parents[1] / "studies" / "mace-1993.toml")
+def study(turned_deg: float = 0.0):
+    """With the primary payload of both articles turned about its inner axis."""
+    turned = (f"gimbal.0.angle_z_deg={turned_deg}",) if turned_deg else ()
+    return load_study(Path(__file__).parents[1] / "studies" / "mace-1993.toml", turned)
 
 
 @record(kw_only=True)
@@ -78,9 +82,9 @@ def _rates(names):
 
 
 @functools.cache
-def rig_case(article: str = "simple", environment: str = "lab") -> RigCase:
+def rig_case(article: str = "simple", environment: str = "lab", turned_deg: float = 0.0) -> RigCase:
     """``article`` "simple" or "dm", ``environment`` "lab" or "orbit"."""
-    control, modes = study().control, find_modes(*study().case(article, environment))
+    control, modes = study().control, find_modes(*study(turned_deg).case(article, environment))
     if article == "simple":
         plant, disturbed = control_plant(modes, study()), tuple(control.disturbances)
         loops, measured = control.pd_loops, (*control.angles, *_rates(control.angles))
@@ -186,15 +190,40 @@ def held(article: LinearArticle, case: RigCase) -> Held:
 
 def lqg(case: RigCase, article: LinearArticle, authority: float) -> Compensator:
     """Discrete LQG on the held article: angles weighted alike, torques with 1 / ``authority``."""
-    whole, u, y = held(article, case), case.controlled, case.measured
-    A, B, C, G = whole.A, whole.B[:, :u], whole.C[:y], whole.G
-    angles = [i for i, name in enumerate(case.sensors[:y]) if not name.endswith("_rate")]
-    noise = np.diag(article.sensor_noise[:y] ** 2)
-    process = G @ G.T + 1e-6 * case.disturbance_rms**2 * B @ B.T
-    L = _gain(A.T, C.T, process, noise).T
-    K = _gain(A, B, C[angles].T @ C[angles], np.eye(u) / authority)
-    law = SampledStateSpace(A - B @ K - L @ C, L, -K, np.zeros((u, y)), period_s=PERIOD_S)
-    return Compensator(law, *law_ports(case), applied=B)
+    ports = case.drives[: case.controlled], case.sensors[: case.measured]
+    return weighted_lqg(case, article, ports, (1.0, 1.0 / authority), (1.0, 1e-6, 1.0))
+
+
+def weighted_lqg(
+    case: RigCase,
+    article: LinearArticle,
+    ports: tuple[tuple[str, ...], tuple[str, ...]],
+    weights: tuple[ArrayLike, ArrayLike],
+    intensities: tuple[float, float, ArrayLike],
+) -> Compensator:
+    """Discrete LQG from ``ports``, drives and sensors, of the held article.
+
+    Args:
+        weights: Of each angle read, and of each drive.
+        intensities: Of the disturbance, of as much at each drive, and of each sensor's noise, over those of
+            the article.
+    """
+    whole, drives, sensors = held(article, case), *_places(case, *ports)
+    A, B, C, G = whole.A, whole.B[:, drives], whole.C[sensors], whole.G
+    at = C[[i for i, name in enumerate(ports[1]) if not name.endswith("_rate")]]
+    disturbed, driven, noisy = intensities
+    process = disturbed * G @ G.T + driven * case.disturbance_rms**2 * B @ B.T
+    L = _gain(A.T, C.T, process, np.diag(noisy * article.sensor_noise[sensors] ** 2)).T
+    K = _gain(A, B, (at.T * weights[0]) @ at, np.diag(np.broadcast_to(weights[1], len(drives))))
+    law = SampledStateSpace(
+        A - B @ K - L @ C, L, -K, np.zeros((len(drives), len(sensors))), period_s=PERIOD_S
+    )
+    chosen = select_ports(case.plant, *ports)
+    return Compensator(law, chosen.outputs, chosen.inputs, applied=B)
+
+
+def _places(case: RigCase, drives: Iterable[str], sensors: Iterable[str]) -> tuple[list[int], list[int]]:
+    return [case.drives.index(name) for name in drives], [case.sensors.index(name) for name in sensors]
 
 
 def _gain(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
@@ -202,15 +231,11 @@ def _gain(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndar
     return solve_discrete_riccati(A, B, Q, R, np.zeros_like(B), names=names, complaint="unheld").gain
 
 
-def law_ports(case: RigCase):
-    chosen = select_ports(case.plant, case.drives[: case.controlled], case.sensors[: case.measured])
-    return chosen.outputs, chosen.inputs
-
-
 def closed_states(case: RigCase, article: LinearArticle, law: Compensator) -> np.ndarray:
     """The states' matrix of the held article with the compensator at full authority."""
     s, whole = law.sampled, held(article, case)
-    B, C = whole.B[:, : case.controlled], whole.C[: case.measured]
+    drives, sensors = _places(case, *([port.name for port in side] for side in (law.outputs, law.inputs)))
+    B, C = whole.B[:, drives], whole.C[sensors]
     top = np.hstack([whole.A + B @ s.D @ C, B @ s.C])
     return np.vstack([top, np.hstack([s.B @ C, s.A])])
 

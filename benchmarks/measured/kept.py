@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,14 @@ from middeck.campaign.cases import Case
 from middeck.campaign.executors import run_campaign
 
 
-def kept(function: Callable[[Case, Any], Any], count: int, options: Any) -> list[Any]:
-    """``function`` of cases 0 to ``count`` - 1; in the folder ``options.ledgers`` it has a file of its name.
+def kept(function: Callable[[Case, Any], Any], numbers: int | Iterable[int], options: Any) -> list[Any]:
+    """``function`` of cases of these numbers, or of the first so many.
 
-    Without a folder nothing is kept. Raises `RuntimeError` for a case that raised an error.
+    In the folder ``options.ledgers`` it has a file of its name. Without a folder nothing is kept. Raises
+    `RuntimeError` for a case that raised an error.
     """
-    cases = [Case(k, k, (), np.zeros(0)) for k in range(count)]
+    numbers = range(numbers) if isinstance(numbers, int) else numbers
+    cases = [Case(k, k, (), np.zeros(0)) for k in numbers]
     with tempfile.TemporaryDirectory() as nowhere:
         folder = options.ledgers or Path(nowhere)
         folder.mkdir(parents=True, exist_ok=True)
