@@ -4,6 +4,7 @@ import gc
 import os
 import shutil
 from pathlib import Path
+from typing import NoReturn
 
 # Before numpy is imported: small matrices gain nothing from threads, and bytes depend on their number.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -128,6 +129,22 @@ def compiler():
 
 
 @pytest.fixture(scope="session")
+def sanitized_engine(compiler):
+    """The engine with address and undefined-behaviour sanitizers, compiled once while its sources stay."""
+    from fuzzed_packages import SANITIZED  # which few tests need
+    from middeck.errors import ConfigError
+    from middeck.realtime.engine.process.compile import build_engine
+    from middeck.realtime.generate.compiler import compile_once
+
+    flags = (*SANITIZED, "-O1")
+    try:
+        compile_once("nothing", {"nothing.c": "int main(void) { return 0; }\n"}, flags=flags)
+    except ConfigError:
+        _missing("sanitizers of the C compiler")
+    return build_engine(flags=flags)
+
+
+@pytest.fixture(scope="session")
 def clang():
     """Path of a second compiler, of C and C++."""
     return _program("clang")
@@ -141,10 +158,11 @@ def small_processors():
 
 def _program(*names: str) -> str:
     found = next((path for name in names if (path := shutil.which(name))), None)
-    if found is None:
-        message = f"no {names[0]} on this machine"
-        (pytest.fail if os.environ.get("MIDDECK_NO_SKIP") == "1" else pytest.skip)(message)
-    return found
+    return found or _missing(names[0])
+
+
+def _missing(what: str) -> NoReturn:
+    (pytest.fail if os.environ.get("MIDDECK_NO_SKIP") == "1" else pytest.skip)(f"no {what} on this machine")
 
 
 class FewDoctests:

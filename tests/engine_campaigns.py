@@ -30,6 +30,7 @@ CAMPAIGNS = {
     "cross-fades that grow": Campaign(200, 10),
     "adaptive gains of random loops": Campaign(600, 30),
     "kinds of fault in every state": Campaign(62 * 7 * 25, 62 * 9),
+    "kinds of fault, the engine built with sanitizers": Campaign(62 * 2, 7),
     "samples that cannot be, in every state": Campaign(3 * 6 * 25, 3 * 6 * 2),
     "STOP in every state": Campaign(7 * 25, 7 * 2),
     "engaging and disengaging": Campaign(2 * 25, 3),

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
+import signal
 import struct
 from collections.abc import Callable, Generator
 from typing import Any
@@ -311,16 +312,21 @@ def play(kind: str, state: str, seed: int, **options: Any) -> Ending:
         finished = [] if kind in ENDS else _finish(engine, before)
         records = np.concatenate([upset.records, *finished])
         why = upset.why or _complaint(engine, kind, before, records, trips, faults, upset.answers)
-        return Ending(state=engine.state, trips=trips, answers=upset.answers, why=why)
+        ending = Ending(state=engine.state, trips=trips, answers=upset.answers, why=why)
+    code = engine.process.returncode
+    sound = code == (-signal.SIGKILL if kind == "engine killed" else 0)
+    return ending if sound or ending.why else dataclasses.replace(ending, why=f"ended with code {code}")
 
 
 def _load(kind: str) -> Act:
-    """Load a package of this kind, and engage it."""
+    """Load a package of this kind into the second slot, which is busy while it fades, and engage it."""
 
     def act(engine: Supervisor, rng: np.random.Generator) -> Upset:
+        runs = bool(_slots(engine) & 0b0100)
         loaded = engine.load(PACKAGES[kind](rng), slot=1).word
         engaged = engine.command("engage", slot=1, values=[1.0]).word
-        return Upset(records=wait(engine, rng).records, answers=(loaded, engaged))
+        why = "" if (loaded == "busy") == runs else f"{loaded} where the slot runs: {runs}"
+        return Upset(records=wait(engine, rng).records, answers=(loaded, engaged), why=why)
 
     return act
 
@@ -341,12 +347,14 @@ def engine_in(
             if reach(engine, state, start):
                 fading = state == "cross-fading"
                 assert (engine.state, engine.sample) == ("engaging" if fading else state, start)
-                assert (
-                    not fading
-                    or int(engine.file.ring["slots"][(start - 1) % len(engine.file.ring)]) == 0b1101
-                )
+                assert not fading or _slots(engine) == 0b1101
                 yield engine
                 return
+
+
+def _slots(engine: Supervisor) -> int:
+    """Which slots run and are in control, as the last record has it: two bits each."""
+    return int(engine.file.ring["slots"][(engine.sample - 1) % len(engine.file.ring)])
 
 
 @contextlib.contextmanager

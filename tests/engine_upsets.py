@@ -84,7 +84,7 @@ def _repeated(engine: Supervisor, rng: np.random.Generator) -> Upset:
         file.asks["written"] = number
         file.commands[(count + 1) % QUEUE] = file.commands[number % QUEUE]
         file.asks["written"] = count + 1  # an old one in the place of the next
-        engine.file.asks["until"] = engine.sample
+        time.sleep(3e-4)  # the engine looks more often
     file.asks["written"] = count
     again = tuple(engine.answer(number) for number in range(1, count + 1))
     done = (int(file.status["acknowledged"]), int(file.status["events"])) != (count, seen) or again != answers

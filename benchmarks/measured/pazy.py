@@ -123,6 +123,12 @@ def _sag(folder: Path, wing: Structure, hangs: md.Environment) -> list[dict[str,
         told.append(
             row(CASE, f"tip under {kg:g} kg, off UM/NAST's", "points of span", abs(off), 0.05, note=note)
         )
+    loads = np.linspace(0.0, 3.0, 31)
+    apart = [tip(wing, hangs, kg) - begin - float(np.interp(kg, *umnast)) for kg in loads]
+    told.append(
+        row(CASE, "tip under 31 loads from 0 to 3 kg, largest off UM/NAST's", "points of span",
+            float(np.abs(apart).max()), 0.05)
+    )  # fmt: skip
     for kg, seen in measured.T[1:].tolist():
         ours = tip(wing, hangs, kg) - begin
         others = {"UM/NAST": umnast, "SOL 400": sol400}

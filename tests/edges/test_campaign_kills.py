@@ -131,6 +131,20 @@ def test_another_campaign_in_the_file_is_refused(finished, function, count, inpu
     assert _rows(finished) == kept
 
 
+def test_what_differs_is_named_and_not_cut_off(tmp_path):
+    """As a promise has it: long names of files first, of which one was changed."""
+    files = [["plan.toml", "a1" * 32], ["article.toml", "b2" * 32]]
+    inputs = {"article": "/a/" + 90 * "long" + "/article.toml", "files": files, "wait_s": 0}
+    run_campaign(quantity, some_cases(4), tmp_path / "ledger", inputs=inputs)
+    changed = inputs | {"files": [files[0], ["article.toml", "c3" * 32]], "wait_s": 1}
+    with pytest.raises(DataError) as told:
+        run_campaign(quantity, some_cases(4), tmp_path / "ledger", inputs=changed)
+    assert told.value.what == (
+        "the ledger is another campaign's: inputs.files article.toml b2b2b2b2b2b2, now article.toml "
+        "c3c3c3c3c3c3; inputs.wait_s 0, now 1"
+    )
+
+
 def _shorten(path):
     path.write_bytes(path.read_bytes()[:5000])
 

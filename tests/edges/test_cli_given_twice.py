@@ -116,7 +116,7 @@ def test_a_list_option_adds_up(verb: str, name: str) -> None:
 WRITES = {
     ("budget", "--figure"): options.FIGURES,
     ("path", "--figure"): options.FIGURES,
-    ("correlate", "--figure"): options.FIGURES,
+    ("correlate", "--figure"): figures.SHAPES,
     ("response", "--figure"): options.FIGURES,
     ("design", "--figure"): options.FIGURES,
     ("qualify", "--figure"): options.FIGURES,

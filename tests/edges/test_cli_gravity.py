@@ -132,7 +132,9 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
     held.write_text('schema = 1\nname = "held"\n[[clamp]]\nnode = "n1"\n')
     call = ("compare", coarse("mace-simple"), "--environment", held, "--count", 12)
     shown = middeck(capfd, *call).out
-    assert "orbit: free, no gravity; held: clamped at 'n1', no gravity" in shown
+    told = "orbit: free, no gravity; held: clamped at 'n1', no gravity"
+    told += " (`middeck budget` keeps the clamps in 0-g)"
+    assert told in shown
     assert "without a partner" in shown
     found = json.loads(middeck(capfd, *call, "--json").out)
     for side, column in (("orbit", 0), ("lab", 1)):

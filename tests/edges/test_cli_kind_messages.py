@@ -126,6 +126,12 @@ def test_an_option_of_fits_is_not_ignored_with_a_model_that_is_fitted(
     assert f"{typed[0]} is for a record\n" in refused(capfd, "design", "model.json", *typed)
 
 
+@pytest.mark.parametrize("typed", ["states=4", "sampled=true"])
+def test_keys_of_fits_are_not_ignored_with_a_model_that_is_fitted(capfd: Capture, typed: str) -> None:
+    said = refused(capfd, "design", "model.json", "--set", typed)
+    assert f"--set {typed.partition('=')[0]} is for a record" in said
+
+
 @pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
 def test_models_that_are_qualified_have_no_environment(
     tmp_path: Path, capfd: Capture, typed: tuple[object, ...]
@@ -145,6 +151,26 @@ def test_an_option_for_articles_is_not_ignored_with_a_model(
     capfd: Capture, typed: tuple[object, ...]
 ) -> None:
     assert f"{typed[0]} is for an article" in refused(capfd, "design", "model.json", *typed)
+
+
+@pytest.mark.parametrize(
+    ("verb", "flag", "more"),
+    [
+        ("refine a b", "--choose", ("-o", "refined.toml")),
+        ("refine a b", "--choose", ("--predict", "lab")),
+        ("refine a b", "--choose", ("--count", 3)),
+        ("record a", "--stream", ("--require",)),
+        ("record a", "--stream", ("--periods", 2)),
+        ("record a", "--stream", ("--reference", "m.json")),
+        ("gate p a", "--paper", ("--share", 0.5)),
+        ("gate p a", "--paper", ("--noise", 0.1)),
+    ],
+)
+def test_an_option_without_an_effect_beside_a_flag_is_not_ignored(
+    capfd: Capture, verb: str, flag: str, more: tuple[object, ...]
+) -> None:
+    said = refused(capfd, *verb.split(), flag, *more)
+    assert f"{more[0]} has no effect beside {flag}" in said
 
 
 def test_names_that_are_not_there(tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch) -> None:

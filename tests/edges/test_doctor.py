@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from middeck.cli.shown.screen import Table
 from middeck.cli.verbs.doctor import _blocks
 from middeck.errors import DataError
 from middeck.realtime.engine.process.launch import run_bare_loop
+from middeck.realtime.engine.process.supervisor import Supervisor
+from middeck.realtime.engine.trials import timing
+from middeck.realtime.engine.trials.durations import count_durations, no_durations, percentiles
 from middeck.realtime.engine.trials.timing import TimingReport, name_machine, summarise
 
 SMALL = ("--realtime", "--seconds", "1", "--states", "6", "--inputs", "2", "--outputs", "1")
@@ -71,11 +75,54 @@ def test_what_is_later_than_a_period_is_an_overrun():
     period = 2_000_000
     late = np.concatenate([np.arange(990), np.full(3, period), period + 1 + np.arange(7)])
     late, step = np.random.default_rng(1).permutation(late), np.arange(1000)[::-1]
-    found = summarise(late, step, 1e-9 * period)
+    found = summarise([(late[:300], step[:300]), (late[300:], step[300:])], 1e-9 * period)
     assert (found["samples"], found["overruns"]) == (1000, 7)
     assert found["step_s"] == pytest.approx([499.5e-9, 989.01e-9, 998.001e-9, 999e-9], rel=1e-12)
     assert found["late_s"][0] == pytest.approx(499.5e-9, rel=1e-12)
     assert found["late_s"][-1] == pytest.approx(1e-9 * (period + 7), rel=1e-12)
+
+
+def test_durations_take_the_same_room_however_many_they_are():
+    """Percentiles of a hundred thousand, from nanoseconds to hours in pieces, to half a bin of NumPy's."""
+    rng, found = np.random.default_rng(2), no_durations()
+    ns = np.exp(rng.normal(10.0, 4.0, 100_000)).astype(np.int64)
+    for piece in np.array_split(ns, 7):
+        found = count_durations(found, piece)
+        assert found.counts.nbytes == no_durations().counts.nbytes < 500_000
+    percent = (0.0, 1.0, 50.0, 99.0, 99.9, 99.99, 100.0)
+    assert percentiles(found, percent) == pytest.approx(
+        np.percentile(ns, percent), rel=1.0 / 2048.0, abs=1e-9
+    )
+    assert percentiles(found, percent)[-1] == ns.max()
+    few = ns[ns < 2048]
+    exact = percentiles(count_durations(no_durations(), few), percent)
+    assert exact == pytest.approx(np.percentile(few, percent), rel=1e-12, abs=1e-9)
+    for longest in ((1 << 53) - 1, 1 << 53, (1 << 62) + 1, (1 << 63) - 1):
+        most = count_durations(found, np.array([longest]))
+        assert (most.longest, int(most.counts.sum())) == (longest, len(ns) + 1)
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_run_of_any_length_keeps_one_piece_of_it(monkeypatch):
+    """Of engine and bare loop alike: nothing of a piece is still there when the next but one begins."""
+    kept, most = [], []
+
+    def watched(give):
+        def one(*args):
+            most.append(sum(piece() is not None for piece in kept))
+            given = give(*args)
+            kept.append(weakref.ref(given))
+            return given
+
+        return one
+
+    monkeypatch.setattr(timing, "PIECE", 40)
+    monkeypatch.setattr(timing, "BARE_PIECE", 40)
+    monkeypatch.setattr(Supervisor, "run", watched(Supervisor.run))
+    monkeypatch.setattr(timing, "run_bare_loop", watched(timing.run_bare_loop))
+    report = timing.measure_timing(rate_hz=1000.0, seconds=0.5, shape=(6, 2, 1), priority=None)
+    assert len(kept) > report.samples // 40 >= 12
+    assert max(most) <= 1
 
 
 @pytest.mark.usefixtures("compiler")

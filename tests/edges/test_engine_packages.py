@@ -13,12 +13,10 @@ import pytest
 
 from engine_campaigns import cases_of
 from engine_cases import plain_settings, random_article, random_package
-from fuzzed_packages import SANITIZED, build_fuzzer, python_reads, sealed, small_packages, told_by_engine
+from fuzzed_packages import build_fuzzer, python_reads, sealed, small_packages, told_by_engine
 from middeck.errors import DataError
 from middeck.realtime.engine.interface.header import layout
 from middeck.realtime.engine.interface.shared_file import STAGING
-from middeck.realtime.engine.process.compile import engine_sources
-from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_bytes import decode_package, encode_package
 from middeck.realtime.package.package_law import package_law
@@ -183,14 +181,8 @@ def test_poles_are_judged_as_eigenvalues_are(form):
             assert python_reads(data) == (radius <= 1.0)
 
 
-def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
+def test_no_shared_file_crashes_the_engine(tmp_path, sanitized_engine):
     """Places, settings, article and the supervisor's words: refused with code 2 or 3 and a reason, or run."""
-    folder = fuzzer[0].parent
-    units = [name for name in engine_sources() if name.endswith(".c")]
-    effort = "-O2" if LONG else "-O0"  # of the compiler, which takes longer than a few starts
-    subprocess.run(
-        ["cc", *FLAGS, *SANITIZED, effort, *units, "-o", "engine", "-lm", "-lpthread"], cwd=folder, check=True
-    )
     rng, codes = np.random.default_rng(5), collections.Counter()
     with Supervisor(plain_settings(), random_article(), ring=64, pretrip_s=0.1) as engine:
         engine.file.asks["until"] = 0
@@ -227,7 +219,7 @@ def test_no_shared_file_crashes_the_engine(tmp_path, fuzzer):
         if clock == 1 or rig == 1 or ramp > 10_000:
             continue  # it would run on, wait for another process, or take long to end
         done = subprocess.run(
-            [str(folder / "engine"), str(tmp_path / "engine.shared")], capture_output=True, text=True,
+            [str(sanitized_engine), str(tmp_path / "engine.shared")], capture_output=True, text=True,
             check=False, timeout=30,
         )  # fmt: skip
         assert done.returncode in (0, 2, 3), done.stderr[:3000]

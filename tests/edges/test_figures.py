@@ -23,6 +23,7 @@ from middeck.plot.gravity_path import gravity_path_figure
 from middeck.plot.response import response_lines
 from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes_figure, upright
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
+from middeck.structure.gravity.path import GravityPath
 from middeck.structure.gravity.path_events import EventKind, GravityEvent
 from middeck.structure.modes.results.drawing import build_mode_drawing
 from structure_builders import TUBE, body, on_cables, straight_beam, tube_bus
@@ -317,10 +318,14 @@ def test_up_without_anything_to_turn(capfd, tmp_path):
     assert (compared.code, "--figure" in compared.err) == (2, True)
 
 
-@pytest.mark.parametrize("share", [0.999, 0.001])  # of the way from the full weight to none
-def test_the_end_of_a_path_is_written_towards_the_middle_of_the_axes(share: float) -> None:
+@pytest.fixture(scope="module")
+def path() -> GravityPath:
     bus = tube_bus([2.0, 4.0, 2.0], (0.0, -0.03, 0.0), (0.01,) * 3, body(1.0, (0.0, -0.1, 0.0), (0.01,) * 3))
-    path = md.follow_gravity(bus, on_cables(3.0, 0.4), count=8)
+    return md.follow_gravity(bus, on_cables(3.0, 0.4), count=8)
+
+
+@pytest.mark.parametrize("share", [0.999, 0.001])  # of the way from the full weight to none
+def test_the_end_of_a_path_is_written_towards_the_middle_of_the_axes(path: GravityPath, share: float) -> None:
     s = float(share * path.s[-1])
     slack = GravityEvent(
         kind=EventKind.SLACK, s=s, gravity=np.zeros(3), branch=(), name=("a",), frequency_hz=0.0, gap_hz=0.0

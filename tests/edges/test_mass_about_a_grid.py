@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,22 +17,28 @@ PLACES = {3: (2.0, -1.0, 4.0), 7: (12.0, -1.0, 4.0), 9: (12.0, 5.0, 4.0)}
 BODIES = [(7, 3.0, (0.5, 0.0, -1.0), (4.0, 0.3, 5.0, -0.2, 0.1, 6.0)), (9, 1.5, (0.0, 0.0, 0.0), (0.0,) * 6)]
 
 
-def deck(path: Path, params: str) -> Path:
+# Of the second, taken away again; its inertia is taken away too.
+TAKEN = (7, -1.2, (0.2, 0.1, 0.0), (-0.5, 0.0, -0.4, 0.0, 0.0, -0.6))
+
+
+def deck(path: Path, params: str, bodies: Sequence[tuple] = BODIES) -> Path:
     rows = ["SOL 103", "CEND", "BEGIN BULK", "PARAM,WTMASS,.5", *filter(None, params.split(";"))]
     rows += [f"GRID,{n},,{x},{y},{z}" for n, (x, y, z) in PLACES.items()]
     rows += ["MAT1,1,1.+7,,.3,.1", "PBAR,1,1,2.,.1,.1,.2"]
     rows += ["CBAR,1,1,3,7,0.,1.,0.", "CBAR,2,1,7,9,1.,0.,0."]
-    for k, (grid, weight, arm, inertia) in enumerate(BODIES):
+    for k, (grid, weight, arm, inertia) in enumerate(bodies):
         rows += [f"CONM2,{k + 10},{grid},,{weight},{arm[0]},{arm[1]},{arm[2]}"]
         rows += [",".join(["", *map(str, inertia)])] if any(inertia) else []
     path.write_text("\n".join([*rows, "ENDDATA", ""]))
     return path
 
 
-def by_hand(about: np.ndarray, lumped: bool) -> tuple[float, np.ndarray, np.ndarray]:
+def by_hand(
+    about: np.ndarray, lumped: bool, bodies: Sequence[tuple] = BODIES
+) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre from the point and inertia about it, in inches and slinches."""
     points = []  # weight, place, own inertia
-    for grid, weight, arm, (xx, yx, yy, zx, zy, zz) in BODIES:
+    for grid, weight, arm, (xx, yx, yy, zx, zy, zz) in bodies:
         own = np.array([[xx, -yx, -zx], [-yx, yy, -zy], [-zx, -zy, zz]])
         points.append((weight, np.add(PLACES[grid], arm), own))
     for a, b in ((3, 7), (7, 9)):
@@ -98,3 +105,29 @@ def test_the_lines_on_it_and_a_bad_grid(tmp_path: Path, capfd: pytest.CaptureFix
     assert ended.code == 2
     assert "PARAM GRDPNT" in ended.err
     assert "must be the number of a grid, 0 or -1" in ended.err
+    ended = middeck(capfd, "convert", deck(tmp_path / "c.dat", "PARAM,COUPMASS,ABC"), *units)
+    assert (ended.code, "PARAM COUPMASS" in ended.err) == (2, True)
+    assert "must be a whole number, YES or NO" in ended.err
+
+
+def test_a_negative_mass_takes_away_what_is_there_and_no_more(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked = ("--units", "in-slinch-s-lbf", "--mass-formulation", "lumped", "--json")
+    bodies = (*BODIES, TAKEN)
+    ended = middeck(capfd, "convert", deck(tmp_path / "a.dat", "PARAM,GRDPNT,9", bodies), *asked)
+    assert ended.code == 0, ended.err
+    document = json.loads(ended.out)
+    mass, centre, inertia = by_hand(np.array(PLACES[9]), True, bodies)
+    slinch = 4.4482216152605 / 0.0254
+    assert document["mass_kg"] == pytest.approx(slinch * mass, rel=1e-9)
+    found = document["grid_point_weight"]
+    np.testing.assert_allclose(found["centre_of_mass_from_it_m"], 0.0254 * centre, rtol=1e-9)
+    expected = slinch * 0.0254**2 * inertia
+    np.testing.assert_allclose(found["inertia_about_it_kg_m2"], expected, atol=1e-9 * np.abs(expected).max())
+    for wrong in ((7, -3.1, (0.5, 0.0, -1.0), (0.0,) * 6), (9, -0.1, (3.0, 0.0, 0.0), (0.0,) * 6)):
+        path = deck(tmp_path / "b.dat", "", (*BODIES, wrong))
+        ended = middeck(capfd, "convert", path, *asked)
+        assert ended.code == 2
+        assert f"it leaves too little of the masses of grid {wrong[0]}: no body has mass" in ended.err
+        assert "CONM2 12" in ended.err

@@ -265,6 +265,8 @@ def test_only_selected_clamps_are_converted(tmp_path):
         (["SPC = 5", "SUBCASE 1", "SPC = 6", "SUBCASE 2"], r"different ones, 6 in 1, 5 in 2"),
         (["SPC = ONE"], "'ONE' is not the number of a set"),
         (["STATSUB = 1"], "without it the modes would be others"),
+        (["BGSET = 1"], "BGSET.*without it the modes would be others"),
+        (["BCONTACT = ALLBODY"], "BCONTACT.*without it the modes would be others"),
     ):
         with pytest.raises(ConfigError, match=words):
             convert(write(tmp_path, *cards, case=case))
@@ -656,3 +658,15 @@ def test_cards_of_stiffness_by_frequency_are_not_said_to_have_no_effect(tmp_path
     for card in ("PBUSHT", "PELAST"):
         assert rows[card] == "stiffness by frequency or load: the article has that of PBUSH, PELAS"
     assert rows["TABLED1"] == "no effect on stiffness and mass"
+    # A mass and a glue that wait for their selection.
+    path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}NSM1,7\nBGSET,7\nENDDATA\n")
+    rows = {card: why for card, _, why in convert_deck(read_deck(path), SI, "consistent", "a").left_out}
+    assert rows["NSM1"] == rows["BGSET"] == "not selected by case control"
+
+
+@pytest.mark.parametrize(("card", "by"), [("ASET1,123,2", "to its ASET"), ("OMIT1,456,2", "by OMIT")])
+def test_a_reduction_of_the_deck_is_told(tmp_path, card, by):
+    path = tmp_path / "a.dat"
+    path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}{card}\nENDDATA\n")
+    notes = convert_deck(read_deck(path), SI, "consistent", "a").notes
+    assert f"the deck reduces {by}: the article keeps all degrees of freedom" in notes

@@ -20,16 +20,17 @@ BLOCKS = 3
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """The sample with one compensator, draws for three blocks, and a coarse mesh."""
+    """The sample with one compensator, draws for three blocks, few modes and a coarse mesh."""
     for name in ("refine.toml", "mace-simple-lab.json"):
         (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
     text = (FOLDER / "promise.toml").read_text(encoding="utf-8")
     text = re.sub(r"draws = \d+ .*\nbounded = 1", "draws = 51\nbounded = 0", text)
     text = text.replace("log10_authority = [0.0, 3.0, 6.0]", "log10_authority = [0.0]")
+    text = text.replace("modes = 20", "modes = 14")
     (tmp_path / "promise.toml").write_text(text, encoding="utf-8")
     article = (ROOT / "articles/mace-simple.toml").read_text(encoding="utf-8")
     assert "elements_per_strut = 8" in article
-    coarse = article.replace("elements_per_strut = 8", "elements_per_strut = 2")
+    coarse = article.replace("elements_per_strut = 8", "elements_per_strut = 1")
     (tmp_path / "article.toml").write_text(coarse, encoding="utf-8")
     return tmp_path
 

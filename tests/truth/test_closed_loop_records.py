@@ -11,6 +11,7 @@ from middeck.identification.spectra.estimate import estimate_response, response_
 from middeck.signals.ports import Port
 from middeck.signals.record import Record, stream_record
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
+from repeats import LONG
 
 # y = b/a u + v with poles at 1.2 exp(+-0.8j), outside the circle; u = r + K y (docs/conventions.md).
 B = np.array([0.0, 0.5])
@@ -65,7 +66,7 @@ def bare(u, y, *, periodic=False):
 def test_the_direct_estimate_is_where_theory_has_it():
     """(G S_rr + conj(K) S_vv) / (S_rr + |K|^2 S_vv): between the plant and 1/K."""
     for noise in (NOISE, 10.0):
-        _, u, y = cut(0, samples=400_000, noise=noise)
+        _, u, y = cut(0, samples=400_000 if LONG else 100_000, noise=noise)
         told = pytest.warns(UserWarning, match="feedback") if noise == NOISE else contextlib.nullcontext()
         with told:
             found = estimate_response(bare(u, y), method="h1", segment=1024, band_hz=(0.01, 0.4))

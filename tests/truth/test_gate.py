@@ -285,7 +285,10 @@ def saturated_run(law, system, samples):
 
 
 def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturation():
-    """Stable at every fade; without the path of the applied command it never comes back."""
+    """Stable at every fade; without the path of the applied command it never comes back.
+
+    Where its sensors reach further than the proof does it is refused, and told how far that is.
+    """
     A = sla.block_diag(*([[0.0, w], [-w, -0.02 * w]] for w in (6.923, 29.18)))
     system = StateSpace(A, [[0.0], [1.0], [0.0], [0.7]], [[1.0, 0.0, -2.96, 0.0]], [[0.0]])
     way, push = (Port("way", "m"),), (Port("push", "N"),)
@@ -293,9 +296,16 @@ def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturatio
     weights = unit_weights(("push",), 3.57e-4)
     law = design_sampled_lqg(plant, weights, 1.298e5, 0.04)
     assert np.abs(np.linalg.eigvals(law.sampled.A)).max() > 1.01
-    package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)
-    verdict = examine_package(package, {"modes": plant}, GateMargins(gain_db=3.0, phase_deg=5.0))
+    margins = GateMargins(gain_db=3.0, phase_deg=5.0)
+    package = package_law(law, "law", input_range=0.01, limit=1.0, unstable=True)
+    verdict = examine_package(package, {"modes": plant}, margins)
     assert verdict.passed, verdict.steps
+    assert "proved for limits that come and go, at full authority" in verdict.steps[-1].said
+    package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)
+    *others, last = examine_package(package, {"modes": plant}, margins).steps
+    assert all(step.passed for step in others)
+    assert not last.passed
+    assert "not proved to recover: no multipliers are found where it may ask for" in last.said
     blind = dataclasses.replace(law, applied=None)
     package = package_law(blind, "law", input_range=1.0, limit=1.0, unstable=True)
     assert not steps_of(package, plant)["poles"].passed

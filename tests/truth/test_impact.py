@@ -20,6 +20,7 @@ from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
+from repeats import repeats
 
 HZ, ZETA, DELAY = np.array([6.0, 17.0]), np.array([0.02, 0.01]), 0.011
 PLANT = (HZ, ZETA, [300.0, -800.0], DELAY)
@@ -209,7 +210,7 @@ def test_only_blows_without_a_filter_are_said_to_fold_back(campaign):
 
 
 @pytest.mark.parametrize(("of", "whole", "share"), [("samples", 4, 4), ("response", 40, 4)])
-@pytest.mark.parametrize("count", [2, 5])
+@pytest.mark.parametrize("count", repeats([2, 5]))
 def test_deviations_hold_under_noise_of_the_force(campaign, of, whole, share, count):
     """Its spectrum is alike on all lines of a mode, which no line shows, and few blows tell it badly."""
     rested = [(2.5 * t, width, size) for t, width, size in [*SINGLE, (30.1, 0.02, 55.0)]][:count]

@@ -340,9 +340,8 @@ def test_rounding_moves_the_loop_by_less_than_its_bound(apart):
         true = [sum(c * v for c, v in zip(out, x[k : k + n], strict=True)) for k in (0, n)]
         z = complex(float(re), float(im))
         found = complex((loop.residues[:, 0, 0] / (z - loop.poles)).sum())
-        near = np.abs(z - loop.poles)
         error = max(abs(Fraction(found.real) - true[0]), abs(Fraction(found.imag) - true[1]))
-        assert float(error) <= loop.blur * (loop.out / near).sum() * (loop.into / near).sum()
+        assert float(error) <= limited_loop.bound_error(loop, np.abs(z - loop.poles)[None])[0]
 
 
 def test_in_single_precision_nothing_is_proved_to_die_out():

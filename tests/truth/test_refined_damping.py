@@ -39,7 +39,7 @@ def drawn(seed: int, off: float) -> tuple[np.ndarray, np.ndarray, Refined, np.nd
     return x, other, found, np.log(case.truth(x, False, other).zeta[:TOLD])
 
 
-@pytest.mark.parametrize("off", repeats([0.1, 0.0], 2))
+@pytest.mark.parametrize("off", repeats([0.1, 0.0]))
 def test_hidden_damping_is_recovered_within_what_is_stated(off: float):
     """Complex modes of the truth by matrices of its own: 90 % of 95 % intervals hold, in orbit too.
 
@@ -208,8 +208,8 @@ def test_frequencies_of_decays_or_of_undamped_modes_are_told_from_those_of_roots
     some = slice(0, None, len(case.UNKNOWNS) - 1)
     true = case.truth(x, held=True)
     seen = case.survey(true, np.random.default_rng(6))
-    lossless = np.sqrt(sla.eigvalsh(sum(case.parts()[:4]), case.parts().mass)) / (2.0 * np.pi)
-    shift = np.log(true.hz / lossless[lossless > 1e-2 * true.hz[0]])[: case.MODES]
+    lam = sla.eigvalsh(sum(case.parts()[:4]), case.parts().mass)[1:]  # it turns freely about its two ends
+    shift = np.log(2.0 * np.pi * true.hz / np.sqrt(lam))[: case.MODES]
     undamped = seen.measured.frequency_hz * np.exp(-shift)
     stated = dataclasses.replace(seen, measured=dataclasses.replace(seen.measured, frequency_hz=undamped))
     found = refine(case.article(), [stated], case.UNKNOWNS[some], damping_error=0.1)

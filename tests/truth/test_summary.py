@@ -198,6 +198,19 @@ def test_nothing_is_doubted_of_ordinary_articles():
         assert summarise(parts).warnings == ()
 
 
+@pytest.mark.parametrize("rounding", [0.0, 1e-12])
+def test_a_flat_frame_below_a_tall_body_is_no_beam_along_it(rounding: float):
+    """Its mass is long across the frame, whose nodes stand at one height: 8e9 Hz were told of such a one."""
+    tube = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
+    tall = body(3.0, cg=(0.25, 0.4 / 3.0, 0.6), inertia=(1.0, 1.0, 0.05))
+    places = {"a": (0.0, 0.0), "b": (0.5, 0.0), "c": (0.25, 0.4)}
+    nodes = [node(n, (x, y, rounding * x), tall if n == "a" else body(0.1)) for n, (x, y) in places.items()]
+    members = [member(i, j, tube, 2, up=(0.0, 0.0, 1.0)) for i, j in ("ab", "bc", "ca")]
+    summary = summarise(structure(nodes, members))
+    assert summary.bending_hz is None
+    assert not [said for said in summary.warnings if "bending frequency" in said]
+
+
 def test_a_single_body_has_a_summary_without_bending():
     found = summarise(structure([node("a", (1, 2, 3), body(4.0, (0.1, 0, 0), (1, 2, 2.5)))]))
     assert (found.bending_hz, found.slenderness, found.rounding) == (None, None, 0.0)

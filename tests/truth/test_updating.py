@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -366,9 +367,14 @@ def test_a_draw_that_buckles_is_named_with_what_would_help():
         drawing = draw_plants(spread_of, clamped(), build_nothing, draws=40, rng=rng, loop=LoopSpread())
         return drawing.plants(range(40))
 
-    with pytest.raises(NumericalError, match=r"draw \d+ of 40, ") as refused:
+    with pytest.raises(NumericalError, match=r"draw \d+ of 40: the rest state is not") as refused:
         drawn(found)
-    assert refused.value.hint == "narrower spreads of the unknowns that the surveys do not see"
+    advice = (
+        "narrower spreads of the unknowns that the surveys do not see, or surveys that do; here bending is "
+    )
+    off = re.fullmatch(advice + r"(-\d\.?\d*) of its standard deviations off its prior", refused.value.hint)
+    # Euler's load goes with the stiffness: 90 % of it is all of it at a tenth less, own weight apart.
+    assert float(off[1]) < 0.9 * np.log(0.9) / bending.spread
     narrow = dataclasses.replace(bending, spread=0.01)
     assert len(drawn(refine(found.structure, [c.survey for c in found.compared], (narrow,))).plants) == 40
 
@@ -694,6 +700,17 @@ def test_unknowns_that_cannot_be(unknowns: list[Unknown], what: str):
         refine(mast(), [seen], unknowns)
 
 
+def test_a_mode_of_a_known_shape_at_another_frequency_is_told_whose_shape_it_has():
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    hz = seen.measured.frequency_hz.copy()
+    hz[0] /= 2.5
+    off = dataclasses.replace(seen.measured, frequency_hz=hz)
+    found = refine(mast(), [dataclasses.replace(seen, measured=off)], [MODULUS])
+    (said,) = (line for line in findings(found) if "was left out" in line)
+    assert f"the measured mode of {hz[0]:.4g} Hz resembles none of the model's within a factor of 2" in said
+    assert f"its shape is that of the mode of {found.compared[0].free.frequency_hz[0]:.4g} Hz" in said
+
+
 def test_surveys_that_cannot_be():
     seen = survey_of(modes_of(mast(), clamped()), TIGHT)
     unknown = dataclasses.replace(seen.measured, frequency_std_hz=None)
@@ -704,8 +721,11 @@ def test_surveys_that_cannot_be():
     with pytest.raises(ConfigError, match="no parameter"):
         refine(mast(), [dataclasses.replace(seen, settings=(("joint.x.angle", 1.0),))], [MODULUS])
     far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
-    with pytest.raises(ConfigError, match="resembles"):
+    with pytest.raises(ConfigError, match="resembles") as told:
         refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
+    assert "paired within a factor of 2 in frequency" in told.value.hint
+    lowest, ours = far.frequency_hz.min(), modes_of(mast(), clamped()).frequency_hz.max()
+    assert f"the nearest two are {lowest:.4g} Hz, measured, and {ours:.4g} Hz" in told.value.hint
     with pytest.raises(NumericalError, match="the rest state is not stable"):
         refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
     with pytest.raises(ConfigError, match="both the article and the environment"):

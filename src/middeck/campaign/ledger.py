@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import sqlite3
 from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 from middeck.campaign.encoding import decode_result
 from middeck.errors import DataError
@@ -23,6 +24,8 @@ create table result (
     digest blob not null, primary key (campaign, case_index)) without rowid;
 """
 NEW = "keep it, and name another ledger"
+DIGEST = 64
+"""Characters of a SHA-256."""
 
 
 @record(kw_only=True)
@@ -76,9 +79,8 @@ class Ledger:
         if self._base.execute("pragma quick_check").fetchone()[0] != "ok":
             raise sqlite3.DatabaseError("database disk image is malformed")
         known = dict(self._base.execute("select key, value from campaign"))
-        differing = sorted(k for k in {*known, *identity} if known.get(k) != identity.get(k))
-        if differing:
-            was = "; ".join(f"{k} {known.get(k)!s:.80}, now {identity.get(k)!s:.80}" for k in differing)
+        if known != dict(identity):
+            was = "; ".join(_changes("", known, dict(identity)))
             raise DataError(f"the ledger is another campaign's: {was}", where=str(self.path), hint=NEW)
 
     def __enter__(self) -> Ledger:
@@ -130,6 +132,36 @@ class Ledger:
             if digest != _digest(self.campaign, index, bool(fault), body):
                 raise _damaged(self.path, f"the row of case {index} is not as it was written")
             yield index, bool(fault), body
+
+
+def _changes(name: str, was: object, now: object) -> Iterator[str]:
+    """What differs, by the names of keys; rows of equal lists one by one."""
+    was, now = _parsed(was), _parsed(now)
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in sorted({*was, *now}):
+            if was.get(key) != now.get(key):
+                yield from _changes(f"{name}.{key}".lstrip("."), was.get(key), now.get(key))
+    elif _is_table(was) and _is_table(now) and len(was) == len(now):
+        for a, b in zip(was, now, strict=True):
+            if a != b:
+                yield from _changes(name, a, b)
+    else:
+        yield f"{name} {_short(was)}, now {_short(now)}"
+
+
+def _parsed(value: object) -> object:
+    return json.loads(value) if isinstance(value, str) and value[:1] in ("{", "[") else value
+
+
+def _is_table(value: object) -> TypeGuard[list[object]]:
+    return isinstance(value, list) and all(isinstance(row, list) for row in value)
+
+
+def _short(value: object) -> str:
+    if isinstance(value, list):
+        return " ".join(_short(x) for x in value)[:80]
+    text = "nothing" if value is None else str(value)
+    return text[:12] if len(text) == DIGEST and set(text) <= set("0123456789abcdef") else text[:80]
 
 
 def _digest(campaign: str, index: int, fault: bool, body: str) -> bytes:

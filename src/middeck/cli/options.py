@@ -87,6 +87,12 @@ def typed(name: str) -> str:
     return next(param.opts[0] for param in context.command.params if param.name == name)
 
 
+def refuse_unused(where: str, *names: str) -> None:
+    """Refuse parameters of the verb that runs that were typed and have no effect ``where`` they stand."""
+    for option in filter(None, map(typed, names)):
+        raise ConfigError(f"{option} has no effect {where}", hint="leave one of them out")
+
+
 class Target(click.Option):
     """An option that names a file to write."""
 

@@ -133,8 +133,9 @@ def _held(document: dict[str, Any]) -> str:
 
     clamped, gravity = document["clamped"], document["gravity_m_s2"]
     clamps = f"clamped at {some_names(clamped)}" if clamped else "not clamped"
+    kept = " (`middeck budget` keeps the clamps in 0-g)" if clamped else ""
     weight = f"gravity {gravity:.4g} m/s^2" if gravity else "no gravity"
-    return f"{document['environment']}: {clamps}, {weight}"
+    return f"{document['environment']}: {clamps}, {weight}{kept}"
 
 
 def _unpaired(document: dict[str, Any]) -> list[Table]:

@@ -110,6 +110,9 @@ def verb(
     is_model = len(sources) == 1 and Path(sources[0]).suffix.lower() == ".json"
     _refuse_unused("an article" if from_article else "a fitted model" if is_model else "a record")
     settings = settle(LoopSettings, asked, () if from_article else overrides)
+    for name in ("periods", "states", "fit_band_hz", "sampled"):
+        if is_model and getattr(settings, name) is not None:
+            raise ConfigError(f"--set {name} is for a record", hint="leave it out: the model is fitted")
     wanted = Wanted(control, measure)
     warnings: tuple[str, ...] = ()
     if from_article:

@@ -137,6 +137,8 @@ def verb(
     from middeck.files.json.output import write_json
     from middeck.realtime.gate.linear_law import faded_laws
 
+    if given["paper"]:
+        options.refuse_unused("beside --paper", "disturbance", "noise", "share")
     gain = _adaptive_gain(given)
     package = md.load_package(package_file)
     engaged = None if relieved is None else md.load_package(relieved)

@@ -63,6 +63,8 @@ def verb(
     """
     from middeck.cli.given.checked_options import RecordSettings, settle
 
+    if stream:
+        options.refuse_unused("beside --stream", "periods", "reference", "require", "ascii")
     given = {"sample_hz": columns.sample_hz, "variable": columns.variable or None, "periods": periods}
     chosen = settle(RecordSettings, given, overrides)
     told = columns._replace(sample_hz=chosen.sample_hz, variable=chosen.variable).told()

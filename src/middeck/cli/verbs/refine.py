@@ -66,6 +66,8 @@ def verb(
     from middeck.files.refinements.documents import load_refinement, refined_text
     from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 
+    if choose:
+        options.refuse_unused("beside --choose", "target", "environment", "count")
     files = find_case(article, environment)
     structure, there = md.load_setup(*files)
     asked = load_refinement(refinement, files[0])

@@ -98,7 +98,7 @@ def load_uff(path: Path) -> MeasuredModes:
             position_m=np.array([places[numbers[k]] for k, _ in moved]) / (factor or 1.0)
             if located
             else None,
-            lines=tuple(tuple(map(str, line)) for line in traced),
+            lines=tuple(dict.fromkeys(tuple(map(str, line)) for line in traced)),
             source=_source(heads),
             warnings=tuple(said),
         )

@@ -17,6 +17,8 @@ from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.state_space.balancing import balance
 
 EPSILON = np.finfo(float).eps
+MOST_MIXED = 1e-3
+"""Of what modes mix by, over their distance from instability."""
 
 
 class Parts(NamedTuple):
@@ -48,18 +50,33 @@ def split_loop(package: ControllerPackage, plant: Plant) -> Parts:
     )  # fmt: skip
 
 
+def in_units_of(parts: Parts, limits: Float[np.ndarray, " output"]) -> Parts:
+    """Each output in units of its limit: wheels of 0.5 N m and gimbals of 5 N m weigh alike."""
+    unit = limits[:, None]
+    return parts._replace(
+        B=parts.B * limits,
+        E=parts.E * limits,
+        K=parts.K / unit,
+        D=parts.D / unit,
+        direct=parts.direct * limits,
+    )
+
+
 class Loop(NamedTuple):
     """From what limits hold back to what the law asks for: the sum of residues / (z - poles).
 
-    The loop that was meant differs from it by at most ``blur`` times the sum of ``out`` / |z - poles| times
-    that of ``into`` / |z - poles|.
+    The loop that was meant has, in coordinates of these modes, poles + F with |F| <= ``mixed``, and is
+    entered with what differs by ``lost`` from ``into``: magnitudes, over the forces. ``out`` are those of
+    what leaves, ``blur`` what their products round by. `bound_error` makes a bound of them.
     """
 
     poles: Complex[np.ndarray, " pole"]
     residues: Complex[np.ndarray, "pole output output"]
     out: Float[np.ndarray, " pole"]
     into: Float[np.ndarray, " pole"]
-    blur: float
+    mixed: Float[np.ndarray, "pole pole"]
+    lost: Float[np.ndarray, " pole"]
+    blur: Float[np.ndarray, " pole"]
 
 
 def close_loop(parts: Parts) -> Loop | None:
@@ -67,18 +84,25 @@ def close_loop(parts: Parts) -> Loop | None:
     A, B, C, F, G, E, K, D, _ = parts
     states, outputs = len(A) + len(F), len(K)
     if not states:
-        return Loop(np.zeros(0, complex), np.zeros((0, outputs, outputs)), np.zeros(0), np.zeros(0), 0.0)
+        none = np.zeros(0)
+        return Loop(none + 0j, np.zeros((0, outputs, outputs)), none, none, np.zeros((0, 0)), none, none)
     closed = np.block([[A + B @ D @ C, B @ K], [G @ C, F]])
     a, b, c, f, g, _, k, d, _ = (np.abs(M) for M in parts)
     size = np.block([[a + b @ d @ c, b @ k], [g @ c, f]])
-    return _by_modes(closed, size, -np.vstack([B, E]), np.hstack([D @ C, K]), np.hstack([d @ c, k]))
+    unit = 2.0 * (states + len(C) + outputs + 4) * EPSILON
+    ends = -np.vstack([B, E]), np.hstack([D @ C, K]), np.hstack([d @ c, k])
+    return _by_modes(closed, size, *ends, unit)
 
 
-def _by_modes(A: np.ndarray, size: np.ndarray, B: np.ndarray, C: np.ndarray, seen: np.ndarray) -> Loop | None:
+def _by_modes(
+    A: np.ndarray, size: np.ndarray, B: np.ndarray, C: np.ndarray, seen: np.ndarray, unit: float
+) -> Loop | None:
     """C (z - A)^-1 B by poles; ``size``, ``seen``: sums of magnitudes of the products that made A and C.
 
-    With Y for the inverse of the vectors V, the loop in their coordinates is poles + Y (A V - V poles), to
-    1 / (1 - |1 - Y V|); all of these are measured, and each product may round by n units of its magnitudes.
+    With Y for the inverse of the vectors V, so that V^-1 = (Y V)^-1 Y, the loop in their coordinates is
+    poles + V^-1 (A V - V poles), entered by V^-1 B. Residuals are measured, and each sum of (complex)
+    products may round by ``unit`` of its magnitudes. All bounds are of single entries: of modes of which one
+    is a million times larger than the other no more is mixed than there is.
     """
     balanced, scale = balance(A)
     size, B, C, seen = size / scale[:, None] * scale, B / scale[:, None], C * scale, seen * scale
@@ -87,18 +111,33 @@ def _by_modes(A: np.ndarray, size: np.ndarray, B: np.ndarray, C: np.ndarray, see
         Y = np.linalg.inv(V)
     except np.linalg.LinAlgError:
         return None
-    unit = 4.0 * (len(A) + 4) * EPSILON
     v, y = np.abs(V), np.abs(Y)
-    inverse = np.linalg.norm(np.eye(len(A)) - Y @ V) + unit * np.linalg.norm(y @ v)
+    inverse = np.abs(np.eye(len(A)) - Y @ V) + unit * (y @ v)
     off = np.abs(balanced @ V - V * poles) + unit * (size @ v + v * np.abs(poles))
-    moved = np.linalg.norm(y @ off) / max(1.0 - inverse, EPSILON)
-    if not (inverse < 0.1 and moved < 1e-3 * (1.0 - np.abs(poles).max())):
+    if not np.linalg.norm(inverse) < 0.1:
         return None
     into = Y @ B
-    out, entering = np.linalg.norm(seen @ v, axis=0), np.linalg.norm(y @ np.abs(B), axis=1)
-    entering = entering + 2.0 * inverse * np.linalg.norm(entering)  # Y is not quite the inverse: modes mix
-    lost = y @ (np.abs(B - V @ into) + unit * (v @ np.abs(into) + np.abs(B)))
+    entered = np.abs(B - V @ into) + unit * (v @ np.abs(into) + np.abs(B))
+    # |(Y V)^-1| <= (1 - inverse)^-1, entry by entry: the sum of its powers.
+    solved = 1.01 * np.linalg.solve(np.eye(len(A)) - inverse, y @ np.hstack([off, entered]))
+    mixed, lost = solved[:, : len(A)], np.linalg.norm(solved[:, len(A) :], axis=1)
+    if not np.linalg.norm(mixed) < MOST_MIXED * (1.0 - np.abs(poles).max()):
+        return None
+    out, entering = np.linalg.norm(np.abs(C @ V) + unit * (seen @ v), axis=0), np.linalg.norm(into, axis=1)
+    blur = 3.0 * unit * np.linalg.norm(seen @ v, axis=0) * entering
+    return Loop(poles, np.einsum("ik,kj->kij", C @ V, into), out, entering + lost, mixed, lost, blur)
+
+
+def bound_error(loop: Loop, near: Float[np.ndarray, "place pole"]) -> Float[np.ndarray, " place"]:
+    """How far the loop that was meant may be from the sum, at places no nearer to the poles than ``near``.
+
+    With d = 1 / near it is out d (F + F d F + ...) d into: two terms, and the rest by |d F| <= MOST_MIXED.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        by_vectors = np.nanmax(np.linalg.norm(lost, axis=1) / entering, initial=0.0)
-    residues = np.einsum("ik,kj->kij", C @ V, into)
-    return Loop(poles, residues, out, entering, 2.0 * (moved + 3.0 * by_vectors + 3.0 * unit))
+        d = 1.0 / near
+        first = d * loop.into
+        second = d * (first @ loop.mixed.T)
+        leaving = (d * loop.out) @ loop.mixed
+        rest = 2.0 * MOST_MIXED * np.linalg.norm(leaving, axis=1) * np.linalg.norm(second, axis=1)
+        moved = np.sum(leaving * (first + second), axis=1) + rest
+        return np.asarray(1.01 * (moved + 1.01 * (d * loop.out) @ loop.lost + d @ loop.blur))

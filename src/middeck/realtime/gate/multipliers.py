@@ -5,19 +5,20 @@ The argument is in `recovery_proof`.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
 import scipy.optimize as so
 from jaxtyping import Complex, Float
 
-from middeck.realtime.gate.limited_loop import Loop
+from middeck.realtime.gate.limited_loop import Loop, bound_error
 from middeck.realtime.gate.reached_limits import Limit
 
 DELAYS = (1, 2, 4, 8, 16, 32)
 DECAYS = np.exp(-1.0 / np.geomspace(2.0, 5000.0, 9))
 """Kernels, of either sign and both ways in time: delays of so many samples, and geometric series."""
-ROUNDS, PIVOTS, PIECES = 10, 3000, 1 << 16
+ROUNDS, PIVOTS, PIECES, MOST_CUTS = 20, 3000, 1 << 16, 40
 ROUNDING = 1e-11
 """Of the products in the sum, relative to their factors; a thousand times what they may err by."""
 
@@ -66,10 +67,12 @@ def form_sum(loop: Loop, limits: list[Limit], omega: np.ndarray) -> _Form:
 
 
 def dies_out(loop: Loop, limits: list[Limit]) -> bool:
-    """Weights by a linear programme; a direction in which their sum is not negative is one more row of it."""
+    """Weights by a linear programme; a direction in which their sum is not negative is one more row of it.
+
+    So is one at a frequency at which it is not shown to be.
+    """
     omega = _lines(loop)
     form = form_sum(loop, limits, omega)
-    size = 1.0 / (1.0 + np.abs(form.moved).max(axis=(1, 2)) ** 2)
     sparse = range(0, len(omega), max(1, len(omega) // 150))
     rows = [form.cut(k, v) for k in sparse for v in np.eye(len(limits))]
     for _ in range(ROUNDS):
@@ -77,14 +80,25 @@ def dies_out(loop: Loop, limits: list[Limit]) -> bool:
         if found is None:
             return False
         x = np.maximum(found[:-1], 0.0).reshape(len(limits), -1)  # a solver may stray below zero
-        values, vectors = np.linalg.eigh(size[:, None, None] * form.sum(x))
-        top = values[:, -1]
-        if top.max() < 0.0:
-            return _holds_between(loop, limits, x, omega)
-        peaks = np.flatnonzero((top >= np.append(-np.inf, top[:-1])) & (top >= np.append(top[1:], -np.inf)))
-        for k in peaks[np.argsort(-top[peaks])][:40]:
-            rows += [form.cut(k, v) for v in vectors[k].T[values[k] > -size[k] * found[-1]]]
+        more, top = _cuts(form, x, found[-1])
+        if top < 0.0:
+            left = _not_shown(loop, limits, x, omega)
+            if not len(left):
+                return True
+            more += _cuts(form_sum(loop, limits, left), x, found[-1])[0]
+        rows += more
     return False
+
+
+def _cuts(form: _Form, x: np.ndarray, margin: float) -> tuple[list[np.ndarray], float]:
+    """Rows where the sum peaks, in the directions in which it is not below ``margin``, and its largest."""
+    size = 1.0 / (1.0 + np.abs(form.moved).max(axis=(1, 2)) ** 2)
+    values, vectors = np.linalg.eigh(size[:, None, None] * form.sum(x))
+    top = values[:, -1]
+    peaks = np.flatnonzero((top >= np.append(-np.inf, top[:-1])) & (top >= np.append(top[1:], -np.inf)))
+    worst = peaks[np.argsort(-top[peaks])][:MOST_CUTS]
+    rows = [form.cut(k, v) for k in worst for v in vectors[k].T[values[k] > -size[k] * margin]]
+    return rows, float(top.max())
 
 
 def _weigh(rows: list[np.ndarray]) -> np.ndarray | None:
@@ -108,25 +122,25 @@ def _lines(loop: Loop) -> np.ndarray:
     return np.unique(found[(found >= 0.0) & (found <= np.pi)])
 
 
-def _holds_between(loop: Loop, limits: list[Limit], x: np.ndarray, omega: np.ndarray) -> bool:
-    """Whether the sum is negative at all frequencies.
+def _not_shown(loop: Loop, limits: list[Limit], x: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Frequencies at which the sum is not shown to be negative; none where it is at all frequencies.
 
     Between two of them it lies no more than h^2 / 8 of its curvature above the line that joins its values.
     """
     low, high, seen = omega[:-1], omega[1:], 0
     while len(low):
         seen += len(low)
-        if seen > PIECES or np.any(high - low < 1e-14):
-            return False
         ends = [form_sum(loop, limits, w).sum(x) for w in (low, high)]
         top = np.max([np.linalg.eigvalsh(P)[:, -1] for P in ends], axis=0)
-        if not np.all(top < 0.0):
-            return False
         rounding, curvature = bound_sum(loop, limits, x, low, high)
-        left = ~(top + curvature * (high - low) ** 2 / 8.0 + rounding < 0.0)  # what is no number is left too
+        bent = curvature * (high - low) ** 2 / 8.0
+        left = ~(top + bent + rounding < 0.0)  # what is no number is left too
         middle = 0.5 * (low + high)[left]
+        lost = left & ~((top + rounding < 0.0) | (bent > rounding))  # no closer look will show it
+        if seen > PIECES or np.any(lost) or np.any(high - low < 1e-14):
+            return middle[:: 1 + len(middle) // MOST_CUTS]
         low, high = np.append(low[left], middle), np.append(middle, high[left])
-    return True
+    return low
 
 
 def bound_sum(
@@ -135,10 +149,9 @@ def bound_sum(
     """In each piece, by its distance from poles: the sum's error of rounding, and its second derivative."""
     z, half = np.exp(0.5j * (low + high)), 0.5 * (high - low)
     ones, count, n = np.ones_like(half), len(DELAYS), np.array(DELAYS, dtype=float)
-    twice = np.sqrt(2.0)  # an output has two forces at most
+    twice = np.sqrt(max(Counter(limit.output for limit in limits).values()))  # an output with two forces
     W = twice * _bounds(z, half, loop.poles, np.linalg.norm(loop.residues, axis=(1, 2)))
-    sides = [_bounds(z, half, loop.poles, size)[0] for size in (loop.out, loop.into)]
-    moves = twice * loop.blur * sides[0] * sides[1]
+    moves = twice * bound_error(loop, np.maximum(np.abs(z[:, None] - loop.poles) - half[:, None], 0.0))
     u = W + twice * np.array([ones, 0.0 * ones, 0.0 * ones])
     change = np.array([np.minimum(2.0, high), ones, ones])
     rounding, curvature = np.zeros_like(half), np.zeros_like(half)

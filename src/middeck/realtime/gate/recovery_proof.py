@@ -23,35 +23,39 @@ from __future__ import annotations
 import numpy as np
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.gate.limited_loop import close_loop, split_loop
+from middeck.realtime.gate.limited_loop import Loop, close_loop, in_units_of, split_loop
 from middeck.realtime.gate.multipliers import dies_out
-from middeck.realtime.gate.reached_limits import bound_commands, reached_limits
+from middeck.realtime.gate.reached_limits import Limit, bound_commands, reached_limits
 from middeck.realtime.package.package import ControllerPackage
 from middeck.systems.plants.plant import Plant
 
-MOST_LIMITS, MOST_STATES = 4, 60
-"""Beyond them no proof is tried: it would cost tens of seconds."""
-NOT_FOUND = "no multipliers are found; smaller ranges of the sensors or larger limits may do"
+HELP = "smaller ranges of the sensors, larger limits or less authority may do"
+TOLD, REQUIRED = (4, 60), (10, 150)
+"""Most limits and states for which a proof is tried: where it is only told, and where it decides."""
+QUARTERS = 4
+"""How often the commands that may be asked for are quartered to see where a proof begins."""
 
 
-def why_unproved(package: ControllerPackage, plant: Plant) -> str:
+def why_unproved(package: ControllerPackage, plant: Plant, *, required: bool = False) -> str:
     """Why it is not proved that motions within the sensors' ranges die out, whichever limits act when.
 
     Empty where it is proved: of the law at full authority, with what it learns of its outputs, and of no
-    other limits than its own. A reason says nothing of the loop. No proof is tried for more than
-    `MOST_LIMITS` limits or `MOST_STATES` states, limits that differ by sign, single precision, or a plant
-    with a direct term.
+    other limits than its own. A reason says nothing of the loop. No proof is tried for more limits or states
+    than `TOLD` (`REQUIRED`, where a verdict hangs on it), limits that differ by sign, single precision, or a
+    plant with a direct term.
     """
     try:
         with np.errstate(all="ignore"):  # what is no number proves nothing
-            return _reason(package, plant)
+            return _reason(package, plant, *(REQUIRED if required else TOLD), required)
     except (NumericalError, ConfigError) as error:
         return error.what
     except ValueError:  # of NumPy and SciPy
         return "numbers overflow"
 
 
-def _reason(package: ControllerPackage, plant: Plant) -> str:
+def _reason(
+    package: ControllerPackage, plant: Plant, most_limits: int, most_states: int, required: bool
+) -> str:
     if np.any(package.lower != -package.upper):
         return "limits differ by sign"
     if package.single:
@@ -60,12 +64,26 @@ def _reason(package: ControllerPackage, plant: Plant) -> str:
     if np.any(parts.direct):
         return "a sensor answers an output in the same sample"
     states = len(parts.A) + len(parts.F)
-    if states > MOST_STATES:
-        return f"the loop has {states} states, the proof takes {MOST_STATES}"
+    if states > most_states:
+        return f"the loop has {states} states, the proof takes {most_states}"
     limits = reached_limits(package, bound_commands(package, parts))
-    if len(limits) > MOST_LIMITS:
-        return f"motions within ranges may reach {len(limits)} limits, the proof takes {MOST_LIMITS}"
-    loop = close_loop(parts)
+    if len(limits) > most_limits:
+        return f"motions within ranges may reach {len(limits)} limits, the proof takes {most_limits}"
+    loop = close_loop(in_units_of(parts, package.upper))
     if loop is None:
         return "the loop is too close to instability, or its modes to each other, for the digits computed"
-    return "" if not limits or dies_out(loop, limits) else NOT_FOUND
+    if not limits or dies_out(loop, limits):
+        return ""
+    near = _where_it_begins(loop, limits) if required else ""
+    return f"no multipliers are found{near}; {HELP}"
+
+
+def _where_it_begins(loop: Loop, limits: list[Limit]) -> str:
+    """By how much the law may exceed its limits, and at how much less there is a proof."""
+    asked = np.array([1.0 / (1.0 - limit.sector) for limit in limits])
+    said = f" where it may ask for {asked.max():.3g} times a limit"
+    for part in 0.25 ** np.arange(1, QUARTERS + 1):
+        less = 1.0 + part * (asked - 1.0)
+        if dies_out(loop, [m._replace(sector=1.0 - 1.0 / a) for m, a in zip(limits, less, strict=True)]):
+            return f"{said} (they are at {less.max():.3g} times)"
+    return f"{said} (nor at {less.max():.3g} times)"

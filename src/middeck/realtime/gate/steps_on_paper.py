@@ -186,7 +186,8 @@ def check_recovery(
     (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so, each
     with limits of one kind. For limits that come and go, of size and slew at once, a proof is tried
     (`why_unproved`) and told, of the law ``alone`` with all limits that act on it; None where a hold adds
-    more. It decides nothing.
+    more. It decides of a law that is unstable by itself, which may run away where the proof ends: it passes
+    with that proof only.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -218,7 +219,9 @@ def check_recovery(
         return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
     said = f"nothing grows at any of {len(limits)} limits of outputs"
     said += f", but at {unheld} what does so without the law too" if unheld else ""
-    reason = BESIDE_HOLD if alone is None else why_unproved(alone, plant)
+    reason = BESIDE_HOLD if alone is None else why_unproved(alone, plant, required=package.unstable)
+    if reason and package.unstable:
+        return _step(step, [f"{said}, but it is unstable by itself, and not proved to recover: {reason}"], "")
     if not reason:
         return _step(step, [], f"{said}{PROVED}{AT_ONCE if len(slews) else ''}{WITHIN}")
     return _step(step, [], f"{said}{UNPROVED}{NOR_AT_ONCE if len(slews) else ''}: {reason}{BEHIND}")

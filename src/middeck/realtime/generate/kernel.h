@@ -1,17 +1,20 @@
 /* Arithmetic of a law in its one order of rounding. "real" is its type. The generated C and the engine hold this same text. */
 
 #if defined(__GNUC__) && defined(__SSE2__)
-#ifdef __AVX__
+#if defined(__AVX512F__)
+enum { WIDTH = 64, MOST = 20 };
+#elif defined(__AVX__)
 enum { WIDTH = 32, MOST = 10 }; /* bytes of a register; registers for sums */
 #else
 enum { WIDTH = 16, MOST = 12 };
 #endif
 enum { LANES = WIDTH / (int)sizeof(real) };
 typedef real lanes __attribute__((vector_size(WIDTH), aligned(sizeof(real)), may_alias));
+typedef real half_lanes __attribute__((vector_size(WIDTH / 2), aligned(sizeof(real)), may_alias));
 #define INLINED static inline __attribute__((always_inline))
 #else
 enum { LANES = 1, MOST = 12 };
-typedef real lanes;
+typedef real lanes, half_lanes;
 #define INLINED static inline
 #endif
 
@@ -22,27 +25,37 @@ typedef real lanes;
 #endif
 
 /* A tile of rows of out += columns v, ``whole`` registers and ``rest`` rows: its sums stay in registers, which arrays of plain
-   numbers do not with every compiler. Each row is summed by itself, column by column, whatever the registers are. */
+   numbers do not with every compiler; of the rest as many as half a register takes. Each row is summed by itself, column by
+   column, whatever the registers are. */
 INLINED void add_tile(real *restrict out, int whole, int rest, int rows, const real *restrict column, int count, const real *restrict v)
 {
+    enum { HALF = LANES / 2 };
+    const int half = HALF > 1 && rest >= HALF, at = whole * LANES, left = at + half * HALF, end = at + rest;
     lanes sum[MOST];
+    half_lanes part = {0};
     real single[LANES] = {0};
     int i, j;
 
     for (i = 0; i < whole; ++i)
         sum[i] = ((const lanes *)out)[i];
-    for (i = 0; i < rest; ++i)
-        single[i] = out[whole * LANES + i];
+    if (half)
+        part = *(const half_lanes *)(out + at);
+    for (i = left; i < end; ++i)
+        single[i - left] = out[i];
     for (j = 0; j < count; ++j, column += rows) {
         for (i = 0; i < whole; ++i)
             sum[i] += ((const lanes *)column)[i] * v[j];
-        for (i = 0; i < rest; ++i)
-            single[i] += column[whole * LANES + i] * v[j];
+        if (half)
+            part += *(const half_lanes *)(column + at) * v[j];
+        for (i = left; i < end; ++i)
+            single[i - left] += column[i] * v[j];
     }
     for (i = 0; i < whole; ++i)
         ((lanes *)out)[i] = sum[i];
-    for (i = 0; i < rest; ++i)
-        out[whole * LANES + i] = single[i];
+    if (half)
+        *(half_lanes *)(out + at) = part;
+    for (i = left; i < end; ++i)
+        out[i] = single[i - left];
 }
 
 /* out += columns v, in the order of the columns. */
@@ -71,16 +84,12 @@ static inline int take_inputs(real *held, const real *y, const real *limit, int 
     int i, taken = 0;
 
     for (i = 0; i < count; ++i) {
-        if (!(y[i] - y[i] == 0)) { /* not finite: the last value is kept */
-            ++taken;
-        } else if (y[i] > limit[i]) {
-            held[i] = limit[i];
-            ++taken;
-        } else if (y[i] < -limit[i]) {
-            held[i] = -limit[i];
-            ++taken;
-        } else {
+        if (y[i] <= limit[i] && y[i] >= -limit[i]) {
             held[i] = y[i];
+        } else {
+            ++taken;
+            if (y[i] - y[i] == 0) /* else not finite: the last value is kept */
+                held[i] = y[i] > 0 ? limit[i] : -limit[i];
         }
     }
     return taken;

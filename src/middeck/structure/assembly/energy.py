@@ -144,6 +144,13 @@ def assemble_carried(
     return _with_links(model, config, bare, in_world=False)
 
 
+def is_unstrained(model: Model, at: Assembly, loads: Loads) -> bool:
+    """Whether nothing pulls anywhere in an article of members alone: its energy is a sum of squares then."""
+    tied = (model.spring_ends, model.bushing_ends, model.components, loads.attach_point, loads.ground.point)
+    pulls = (loads.gravity, loads.push, model.beams.tension, at.strain)
+    return not any(map(len, tied)) and not any(map(np.any, pulls))
+
+
 def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.csr_array:
     """Geometric part of the tangent in carried coordinates: from forces, without strain and devices."""
     at, since = poses_at(model, config), config.since_drawn

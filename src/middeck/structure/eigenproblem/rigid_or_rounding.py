@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from middeck.structure.assembly.component_states import place_components
-from middeck.structure.assembly.energy import geometric_tangent
+from middeck.structure.assembly.energy import Assembly, geometric_tangent, is_unstrained
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import static_freedom
@@ -22,29 +22,37 @@ NEAR = 1e3
 
 
 def separate_rigid(
-    model: Model, config: Configuration, loads: Loads, pairs: Eigenpairs, free: Freedom
+    model: Model,
+    config: Configuration,
+    loads: Loads,
+    pairs: Eigenpairs,
+    free: Freedom,
+    at: Assembly | None = None,
 ) -> Eigenpairs:
     """``pairs`` in carried coordinates, the ``free`` ones, the lowest recomputed where they may be rounding.
 
     An eigensolver rounds to 1e-16 of the stiffest member. The space of the lowest modes is accurate to the
     square of that, and within it the energy is formed as squared strains: then only the geometric stiffness,
     of forces over lengths, and what cancels in the matrix of a component round (Rayleigh-Ritz; Parlett 1980,
-    section 11). So a bus on threads that swings once a day is distinguished from one that floats.
+    section 11). So a bus on threads that swings once a day is distinguished from one that floats. ``at`` is
+    what `assemble_carried` gives there, if it is known.
     """
     few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
     if few == 0:
         return pairs
     lowest = pairs.shapes[:, :few]
     shapes = free.spread(lowest)
-    G, strained = geometric_tangent(model, config, loads), strain_energies(model, config, loads, shapes)
+    slack = at is not None and is_unstrained(model, at, loads)
+    G = sp.csr_array((model.tree.size,) * 2) if slack else geometric_tangent(model, config, loads)
+    strained = strain_energies(model, config, loads, shapes)
     lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
     shapes = shapes @ turn
     cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
     cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
-    at = transport(config, model.tree) @ shapes
+    moved = transport(config, model.tree) @ shapes
     # The matrix of a component is no sum of squares, and mixes them.
     for _, part, state, rows in place_components(model, poses_at(model, config), loads):
-        strain = np.abs(state.slope @ (rows @ at))
+        strain = np.abs(state.slope @ (rows @ moved))
         cancels += np.einsum("im,im->m", strain, np.abs(part.stiffness) @ strain).max()
     # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
     noise = float(pairs.noise[:few].max())

@@ -76,7 +76,7 @@ def spectrum_at(
     free = dynamic_freedom(model, config)
     soft = uncarried(config.since_drawn, model.tree.size)[free.active]
     pairs = _pairs(free, model, at.tangent, mass, count, None if np.all(soft) else soft)
-    pairs = separate_rigid(model, config, loads, pairs, free)
+    pairs = separate_rigid(model, config, loads, pairs, free, at)
     T = transport(config, model.tree)
     M = mass if np.all(soft) else mass_matrix(model, config, loads)
     return _spectrum(free, pairs, rounding(model, config, pairs, at.gradient, free, T), M, T)

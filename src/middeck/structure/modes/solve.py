@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
@@ -42,8 +45,8 @@ class Modes:
         omega: Angular frequency [rad/s]; exactly zero for rigid-body modes.
         shapes: Columns in the frame-tree coordinates (dx, world rotation, relative joint angle); joints that
             do not move have zero rows. The entry of largest size in kinetic energy is positive.
-        kind, name: "rigid", "suspension", "pendulum" or "flexible" (see `structure.modes.names.kinds`), and
-            what the mode is.
+        kind: "rigid", "suspension", "pendulum" or "flexible" (see `structure.modes.names.kinds`).
+        rigid_name: What each rigid-body mode is.
         rigid_share: Part of the kinetic energy in rigid-body motions of the free article, turns of free
             joints included; it decides the kind, see `structure.modes.names.kinds`.
         strain_share: Part of the restoring energy that is elastic strain of members, springs and joints: the
@@ -60,7 +63,7 @@ class Modes:
     shapes: Float[np.ndarray, "coordinate mode"]
     mass: sp.csr_array
     kind: tuple[str, ...]
-    name: tuple[str, ...]
+    rigid_name: tuple[str, ...]
     rigid_share: Float[np.ndarray, " mode"]
     strain_share: Float[np.ndarray, " mode"]
     residual: Float[np.ndarray, " mode"]
@@ -71,6 +74,12 @@ class Modes:
     def frequency_hz(self) -> Float[np.ndarray, " mode"]:
         """Natural frequencies [Hz]."""
         return self.omega / (2.0 * np.pi)
+
+    @functools.cached_property
+    def name(self) -> tuple[str, ...]:
+        """What each mode is."""
+        lam = self.omega**2
+        return name_modes(self.equilibrium, self.mass, lam, self.shapes, self.kind, self.rigid_name)
 
 
 def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False) -> Modes:
@@ -103,7 +112,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
     lam, shapes, rigid_share, share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
     shapes = shapes * _signs(M, shapes)
-    names = name_modes(equilibrium, M, lam, shapes, kind, rigid_names)
+    # A refinement solves for modes many times, and names none.
+    names = functools.partial(name_modes, equilibrium, M, lam, shapes, kind, rigid_names)
     _check_stable(equilibrium, lam, shapes, names)
     residual = _residual(
         dynamic_freedom(equilibrium.model, equilibrium.config, in_world=True), K, M, shapes, lam
@@ -122,7 +132,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
         shapes=shapes,
         mass=M,
         kind=kind,
-        name=names,
+        rigid_name=rigid_names,
         rigid_share=rigid_share,
         strain_share=share,
         residual=residual,
@@ -176,7 +186,7 @@ def _solve(
     pairs = solve_pairs(K, M, count, soft)
     if pairs is None:
         raise _massless(model, free, int(np.argmin(abs(K + M).sum(axis=0))))
-    pairs = separate_rigid(model, config, loads, pairs.pick(slice(count)), free)
+    pairs = separate_rigid(model, config, loads, pairs.pick(slice(count)), free, at)
     T = transport(config, model.tree)
     rigid = np.abs(pairs.lam) <= rounding(model, config, pairs, at.gradient, free, T)
     rank = np.argsort(~rigid, kind="stable")
@@ -203,11 +213,12 @@ def _signs(M: sp.csr_array, shapes: np.ndarray) -> np.ndarray:
 
 
 def _check_stable(
-    equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, names: tuple[str, ...]
+    equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, names: Callable[[], tuple[str, ...]]
 ) -> None:
     environment = equilibrium.environment
-    for m, (value, name) in enumerate(zip(lam, names, strict=True)):
+    for m, value in enumerate(lam):
         if value < 0.0:
+            name = names()[m]
             member = buckling_member(equilibrium, shapes[:, m])
             buckles = "" if member is None else f"; member {member!r} buckles"
             raise UnstableEquilibriumError(

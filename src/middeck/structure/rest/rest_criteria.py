@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from middeck.structure.assembly.energy import Assembly
+from middeck.structure.assembly.energy import Assembly, is_unstrained
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.factorisation import factorise, positive_factor
 from middeck.structure.assembly.linked import static_freedom
@@ -65,7 +65,7 @@ SOFT = 1e-9
 
 def is_stable(model: Model, config: Configuration, at: Assembly, loads: Loads) -> bool:
     """Whether nothing grows at a rest state with the assembly ``at``, the free joints held."""
-    if _is_unstrained(model, at, loads):
+    if is_unstrained(model, at, loads):
         return True
     free, mass = static_freedom(model, config), carried_mass(model, config, loads)
     K, M = free.matrix(at.tangent), free.matrix(mass)
@@ -82,14 +82,7 @@ def is_stable(model: Model, config: Configuration, at: Assembly, loads: Loads) -
     pairs = solve_pairs(K, M, count, soft)
     if pairs is None:
         return positive_factor(holding(K, M)) is not None
-    pairs = separate_rigid(model, config, loads, pairs, free)
+    pairs = separate_rigid(model, config, loads, pairs, free, at)
     return bool(
         np.all(pairs.lam >= -rounding(model, config, pairs, at.gradient, free, transport(config, model.tree)))
     )
-
-
-def _is_unstrained(model: Model, at: Assembly, loads: Loads) -> bool:
-    """Whether nothing pulls anywhere in an article of members alone: its energy is a sum of squares then."""
-    tied = (model.spring_ends, model.bushing_ends, model.components, loads.attach_point, loads.ground.point)
-    pulls = (loads.gravity, loads.push, model.beams.tension, at.strain)
-    return not any(map(len, tied)) and not any(map(np.any, pulls))

@@ -22,6 +22,7 @@ EPS = float(np.finfo(float).eps)
 # First free-free bending of a uniform beam: omega^2 = FREE EI / (M L^3), with FREE = 4.7300^4.
 FREE = 500.5639
 STATIONS = 24
+LEAST_SPAN = 0.1  # of the largest side of the article
 
 
 @record(kw_only=True)
@@ -34,9 +35,9 @@ class Summary:
         size: Sides [m] of the box in W around nodes, joints, centres of mass and attach points.
         coordinates: Degrees of freedom at its mesh.
         bending_hz: The scale of its lowest free-free bending frequency, by decades rather than by per cent;
-            None where no member bends. A uniform beam with the article's mass and length, and the mean
-            compliance of 24 cuts across it: EI of the members cut and their EA times the square of the
-            distance from the middle.
+            None where no member bends, and where all frames lie across the length of the mass. A uniform beam
+            with the article's mass and length, and the mean compliance of 24 cuts across it: EI of the
+            members cut and their EA times the square of the distance from the middle.
         slenderness: Least and largest length of a member's elements over its radius of gyration sqrt(EI/EA),
             of those that bend.
         rounding: Relative rounding error of the first frequency from the number of elements: 0.05 eps (L/h)^4
@@ -195,9 +196,14 @@ def _size(structure: Structure, points: np.ndarray) -> np.ndarray:
 
 
 def _bending(rods: _Rods, axis: np.ndarray, frames: np.ndarray) -> tuple[float, float]:
-    """Length along ``axis`` and the harmonic mean of EI over the cuts across it; zero without members."""
+    """Length along ``axis`` and the harmonic mean of EI over the cuts across it; zero without members.
+
+    Zero too where the frames lie across it, as those below a tall body or component do: no beam along it.
+    """
     reach = frames @ axis
     span = float(np.ptp(reach))
+    if span < LEAST_SPAN * np.ptp(frames, axis=0).max():
+        return span, 0.0
     start = rods.start @ axis
     slope = rods.along @ axis
     end = start + rods.length * slope

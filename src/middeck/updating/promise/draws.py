@@ -29,6 +29,9 @@ from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import SetUp, set_up
 from middeck.values import record
 
+# Unknowns that are named where a draw has no rest state.
+NAMED = 3
+
 
 @record(kw_only=True)
 class LoopSpread:
@@ -148,7 +151,7 @@ class Drawing:
         try:
             modes = _drawn_modes(self.refined, self.there, n, cable_hz * self.pulls[number])
         except NumericalError as error:
-            error.where = f"draw {number} of {len(self.n)}, {error.where}"
+            error.where = ", ".join(filter(None, (f"draw {number} of {len(self.n)}", error.where)))
             raise
         shift = mean.log_shift + mean.log_root @ n + mean.log_rest * self.alone[number]
         lossy = mean.damping_root @ n + mean.damping_alone(loop.damping_std) * self.lossy[number]
@@ -230,7 +233,13 @@ def _drawn_modes(refined: Refined, there: SetUp, n: np.ndarray, umbilical_hz: fl
     try:
         return there._replace(structure=add_shear(there.structure, shear), environment=tied).solve(x)
     except NumericalError as error:
-        error.hint = "narrower spreads of the unknowns that the surveys do not see"
+        off = {u.name: (v - u.mean) / u.spread for u, v in zip(refined.unknowns, x, strict=True)}
+        far = sorted(off, key=lambda name: -abs(off[name]))[:NAMED]
+        error.hint = (
+            "narrower spreads of the unknowns that the surveys do not see, or surveys that do; here "
+            + ", ".join(f"{name} is {off[name]:+.2g}" for name in far)
+            + " of its standard deviations off its prior"
+        )
         raise
 
 

@@ -7,31 +7,37 @@ a_ij = phi_i'(K' - lambda_i M') phi_j (K', M' slopes by the unknowns),
     lambda_i'' = phi_i'(K'' - lambda_i M'' - 2 a_ii M') phi_i + 2 sum_j a_ij^2 / (lambda_i - lambda_j)
 
 (Fox and Kapoor 1968, AIAA J. 6, once more differentiated). Modes close by are left out of the sum: measured
-shapes say how these mix. K and M are taken as linear in each parameter, of elements that stay where they are
-at rest: those that turn as an article sags would mix modes of its length into all others, which K'' undoes.
-A suspension's stiffness is not linear: it goes with a cable's length and with a bounce by powers p^n (W / L,
-m omega^2), whose K'' is (n - 1) K' / p. Their second derivatives with other unknowns, which may change W, are
-left out: there are none where the suspension alone holds a mode.
+shapes say how these mix. K and M are those of elements that stay where they are at rest: those that turn as
+an article sags would mix modes of its length into all others, which K'' undoes. They are linear in most
+parameters, each beside the others. Where they are not (a factor on sections that have unknowns of their own;
+the square of a centre of mass, and its product with the mass; W / L of a cable and m omega^2 of a bounce),
+K'' and M'' are differences of K' and M', with shapes and rest state as they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.modes.solve import Modes
-from middeck.structure.sensitivity.parameters import Parameter, read_parameter
+from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import NEIGHBOURS, set_up
-from middeck.updating.unknowns.unknowns import Bound, product_slopes
+from middeck.updating.unknowns.unknowns import Bound, change, product_slopes
 
 # Lowest modes of which a bent one is made: those above are too far away to matter.
 MODES = 40
-# Exponents of parameters that a stiffness is not linear in.
-POWERS = {"cable_length": -1.0, "bounce_hz": 2.0}
+# Ends of parameters that stiffness or mass is not linear in: of a body, of a suspension.
+CENTRE, HUNG = (".cg.x", ".cg.y", ".cg.z"), ("cable_length", "bounce_hz")
+PART = 3  # keys of where a parameter stands that say which part it is of
+# Step of an unknown for a difference of slopes.
+STEP = 1e-5
 
 
 def frequency_curvature(
@@ -51,33 +57,50 @@ def frequency_curvature(
     weight = np.divide(2.0, own_lam[:, None] - lam[:count], out=np.zeros(far.shape), where=far)
     turned = np.einsum("mja,mj,mjb->mab", mixing, weight, mixing)
     crossed = own[:, :, None] * inertia[:, None]
-    bent = second[:, :, None] * np.eye(len(bound)) - crossed - np.swapaxes(crossed, 1, 2) + turned
+    bent = second - crossed - np.swapaxes(crossed, 1, 2) + turned
     square = own[:, :, None] * own[:, None]
-    curvature = 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
-    powers = np.array([any(map(_power, b.parameters)) for b in bound], dtype=bool)
-    curvature[:, powers[:, None] != powers] = 0.0
-    return curvature
-
-
-def _power(parameter: Parameter) -> float:
-    """The exponent of a suspension's stiffness; zero for parameters that it is linear in."""
-    return next((power for name, power in POWERS.items() if parameter.name.endswith(name)), 0.0)
+    return 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
 
 
 def _second_slopes(
     modes: Modes, bound: Sequence[Bound], index: np.ndarray, own: Float[np.ndarray, "mode unknown"]
-) -> Float[np.ndarray, "mode unknown"]:
-    """phi_i'(K'' - lambda_i M'') phi_i by each unknown; ``own`` are those of K' and M'."""
-    found = own * np.array([not b.unknown.added for b in bound])
-    bent = [(k, Bound(b.unknown, (p,))) for k, b in enumerate(bound) for p in b.parameters if _power(p)]
-    if not bent:
-        return found
-    slopes = product_slopes(modes, [b for _, b in bent], index, index, modes.omega[index] ** 2, still=True)
-    rest = modes.equilibrium
-    for (k, b), slope in zip(bent, slopes.T, strict=True):
-        now = read_parameter(rest.model.structure, rest.environment, b.parameters[0])
-        found[:, k] += (_power(now) - 1.0) * slope / (now.value if b.unknown.added else 1.0)
+) -> Float[np.ndarray, "mode unknown unknown"]:
+    """phi_i'(K'' - lambda_i M'') phi_i by each two unknowns; ``own`` are those of K' and M'."""
+    linear = np.diag([float(not b.unknown.added) for b in bound])
+    found = own[:, :, None] * linear
+    for k, near in _bent_together(bound):
+        beside = _with_unknown(modes, bound[k])
+        some = [bound[j] for j in near]
+        slopes = product_slopes(beside, some, index, index, modes.omega[index] ** 2, still=True)
+        found[:, k, near] = found[:, near, k] = (slopes - own[:, near]) / STEP
     return found
+
+
+def _bent_together(bound: Sequence[Bound]) -> Iterator[tuple[int, list[int]]]:
+    """Unknowns that K and M are not linear in, or not apart from others; and which these may be.
+
+    Those of the same parts, itself among them; by the loads of cables all have to do with all.
+    """
+    parts = [{spot[:PART] for p in b.parameters for spot in p.spots} for b in bound]
+    shared = Counter(spot for b in bound for p in b.parameters for spot in p.spots)
+    for k, one in enumerate(bound):
+        hung = any(p.name.endswith(HUNG) for p in one.parameters)
+        if hung or any(
+            p.name.endswith(CENTRE) or (p.scales and any(shared[spot] > 1 for spot in p.spots))
+            for p in one.parameters
+        ):
+            yield k, [j for j, own in enumerate(parts) if hung or own & parts[k]]
+
+
+def _with_unknown(modes: Modes, one: Bound) -> Modes:
+    """The same shapes and rest state of an article in which ``one`` is a step on, its suspension tuned."""
+    rest = modes.equilibrium
+    structure, environment = change(rest.model.structure, rest.environment, (one,), np.array([STEP]))
+    model = mesh_structure(structure, environment.clamps)
+    tuned = tune_suspension(model, environment)
+    loads = environment_loads(model, environment, tuned)
+    beside = dataclasses.replace(rest, model=model, environment=environment, suspension=tuned, loads=loads)
+    return dataclasses.replace(modes, equilibrium=beside)
 
 
 def bend_of(

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from middeck.errors import ConfigError, NumericalError
+from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.updating.refinement.bayesian_estimate import errors_shown
 from middeck.updating.refinement.contradictions import CONTRADICT
@@ -18,6 +19,7 @@ from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
 from middeck.updating.refinement.wrong_channels import wrong_channels
 from middeck.updating.refinement.wrong_readings import wrong_readings
 from middeck.updating.residuals.damping import log_std, shifted_by_losses
+from middeck.updating.residuals.pairing import WINDOW, at_channels
 from middeck.updating.residuals.surveys import Compared, left_open
 
 # Share of the prior standard deviation: an unknown that keeps this much was not determined.
@@ -32,6 +34,8 @@ ABOVE = 2.0
 MISSED = 1.5
 # Stated deviations by which losses, which are not compared, may move a frequency without a word.
 SHIFTED = 1.0
+# Assurance from which on two shapes are one.
+SAME = 0.9
 # Pairs of close modes that are named.
 NAMED = 3
 
@@ -68,12 +72,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *_of_contradictions(refined),
         *_of_unknowns(refined),
         *_of_the_model(refined),
-        *(
-            f"{c.survey.name}: the measured mode of {c.survey.measured.frequency_hz[j]:.4g} Hz resembles "
-            "none of the model's and was left out"
-            for c in refined.compared
-            for j in c.unpaired
-        ),
+        *(said for c in refined.compared for said in _of_unpaired(c)),
         *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
         *_of_responses(refined),
         *_of_damping(refined),
@@ -83,6 +82,23 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *(said for c in refined.compared for said in wrong_channels(c)),
         *wrong_readings(refined),
     )
+
+
+def _of_unpaired(c: Compared) -> Iterator[str]:
+    measured, free = c.survey.measured, c.free
+    alike = modal_assurance(at_channels(free, measured), measured.shape) if measured.node else None
+    for j in c.unpaired:
+        hz = measured.frequency_hz[j]
+        said = f"{c.survey.name}: the measured mode of {hz:.4g} Hz resembles none of the model's"
+        i = 0 if alike is None else int(np.argmax(np.where(free.omega > 0.0, alike[:, j], 0.0)))
+        ours = free.frequency_hz[i]
+        if alike is not None and alike[i, j] > SAME and max(hz / ours, ours / hz) > WINDOW:
+            yield (
+                f"{said} within a factor of {WINDOW:g} in frequency and was left out: its shape is that of "
+                f"the mode of {ours:.4g} Hz. Are frequencies in Hz, and of this article in this environment?"
+            )
+        else:
+            yield f"{said} and was left out"
 
 
 def _of_other_pairs(refined: Refined) -> Iterator[str]:

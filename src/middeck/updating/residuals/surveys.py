@@ -25,7 +25,7 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.updating.residuals.friction import Added, SurveyedFriction
 from middeck.updating.residuals.own_articles import OwnArticles, check_spare, own_articles
-from middeck.updating.residuals.pairing import at_channels, pair
+from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels, pair
 from middeck.updating.residuals.responses import (
     ComparedResponse,
     MeasuredResponse,
@@ -228,7 +228,8 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
             hint="; ".join(
                 (
                     *doubt_survey_units(modes, survey.measured),
-                    "check nodes, directions, frequencies and the environment of the survey",
+                    _nearest(own.modes, survey.measured),
+                    "check nodes, directions, units and the environment",
                 )
             ),
         )
@@ -236,6 +237,16 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
         check_spare(modes.omega, own, pairs, added)
     column = own.columns(pairs[:, 1])[pairs[:, 0] % own.count].T
     return Paired(own, pairs, column, tuple(added))
+
+
+def _nearest(modes: Modes, measured: MeasuredModes) -> str:
+    ours, theirs = modes.frequency_hz[modes.omega > 0.0], measured.frequency_hz
+    i, j = np.unravel_index(np.argmin(np.abs(np.log(ours[:, None] / theirs))), (len(ours), len(theirs)))
+    shapes = f" and by a MAC of {COMMON:g} and more" if measured.node else ""
+    return (
+        f"modes are paired within a factor of {WINDOW:g} in frequency{shapes}; the nearest two are "
+        f"{theirs[j]:.4g} Hz, measured, and {ours[i]:.4g} Hz"
+    )
 
 
 def compare(modes: Modes, survey: Survey, bound: Sequence[Bound], paired: Paired | None = None) -> Compared:

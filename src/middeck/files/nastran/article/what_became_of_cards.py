@@ -29,6 +29,7 @@ ELSEWHERE = {
     ("ROTOR", "RSPIN", "RGYRO"): "rotors do not spin: give a [[wheel]] and its speed in the environment",
     ("PBUSHT", "PELAST"): "stiffness by frequency or load: the article has that of PBUSH, PELAS",
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): DAMPS,
+    ("NSM", "BGSET", "BCTABLE", "BCONP"): NOT_SELECTED,
 }
 DIVIDES = "which superelement something is in: the article is not divided"
 
@@ -119,8 +120,10 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
         notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
     if deck.bulk_only:
         notes.append("bulk data only: no case control, nothing is selected")
-    if entries.of("ASET", "ASET1"):
-        notes.append("the deck reduces to its ASET: the article keeps all degrees of freedom")
+    kept, left = bool(entries.of("ASET", "ASET1")), entries.idle["OMIT"] + entries.idle["OMIT1"]
+    if kept or left:
+        by = "to its ASET" if kept else "by OMIT"
+        notes.append(f"the deck reduces {by}: the article keeps all degrees of freedom")
     for card in entries.of("MAT1"):
         if doubt := doubt_modulus(basis.units, card["e"] or 0.0):
             notes.append(f"{card.label} has {doubt}: are the units {basis.units.name}?")

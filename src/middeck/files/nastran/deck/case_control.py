@@ -19,8 +19,8 @@ _SUBCASE = re.compile(r"\s*(SUBCASE|SYM|REPCASE|SUBCOM|SUBSEQ|SYMCOM)\s*=?\s*(\d
 _SUMS = frozenset(("SUBCOM", "SUBSEQ", "SYMCOM"))
 # What may differ between subcases: a load set is a load case, and how to solve is no part of a model.
 _FREE = frozenset(("LOAD", "METHOD", "METH", "TEMPERATURE"))
-# Commands after which modes are those of another structure: a preload, a transfer function.
-_OTHERS = frozenset(("STATSUB", "TFL"))
+# Commands after which modes are those of another structure: a preload, a transfer function, glued surfaces.
+_OTHERS = frozenset(("STATSUB", "TFL", "BGSET", "BCONTACT"))
 
 
 class Selection(NamedTuple):
@@ -47,8 +47,8 @@ def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selecti
     """The commands of case control that modes depend on; all others are passed over.
 
     Those of ``subcase``, or of all where they agree but for loads. Raises `ConfigError` for a set that is no
-    number, a preload (STATSUB), a transfer function (TFL), a subcase that is not there, and subcases that
-    differ.
+    number, a preload (STATSUB), a transfer function (TFL), glue or contact (BGSET, BCONTACT), a subcase that
+    is not there, and subcases that differ.
     """
     parts = _parts(lines)
     common, own = parts.pop(None), parts

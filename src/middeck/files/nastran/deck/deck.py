@@ -137,6 +137,10 @@ def unread_params(deck: Deck) -> list[str]:
 
 def asked_formulation(deck: Deck) -> Literal["coupled", "lumped"]:
     """The mass that the deck's own program would give its bars, by PARAM COUPMASS: coupled or lumped."""
-    texts = [text for text, _ in given(deck, "COUPMASS")]
-    coupled = any(text in ("YES", "ON") or (integer(text) or -1) > 0 for text in texts)
+    coupled = False
+    for text, fault in given(deck, "COUPMASS"):
+        number = integer(text)
+        if number is None and text not in ("YES", "ON", "NO", "OFF"):
+            raise_some([dataclasses.replace(fault, message="must be a whole number, YES or NO")])
+        coupled = text in ("YES", "ON") if number is None else number > 0
     return "coupled" if coupled else "lumped"

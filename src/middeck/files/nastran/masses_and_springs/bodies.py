@@ -25,8 +25,12 @@ class Mass(NamedTuple):
 
 
 def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[Mass]:
-    """All CONM1 and CONM2; appends to ``faults`` what is wrong or no rigid body."""
+    """All CONM1 and CONM2; appends to ``faults`` what is wrong or no rigid body.
+
+    A CONM2 of negative mass takes a body away from the others of its grid, which must leave one.
+    """
     found: list[Mass] = []
+    taken: dict[int, Entry] = {}
     for entry in entries.of("CONM2", "CONM1"):
         if entry["g"] not in places.grids:
             faults.append(entry.fault(f"there is no grid {entry['g']}", "g"))
@@ -37,6 +41,15 @@ def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[M
                 found.append((_conm2 if entry.name == "CONM2" else _conm1)(entry, places))
             except ValueError as error:
                 faults.append(entry.fault(str(error)))
+                continue
+            if found[-1].mass < 0.0:
+                taken[found[-1].grid] = entry
+    for grid, entry in taken.items():
+        left = _together(grid, [mass for mass in found if mass.grid == grid])
+        try:
+            _check(left.mass, left.inertia)
+        except ValueError as error:
+            faults.append(entry.fault(f"it leaves too little of the masses of grid {grid}: {error}"))
     return found
 
 
@@ -148,7 +161,8 @@ def _conm2(entry: Entry, places: Places) -> Mass:
             [-entry["i31"], -entry["i32"], entry["i33"]],
         ]
     )
-    _check(entry["m"], own)
+    sign = -1.0 if entry["m"] < 0.0 else 1.0
+    _check(sign * entry["m"], sign * own)
     return Mass(grid, entry["m"], given if apart else place + R @ given, _turned(own, R))
 
 

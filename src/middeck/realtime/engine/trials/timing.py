@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from middeck.realtime.engine.interface.settings import Drive, EngineSettings, Se
 from middeck.realtime.engine.process.launch import run_bare_loop
 from middeck.realtime.engine.process.supervisor import Supervisor
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
+from middeck.realtime.engine.trials.durations import count_durations, no_durations, percentiles
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
@@ -22,6 +24,9 @@ from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
 PERCENT = (50.0, 99.0, 99.9, 100.0)
+PIECE, BARE_PIECE = 5000, 100_000
+"""Samples of which all is known at a time; each piece of the bare loop is a process of its own."""
+Timed = tuple[Int[np.ndarray, " sample"], Int[np.ndarray, " sample"]]
 
 
 @record(kw_only=True)
@@ -33,7 +38,7 @@ class TimingReport:
         granted: Whether the system gave FIFO priority, locked memory and a processor of its own; None for one
             that was not asked for.
         period_s, samples: Sampling period and number of samples of the run.
-        late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples.
+        late_s, step_s: At 50, 99, 99.9 and 100 percent of the samples, to 0.05 %; the last is exact.
         floor_late_s, floor_step_s: The same of ``bare_loop.c``, run after it: it sleeps to each tick, and its
             step only reads as many numbers as the law has, a multiplication and an addition for each.
         overruns: Samples later than a whole period.
@@ -73,11 +78,11 @@ def measure_timing(
         engine.load(package)
         engine.reset()
         engine.command("engage", values=[1.0])
-        records = engine.run(max(1, round(seconds * rate_hz)))
+        found = summarise(_timed(engine, max(1, round(seconds * rate_hz))), 1.0 / rate_hz)
         granted = int(engine.file.status["real_time"])
         trips = tuple(event.kind for event in engine.events() if event.trips)
     count = _numbers(package)
-    floor_late, floor_step = run_bare_loop(settings, len(records), count)
+    floor = summarise(_timed_bare(settings, found["samples"], count), 1.0 / rate_hz)
     return TimingReport(
         machine=name_machine(),
         granted={
@@ -85,35 +90,49 @@ def measure_timing(
             "locked memory": bool(granted & 2),
             "own processor": None if processor is None else bool(granted & 4),
         },
-        **summarise(records["late_ns"], records["step_ns"], 1.0 / rate_hz),
-        floor_late_s=_percentiles(floor_late),
-        floor_step_s=_percentiles(floor_step),
+        **found,
+        floor_late_s=floor["late_s"],
+        floor_step_s=floor["step_s"],
         operations=2 * count,
         bytes=8 * count,
         trips=trips,
     )
 
 
-def summarise(
-    late_ns: Int[np.ndarray, " sample"], step_ns: Int[np.ndarray, " sample"], period_s: float
-) -> dict[str, Any]:
-    """The statistics of a `TimingReport`.
+def _timed(engine: Supervisor, samples: int) -> Iterator[Timed]:
+    """Lateness and step of so many samples, a piece at a time."""
+    while samples > 0:
+        records = engine.run(min(PIECE, samples))
+        samples -= len(records)
+        yield records["late_ns"], records["step_ns"]
 
-    >>> found = summarise(np.array([5, 2_000_000, 2_000_001]), np.array([7, 7, 7]), 0.002)
+
+def _timed_bare(settings: EngineSettings, samples: int, numbers: int) -> Iterator[Timed]:
+    for first in range(0, samples, BARE_PIECE):
+        late, step = run_bare_loop(settings, min(BARE_PIECE, samples - first), numbers)
+        yield late, step
+
+
+def summarise(pieces: Iterable[Timed], period_s: float) -> dict[str, Any]:
+    """The statistics of a `TimingReport`, of lateness and step [ns] piece by piece; none of them is kept.
+
+    >>> found = summarise([(np.array([5, 2_000_000, 2_000_001]), np.array([7, 7, 7]))], 0.002)
     >>> found["overruns"], found["samples"]
     (1, 3)
     """
+    late = step = no_durations()
+    overruns = samples = 0
+    for late_ns, step_ns in pieces:
+        late, step = count_durations(late, late_ns), count_durations(step, step_ns)
+        overruns += int(np.count_nonzero(late_ns > 1e9 * period_s))
+        samples += len(late_ns)
     return {
         "period_s": period_s,
-        "samples": len(late_ns),
-        "late_s": _percentiles(late_ns),
-        "step_s": _percentiles(step_ns),
-        "overruns": int(np.count_nonzero(late_ns > 1e9 * period_s)),
+        "samples": samples,
+        "late_s": tuple((1e-9 * percentiles(late, PERCENT)).tolist()),
+        "step_s": tuple((1e-9 * percentiles(step, PERCENT)).tolist()),
+        "overruns": overruns,
     }
-
-
-def _percentiles(ns: Int[np.ndarray, " sample"]) -> tuple[float, ...]:
-    return tuple((1e-9 * np.percentile(ns, PERCENT)).tolist())
 
 
 def name_machine() -> dict[str, str]:

@@ -14,6 +14,7 @@ where its weight does.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -237,7 +238,7 @@ def kind_warnings(
     equilibrium: Equilibrium,
     omega: Float[np.ndarray, " mode"],
     kind: tuple[str, ...],
-    name: tuple[str, ...],
+    names: Callable[[], tuple[str, ...]],
     rigid_share: Float[np.ndarray, " mode"],
     strain_share: Float[np.ndarray, " mode"],
 ) -> tuple[str, ...]:
@@ -252,6 +253,7 @@ def kind_warnings(
     ratio = {k: damping.suspension if k in HELD else damping.flexible for k in set(ranked)}
     loosely = "suspension" if equilibrium.model.held is None else "rigid motion"
     said: list[str] = []
+    name = names()
     for m in sorted(doubted):
         called = f"mode {m} {name[m]!r} at {omega[m] / (2.0 * np.pi):.4g} Hz"
         shares = f"its strain share is {strain_share[m]:.0%} and {rigid_share[m]:.0%} of its motion is rigid"
