@@ -668,7 +668,7 @@ def test_surveys_that_contradict_are_said_to(monkeypatch):
 
 
 def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_told_apart():
-    """Slopes by measured frequencies differ as the surveys do: a modulus far out seemed to explain all three."""
+    """Slopes by measured frequencies differ as surveys do: a modulus far out seemed to explain all three."""
     seen = survey_of(modes_of(mast(), clamped()), TIGHT)
     surveys = []
     for name, factor in (("one", 1.0), ("two", 1.0003), ("off", 0.97)):
