@@ -667,6 +667,21 @@ def test_surveys_that_contradict_are_said_to(monkeypatch):
     assert np.all(wide.log_std > 2.0 * narrow.log_std)
 
 
+def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_told_apart():
+    """Slopes by measured frequencies differ as surveys do: a modulus far out seemed to explain all three."""
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    surveys = []
+    for name, factor in (("one", 1.0), ("two", 1.0003), ("off", 0.97)):
+        hz = factor * seen.measured.frequency_hz
+        measured = dataclasses.replace(seen.measured, frequency_hz=hz, frequency_std_hz=3e-4 * hz)
+        surveys.append(dataclasses.replace(seen, name=name, measured=measured))
+    found = refine(mast(), surveys, [MODULUS])
+    assert found.converged
+    assert found.x == pytest.approx([2.0 * np.log(1.0003 * 0.97) / 3.0], abs=3e-3)
+    (said,) = (line for line in findings(found) if "contradict" in line)
+    assert re.search(r"one by \+(0\.9|1)\d* %, two by \+1(\.\d)? %, off by -2(\.\d)? %", said)
+
+
 @pytest.mark.parametrize("first", repeats([0, 10, 20], 1))
 def test_intervals_hold_where_surveys_know_less_than_they_state(first: int):
     """Frequencies off by four times what is stated: of 24 intervals a few miss, where most would."""

@@ -17,6 +17,8 @@ from middeck.updating.residuals.surveys import Compared
 
 # Surveys whose frequencies, or ratios, are this many times farther from any one article than they state.
 CONTRADICT = 2.0
+# Prior deviations of an answer that is far out.
+FAR = 3.0
 
 
 class Tests(NamedTuple):
@@ -39,10 +41,22 @@ class Tests(NamedTuple):
         own = [np.arange(len(t.residual)) < several * mine.get(id(t), 0) for t in self.every]
         return np.concatenate(own)
 
+    def with_slopes_of_logarithms(self) -> Tests:
+        """Rows of frequencies as d ln f, whatever was measured."""
+        return self._replace(compared=tuple(_logarithmic(c) for c in self.compared))
+
     def widened(self, kind: type, by: float) -> Tests:
         """The tests with deviations of frequencies, or of ln zeta, so many times larger."""
         name = "compared" if kind is Compared else "damped"
         return self._replace(**{name: tuple(_widened(t, by) for t in getattr(self, name))})
+
+
+def _logarithmic(test: Compared) -> Compared:
+    """Slopes by the model's omega^2 in place of the measured one, in the rows of own modes."""
+    by = np.ones(len(test.residual))
+    own = slice(len(test.pairs))
+    by[own] = np.exp(2.0 * test.residual[own])
+    return dataclasses.replace(test, slope=by[:, None] * test.slope)
 
 
 Of = TypeVar("Of", Compared, ComparedDamping)
@@ -62,16 +76,25 @@ def estimate_of(
 ) -> tuple[Tests, Linear, Estimate]:
     """The most probable; deviations of surveys that contradict one another are widened.
 
-    Else a step far out is the answer: slopes by measured frequencies differ as these contradict.
+    Else a step far out is the answer: slopes by measured frequencies differ as these contradict. Where such a
+    step leaves no contradiction, slopes of the logarithms, which do not differ, tell it.
     """
+
+    def solved(of: Tests) -> tuple[Linear, Estimate]:
+        problem = linear_problem(of.compared, of.statics, fields, from_mean, spread, of.heard, of.damped)
+        return problem, estimate(problem, usual[: problem.sorts])
+
     while True:
-        compared, heard, damped, statics = tests
-        problem = linear_problem(compared, statics, fields, from_mean, spread, heard, damped)
-        found = estimate(problem, usual[: problem.sorts])
-        for kind in (Compared, ComparedDamping):
-            off = excess(problem, found, tests.rows_of_several(kind))
-            if off > CONTRADICT:
-                tests = tests.widened(kind, off)
-                break
-        else:
+        problem, found = solved(tests)
+        kind, off = _contradiction(tests, problem, found)
+        if off <= CONTRADICT and np.any(np.abs(found.x) > FAR * spread):
+            kind, off = _contradiction(tests, *solved(tests.with_slopes_of_logarithms()))
+        if off <= CONTRADICT:
             return tests, problem, found
+        tests = tests.widened(kind, off)
+
+
+def _contradiction(tests: Tests, problem: Linear, found: Estimate) -> tuple[type, float]:
+    """The first kind of rows that contradict one another, and by what."""
+    by = {kind: excess(problem, found, tests.rows_of_several(kind)) for kind in (Compared, ComparedDamping)}
+    return next(((kind, off) for kind, off in by.items() if off > CONTRADICT), (Compared, 0.0))

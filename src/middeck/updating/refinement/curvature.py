@@ -19,6 +19,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,9 +28,11 @@ from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
 from middeck.updating.refinement.problem import linear_problem
-from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.surveys import NEIGHBOURS, set_up
+from middeck.updating.residuals.surveys import NEIGHBOURS
 from middeck.updating.unknowns.unknowns import Bound, change, product_slopes
+
+if TYPE_CHECKING:
+    from middeck.updating.refinement.refine import Refined
 
 # Lowest modes of which a bent one is made: those above are too far away to matter.
 MODES = 40
@@ -122,9 +125,7 @@ def bend_of(
     noise = problem.std**2 + problem.rest * found.tau[problem.row_sort] ** 2
     gain = root @ found.root.T @ (np.hstack([problem.J, problem.S]).T / noise)
     left, row = curvature, 0
-    for one in refined.compared:
-        bound = set_up(refined.structure, one.survey.environment, one.survey.settings, unknowns).bound
-        bent = frequency_curvature(one.modes, bound, one.pairs[:, 0])
+    for one, bent in zip(refined.compared, refined.bent_tests, strict=True):
         left = left - np.tensordot(gain[:, row : row + len(bent)], bent, 1)
         row += len(one.residual)
     own = found.root[: len(unknowns)]

@@ -6,6 +6,7 @@ Gauss-Newton on analytic slopes, the model's own errors found anew at every step
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from middeck.updating.refinement.bayesian_estimate import (
     unseen_deviations,
 )
 from middeck.updating.refinement.contradictions import Tests, estimate_of
+from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.problem import MODAL, linear_problem, sort_names, zeros_of
 from middeck.updating.residuals.damping import (
     ComparedDamping,
@@ -136,6 +138,16 @@ class Refined:
         """Unknowns, and how much of `left_out`, at standard normal numbers of the estimate's root."""
         off, at = self.estimate.root @ n, len(self.unknowns)
         return self.x + off[:at], self.shear[0] + float(off[at]) if self.compared else 0.0
+
+    @functools.cached_property
+    def bent_tests(self) -> tuple[Float[np.ndarray, "mode unknown unknown"], ...]:
+        """Second derivatives of ln f of the modes of each survey's pairs; all predictions need them."""
+        found = []
+        for one in self.compared:
+            place, settings = one.survey.environment, one.survey.settings
+            bound = set_up(self.structure, place, settings, self.unknowns).bound
+            found.append(frequency_curvature(one.modes, bound, one.pairs[:, 0]))
+        return tuple(found)
 
     @property
     def factors(self) -> dict[str, float]:
