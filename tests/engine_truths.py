@@ -137,8 +137,11 @@ def drawn_law(rng: np.random.Generator, family: Family, decades: float) -> Compe
 
 
 def packed(draw: Draw) -> ControllerPackage:
+    """It declares itself unstable where it is: for such a law the gate wants a proof."""
     found, settings = draw.found, settings_of(*draw.family.rig)
-    return pack(found.law, input_range=own_ranges(found.law, settings), limit=own_limits(found, settings))
+    ranges, limits = own_ranges(found.law, settings), own_limits(found, settings)
+    unstable = growth(found.law.sampled.A) >= 0.0
+    return pack(found.law, input_range=ranges, limit=limits, unstable=unstable)
 
 
 def refusals(draw: Draw) -> list[str]:

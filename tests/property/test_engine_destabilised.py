@@ -21,8 +21,6 @@ from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")
 ROOT = Path(__file__).parents[2]
-ON_PAPER = ("model at all fades", "recovery")
-"""Steps that are asked of what passes all others, and are not asked again here."""
 RIGS = [("dm", "lab"), ("simple", "lab"), ("simple", "orbit"), ("dm", "orbit")]
 
 
@@ -70,7 +68,7 @@ def test_a_thousand_that_only_the_truth_destabilises_are_listed(truth):
     for one in fast:
         assert one["stopped_by"] != "nothing"
         assert float(one["after_full_authority_s"]) <= float(one["allowed_s"])
-        assert float(one["allowed_s"]) <= 10.0 * float(one["growth_time_s"]) + 1e-3
+        assert float(one["allowed_s"]) <= 10.0 * float(one["growth_time_s"]) * (1.0 + 1e-3)  # as printed
         assert one["on_blacklist"] == "yes"
     assert all(one["stopped_by"] for one in slow)
     assert all(float(one["angle_over_envelope"]) <= 2.0 for one in listed)
@@ -81,11 +79,12 @@ def test_a_thousand_that_only_the_truth_destabilises_are_listed(truth):
 
 def test_the_steps_that_refuse_what_only_the_truth_destabilises_come_out_again(truth):
     """One that passes every run there, one that stops at the first cheap step, and one in between."""
-    listed = sorted(truth[1], key=lambda one: one["refused_by"].count(",") if one["refused_by"] else 9)
+    benchmark, every = truth
+    listed = sorted(every, key=lambda one: one["refused_by"].count(",") if one["refused_by"] else 9)
     one_motor = [one for one in listed if one["motors"] == "1"]
     for one in repeats([one_motor[0], one_motor[-1]], 2):
         again = attempt(int(one["number"]), int(one["attempt"]))
-        steps = [step for step in one["refused_by"].split(", ") if step not in ("", *ON_PAPER)]
+        steps = [step for step in one["refused_by"].split(", ") if step not in ("", *benchmark.ON_PAPER)]
         assert refusals(again) == steps
 
 
