@@ -172,3 +172,17 @@ def test_modes_that_a_cable_holds_in_part_are_bent_as_differences_say(added: boo
             differ = (ln_hz(a + b) - ln_hz(a - b) - ln_hz(b - a) + ln_hz(-a - b)) / (4.0 * a.sum() * b.sum())
             assert found[:, k, j] == pytest.approx(differ, rel=2e-3, abs=1e-4)
     assert np.abs(found).max() > 0.2
+
+
+@pytest.mark.parametrize("name", ["node.b.position.x", "node.b.position.z", "node.b.size"])
+def test_a_dimension_known_to_a_thousandth_bends_no_frequency(name: str):
+    """By differences ln f is bent by less than 1e-5; nothing of it strains a member, which rests as drawn."""
+    tube = Section(EA=2.5e7, GJ=2000.0, EI_y=2700.0, EI_z=1500.0, rho_A=1.0, rho_I_y=1e-4, rho_I_z=1e-4)
+    wall = Environment(title="wall", gravity=np.zeros(3), clamps=(Clamp(node="a"),))
+    spread = 0.002
+    own = [Unknown(name="off", parameters=(name,), spread=spread, added=True)]
+    there = set_up(build.straight_beam(tube, 2.1, 3), wall, (), own)
+    lower, middle, upper = (np.log(there.solve(np.array([x])).frequency_hz[:4]) for x in (0.0, 2e-3, 4e-3))
+    assert upper + lower - 2.0 * middle == pytest.approx(0.0, abs=1e-5)
+    found = frequency_curvature(there.solve(np.zeros(1)), there.bound, np.arange(4))
+    assert np.abs(found).max() * spread**2 < 1e-5

@@ -278,6 +278,23 @@ def square_beam() -> Structure:
     return build.structure(ends, [build.member("a", "b", build.TUBE, 6, (0.0, 1.0, 0.3))])
 
 
+def test_dimensions_of_an_article_that_floats():
+    """Its length changes all frequencies, a turn of its axis and a shift of the whole none."""
+    beam, orbit = square_beam(), Environment.orbit()
+    parameters = find_parameters(beam, orbit, ["node.b.position.?"])
+    found = differentiate_frequencies(solve(beam, orbit, 14), parameters).d_lambda
+    longer, shorter = (
+        solve(*set_parameter(beam, orbit, parameters[0], 2.0 + step), 14).omega ** 2 for step in (1e-4, -1e-4)
+    )
+    rounding = 1e-9 * np.abs(found[0]).max()
+    np.testing.assert_allclose(found[0], (longer - shorter) / 2e-4, rtol=1e-6, atol=rounding)
+    assert np.abs(found[1:]).max() < rounding
+    back = differentiate_frequencies(
+        solve(beam, orbit, 14), find_parameters(beam, orbit, ["node.a.position.x"])
+    )
+    np.testing.assert_allclose(back.d_lambda[0], -found[0], rtol=1e-9, atol=rounding)
+
+
 def test_repeated_frequencies():
     """Both planes of a round beam: by EI_y one of each pair moves, by E both, by the mass both alike."""
     beam, orbit = square_beam(), Environment.orbit()

@@ -194,7 +194,7 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     ]
     explicit = explicit + columns([t.gradient for t in before], rest.model.tree.size)
     motion = drawn + links.follow(links.slope @ drawn + columns([t.value for t in before], len(held)))
-    motion = motion - StaticSolver.at(rest, at).solve(explicit + at.tangent @ motion)
+    motion = motion - StaticSolver.at(rest, at).solve(explicit, at.tangent @ motion)
     gradient = explicit + at.tangent @ motion
     change = links.multipliers(gradient)
     ties = tuple(

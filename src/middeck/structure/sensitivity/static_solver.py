@@ -51,8 +51,12 @@ class StaticSolver(NamedTuple):
             raise _loose()
         return StaticSolver(K, M, moves, held, free, factor)
 
-    def solve(self, load: np.ndarray) -> np.ndarray:
-        """Displacements (coordinate, load) under loads, both of all coordinates."""
+    def solve(self, *loads: np.ndarray) -> np.ndarray:
+        """Displacements (coordinate, load) under the sum of ``loads``, which are all of all coordinates.
+
+        What they leave of each other is rounding: of a dimension of an article that floats nothing is left.
+        """
+        load = np.sum(loads, axis=0)
         if not np.any(load):
             return np.zeros_like(load)
         force = self.moves.part(load)
@@ -60,7 +64,8 @@ class StaticSolver(NamedTuple):
         x = np.zeros_like(force)
         for _ in range(3):  # twice more for what rounding has left
             x[kept] += self.factor.solve((force - self.K @ x)[kept])
-        size = (abs(self.K) @ np.abs(x)).max(axis=0) + np.abs(force).max(axis=0)
+        size = (abs(self.K) @ np.abs(x)).max(axis=0)
+        size += sum(np.abs(self.moves.part(part)).max(axis=0) for part in loads)
         if not np.all(np.abs(force - self.K @ x).max(axis=0) <= SOLVED * size):
             raise _loose()
         return self.moves.spread(x - self.free @ (self.free.T @ (self.mass @ x)))

@@ -11,7 +11,8 @@ shapes say how these mix. K and M are those of elements that stay where they are
 an article sags would mix modes of its length into all others, which K'' undoes. They are linear in most
 parameters, each beside the others. Where they are not (a factor on sections that have unknowns of their own;
 the square of a centre of mass, and its product with the mass; W / L of a cable and m omega^2 of a bounce),
-K'' and M'' are differences of K' and M', with shapes and rest state as they are.
+K'' and M'' are differences of K' and M', with shapes and rest state as they are. By dimensions and directions
+ln f is taken as linear: they are known to millimetres, and would strain elements that stay where they are.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from jaxtyping import Float, Int
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
+from middeck.structure.sensitivity.parameters import Parameter
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.residuals.surveys import NEIGHBOURS
 from middeck.updating.unknowns.unknowns import Bound, change, product_slopes
@@ -39,6 +41,8 @@ MODES = 40
 # Ends of parameters that stiffness or mass is not linear in: of a body, of a suspension.
 CENTRE, HUNG = (".cg.x", ".cg.y", ".cg.z"), ("cable_length", "bounce_hz")
 PART = 3  # keys of where a parameter stands that say which part it is of
+# Units of dimensions and angles; a direction has none.
+GEOMETRY = ("m", "rad", "")
 # Step of an unknown for a difference of slopes.
 STEP = 1e-5
 
@@ -62,7 +66,15 @@ def frequency_curvature(
     crossed = own[:, :, None] * inertia[:, None]
     bent = second - crossed - np.swapaxes(crossed, 1, 2) + turned
     square = own[:, :, None] * own[:, None]
-    return 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
+    bends = np.array([not any(map(_is_geometry, b.parameters)) for b in bound], dtype=bool)
+    found = 0.5 * (bent / own_lam[:, None, None] - square / own_lam[:, None, None] ** 2)
+    return np.where(np.outer(bends, bends), found, 0.0)
+
+
+def _is_geometry(parameter: Parameter) -> bool:
+    """Whether it says where or which way parts are, and neither where their mass is nor what cables are."""
+    of_mass = parameter.scales or parameter.name.endswith((*CENTRE, *HUNG))
+    return parameter.unit in GEOMETRY and not of_mass
 
 
 def _second_slopes(
