@@ -145,6 +145,13 @@ def test_what_differs_is_named_and_not_cut_off(tmp_path):
     )
 
 
+def test_a_text_that_begins_like_json_is_named_as_it_stands(tmp_path):
+    ledger, inputs = tmp_path / "ledger", {"note": "[draft] wing", "wait_s": 0}
+    run_campaign(quantity, some_cases(4), ledger, inputs=inputs)
+    with pytest.raises(DataError, match=r"inputs.note \[draft\] wing, now \[final\] wing"):
+        run_campaign(quantity, some_cases(4), ledger, inputs=inputs | {"note": "[final] wing"})
+
+
 def _shorten(path):
     path.write_bytes(path.read_bytes()[:5000])
 

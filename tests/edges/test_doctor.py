@@ -97,6 +97,8 @@ def test_durations_take_the_same_room_however_many_they_are():
     few = ns[ns < 2048]
     exact = percentiles(count_durations(no_durations(), few), percent)
     assert exact == pytest.approx(np.percentile(few, percent), rel=1e-12, abs=1e-9)
+    alike = percentiles(count_durations(no_durations(), np.array([5000, 5000])), percent)
+    assert alike.max() == 5000.0  # the longest, in the lower half of its bin
     for longest in ((1 << 53) - 1, 1 << 53, (1 << 62) + 1, (1 << 63) - 1):
         most = count_durations(found, np.array([longest]))
         assert (most.longest, int(most.counts.sum())) == (longest, len(ns) + 1)

@@ -150,7 +150,9 @@ def _changes(name: str, was: object, now: object) -> Iterator[str]:
 
 
 def _parsed(value: object) -> object:
-    return json.loads(value) if isinstance(value, str) and value[:1] in ("{", "[") else value
+    with contextlib.suppress(ValueError):  # of a text that only begins like JSON
+        return json.loads(value) if isinstance(value, str) and value[:1] in ("{", "[") else value
+    return value
 
 
 def _is_table(value: object) -> TypeGuard[list[object]]:

@@ -42,7 +42,11 @@ def percentiles(found: Durations, percent: tuple[float, ...]) -> Float[np.ndarra
     at = np.asarray(percent) / 100.0 * last
     below = np.floor(at).astype(np.int64)
     low, high = (
-        np.where(rank >= last, found.longest, _middle(np.searchsorted(upto, rank, side="right")))
+        np.where(
+            rank >= last,
+            found.longest,
+            np.minimum(_middle(np.searchsorted(upto, rank, side="right")), found.longest),
+        )
         for rank in (below, np.minimum(below + 1, last))
     )
     return low + (at - below) * (high - low)
