@@ -35,8 +35,6 @@ GROWTHS, SATURATED_S = 10.0, 2.0
 """A trip may take so many growth times, and so long of saturation, whichever comes first."""
 LEAST_RATE, MOST_RATE = 0.02, 1000.0
 """Growth that is drawn [1/s]: what takes 50 s for a factor of e, and what has no need of an engine."""
-LEAST_SHIFT, MOST_SHIFT = 0.02, 0.05
-"""Of every frequency of a truth."""
 READY, AFTER, PIECE, LONGEST = 1600, 2500, 250, 60_000
 
 
@@ -167,24 +165,16 @@ def shifted_article(
 
 
 @functools.cache
-def draw(
-    seed: int, article: str = "dm", environment: str = "lab", *, on_board_stable: bool = False
-) -> Destabiliser:
-    """The first draw from ``seed`` that is unstable on its truth, and stable on the model where asked for."""
+def draw(seed: int, article: str = "dm", environment: str = "lab") -> Destabiliser:
+    """The first draw from ``seed`` that is unstable."""
     rng, case, model = (
         np.random.default_rng(seed),
         rig_case(article, environment),
         nominal_article(article, environment),
     )
     while True:
-        if on_board_stable:
-            law, kind = design(article, environment, rng.choice(np.arange(1.0, 8.0, 0.5))), "shifted"
-            if growth(closed_states(case, model, law)) >= 0.0:
-                continue
-            truth = shifted_truth(rng, article, environment, LEAST_SHIFT, MOST_SHIFT)
-        else:
-            kind, law = wrong(rng, article, environment)
-            truth = dataclasses.replace(model, seed=int(rng.integers(1 << 30)))
+        kind, law = wrong(rng, article, environment)
+        truth = dataclasses.replace(model, seed=int(rng.integers(1 << 30)))
         rate = growth(closed_states(case, truth, law))
         if LEAST_RATE < rate < MOST_RATE:
             share = float(10.0 ** rng.choice([0.0, 0.0, -1.0]))

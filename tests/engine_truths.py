@@ -11,9 +11,7 @@ import numpy as np
 
 from engine_destabilising import (
     LEAST_RATE,
-    LEAST_SHIFT,
     MOST_RATE,
-    MOST_SHIFT,
     Destabiliser,
     own_limits,
     own_ranges,
@@ -47,6 +45,7 @@ TURNED_DEG = 20.0
 """By which the primary payload is turned in the second model on board."""
 DECADES = (0.0, 8.0)
 """Of authority."""
+LEAST_SHIFT, MOST_SHIFT = 0.02, 0.05
 TRUTHS = 4
 """That are drawn for one law."""
 TRIALS = GateTrials(dry_s=5.0, shadow_s=2.0)
@@ -138,8 +137,11 @@ def drawn_law(rng: np.random.Generator, family: Family, decades: float) -> Compe
 
 
 def packed(draw: Draw) -> ControllerPackage:
+    """It declares itself unstable where it is: for such a law the gate wants a proof."""
     found, settings = draw.found, settings_of(*draw.family.rig)
-    return pack(found.law, input_range=own_ranges(found.law, settings), limit=own_limits(found, settings))
+    ranges, limits = own_ranges(found.law, settings), own_limits(found, settings)
+    unstable = growth(found.law.sampled.A) >= 0.0
+    return pack(found.law, input_range=ranges, limit=limits, unstable=unstable)
 
 
 def refusals(draw: Draw) -> list[str]:

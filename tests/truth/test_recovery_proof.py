@@ -133,13 +133,17 @@ def edge(package, matrices, start):
     return seen[:, end // 2 : end, :, k - 1].max(axis=1)
 
 
-@pytest.mark.parametrize(("seed", "outputs", "least"), repeats([(7, 1, 0.4), (9, 2, 0.6)]))
-def test_the_proof_ends_below_the_smallest_motion_that_goes_on_and_not_far_from_it(seed, outputs, least):
-    """By what is asked and its steps: none at those of that motion, one at this share of them."""
+@pytest.mark.parametrize(("seed", "outputs", "start", "least"), repeats([(7, 1, 0, 0.4), (9, 2, 3, 0.6)]))
+def test_the_proof_ends_below_the_smallest_motion_that_goes_on_and_not_far_from_it(
+    seed, outputs, start, least
+):
+    """By what is asked and its steps: none at those of that motion, one at this share of them.
+
+    Starts differ in the motion that goes on between them: that of the smallest steps, of four, is taken.
+    """
     package, plant, matrices = drawn(seed, outputs)
     loop = limited_loop.close_loop(limited_loop.split_loop(package, plant))
-    start = np.random.default_rng(0).standard_normal(len(matrices[0]))
-    _, asked, steps = edge(package, matrices, start)
+    _, asked, steps = edge(package, matrices, np.random.default_rng(start).standard_normal(len(matrices[0])))
 
     def proved(share):
         bounds = ((package.upper, asked, False), (package.slew, steps, True))
@@ -164,14 +168,22 @@ def alone(parts):
 
 @pytest.mark.parametrize(("seed", "outputs"), repeats(FOUND, 2))
 def test_no_motion_asks_for_more_than_its_bound(seed, outputs):
-    """Nor for a tenth of it, of what swings on within ranges of its own; a known plant makes it less."""
+    """Nor for a tenth of it, of what swings on within ranges of its own.
+
+    A known plant makes none larger, as the bound without it is one of those of which the least is taken, and
+    some smaller: an output on which what a sensor's jump does is all there is keeps its bound.
+    """
     package, plant, matrices = drawn(seed, outputs)
     parts = limited_loop.split_loop(package, plant)
     reads, asked, _ = swings(package, matrices, seed)
     reached = dataclasses.replace(package, input_range=reads, vectors=None)
     bound = reached_limits.bound_commands(reached, parts)
     assert np.all((asked <= bound) & (bound < 10.0 * asked))
-    assert np.all(bound < reached_limits.bound_commands(reached, alone(parts)))
+    jumping = reached_limits.bound_commands(reached, alone(parts))
+    # Sums of so many terms, none negative, may be of another order, in each settling.
+    summed = reached_limits.SETTLINGS * 2 * outputs * np.finfo(float).eps
+    assert np.all(bound <= jumping * (1.0 + summed))
+    assert np.any(bound < 0.99 * jumping)
 
 
 def test_limits_of_law_and_engine_are_the_tighter_ones():
