@@ -498,3 +498,19 @@ def test_an_equation_in_world_directions_holds_a_free_article_with_tension() -> 
     expected = 1.0 / sla.eigh(Z.T @ M @ Z, Z.T @ (K + 100.0 * M) @ Z, eigvals_only=True)[:-13:-1] - 100.0
     assert np.all(lowest[:5] < 1e-4 * lowest[5])
     np.testing.assert_allclose(lowest[5:] ** 2, expected[5:], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("pulled", "stable"), [(0.0199, True), (0.0201, False)])
+def test_springs_that_a_link_holds_against_each_other_can_buckle_an_article_without_members(pulled, stable):
+    """A slide pulls a straight arm towards its sprung hinge: it turns from K d r = k on."""
+    hinge, k, r = 10.0, 1000.0, 0.5
+    root = node("hub", (0.0, 0.0, 0.0), body(5.0, inertia=(0.5, 0.4, 0.4)))
+    lever = joint("arm", "hub", (0, 0, 1), body(1.0, inertia=(0.1,) * 3), stiffness=hinge, target=0.0)
+    slide = joint(
+        "slide", "hub", (1, 0, 0), body(1.0, inertia=(0.1,) * 3), offset=(r, 0.0, 0.0),
+        stiffness=k, target=-pulled, slides=True,
+    )  # fmt: skip
+    tip = Link(name="tip", first="slide", second="arm", along="x", about="", offset=np.array([r, 0.0, 0.0]))
+    article = dataclasses.replace(structure([root], (), [lever, slide]), links=(tip,))
+    rest = solve_equilibrium(article, Environment.orbit())
+    assert rest.stable is stable

@@ -562,3 +562,16 @@ def test_impossible_speeds(speeds: dict[str, float]):
 def test_one_wheel_has_one_speed():
     with pytest.raises(ConfigError, match="two speeds of wheel 'w'"):
         Environment(title="e", gravity=np.zeros(3), wheel_speeds=(("w", 1.0), ("w", 2.0)))
+
+
+def test_a_whirl_is_drawn_by_both_parts_of_its_shape_with_names_of_its_own():
+    parts, bench = overhung(4.0, 0.03, 0.05, 0.5), Environment.clamped("wall", gravity=0.0)
+    found = whirls(parts, spinning(bench, w=300.0))
+    drawn, count = found.parts, len(found.name)
+    assert {"forward", "backward"} <= set(found.sense)
+    np.testing.assert_array_equal(drawn.shapes[:, :count] + 1j * drawn.shapes[:, count:], found.shapes)
+    for name, sense, real, later in zip(
+        found.name, found.sense, drawn.name[:count], drawn.name[count:], strict=True
+    ):
+        assert real == (f"{name}, {sense}" if sense else name)
+        assert later == f"{real}, a quarter of a period before"

@@ -19,6 +19,7 @@ from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.promise.draws import LoopSpread, draw_plants
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings
+from middeck.updating.refinement.other_frequencies import other_frequencies
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
@@ -225,3 +226,14 @@ def test_frequencies_of_decays_or_of_undamped_modes_are_told_from_those_of_roots
         again = dataclasses.replace(found, compared=(dataclasses.replace(one, residual=residual),))
         lines = [line for line in findings(again) if "fit better as those" in line]
         assert [words in line for line in lines] == [True] * (words is not None)
+
+
+def test_ratios_in_per_cent_are_of_no_decay(sound: Refined):
+    """A ratio of one or more leaves no frequency of a decay to be compared with."""
+    (one,) = sound.compared
+    per_cent = dataclasses.replace(
+        one.survey.measured, damping=np.append(1.0, 100.0 * one.survey.measured.damping[1:])
+    )
+    again = dataclasses.replace(one, survey=dataclasses.replace(one.survey, measured=per_cent))
+    with np.errstate(all="raise"):
+        assert not list(other_frequencies(dataclasses.replace(sound, compared=(again,))))

@@ -144,10 +144,13 @@ def assemble_carried(
     return _with_links(model, config, bare, in_world=False)
 
 
-def is_unstrained(model: Model, at: Assembly, loads: Loads) -> bool:
-    """Whether nothing pulls anywhere in an article of members alone: its energy is a sum of squares then."""
+def is_unstrained(model: Model, config: Configuration, at: Assembly, loads: Loads) -> bool:
+    """Whether nothing pulls anywhere in an article of members alone: its energy is a sum of squares then.
+
+    Springs of joints pull where links hold them against one another.
+    """
     tied = (model.spring_ends, model.bushing_ends, model.components, loads.attach_point, loads.ground.point)
-    pulls = (loads.gravity, loads.push, model.beams.tension, at.strain)
+    pulls = (loads.gravity, loads.push, model.beams.tension, at.strain, sprung_joints(model, config)[1])
     return not any(map(len, tied)) and not any(map(np.any, pulls))
 
 

@@ -42,7 +42,7 @@ def separate_rigid(
         return pairs
     lowest = pairs.shapes[:, :few]
     shapes = free.spread(lowest)
-    slack = at is not None and is_unstrained(model, at, loads)
+    slack = at is not None and is_unstrained(model, config, at, loads)
     G = sp.csr_array((model.tree.size,) * 2) if slack else geometric_tangent(model, config, loads)
     strained = strain_energies(model, config, loads, shapes)
     lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))

@@ -56,6 +56,7 @@ class Modes:
         rigid_residual: Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2
             that was kept (over 1 rad^2/s^2 where none was).
         warnings: Nodes that turned far from their drawn attitude; loose motions; modes of undecided kind.
+        stated_name: What each mode is called, where it is no mode of ``equilibrium`` itself.
     """
 
     equilibrium: Equilibrium
@@ -69,6 +70,7 @@ class Modes:
     residual: Float[np.ndarray, " mode"]
     rigid_residual: float
     warnings: tuple[str, ...]
+    stated_name: tuple[str, ...] = ()
 
     @property
     def frequency_hz(self) -> Float[np.ndarray, " mode"]:
@@ -78,6 +80,8 @@ class Modes:
     @functools.cached_property
     def name(self) -> tuple[str, ...]:
         """What each mode is."""
+        if self.stated_name:
+            return self.stated_name
         lam = self.omega**2
         return name_modes(self.equilibrium, self.mass, lam, self.shapes, self.kind, self.rigid_name)
 

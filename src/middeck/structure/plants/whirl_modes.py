@@ -97,7 +97,7 @@ class GyroscopicModes:
             omega=np.tile(self.omega, 2),
             shapes=np.hstack([np.real(self.shapes), np.imag(self.shapes)]),
             kind=self.kind * 2,
-            name=(*called, *(f"{name}, a quarter of a period before" for name in called)),
+            stated_name=(*called, *(f"{name}, a quarter of a period before" for name in called)),
             rigid_share=none,
             strain_share=none,
             residual=none,

@@ -65,7 +65,7 @@ SOFT = 1e-9
 
 def is_stable(model: Model, config: Configuration, at: Assembly, loads: Loads) -> bool:
     """Whether nothing grows at a rest state with the assembly ``at``, the free joints held."""
-    if is_unstrained(model, at, loads):
+    if is_unstrained(model, config, at, loads):
         return True
     free, mass = static_freedom(model, config), carried_mass(model, config, loads)
     K, M = free.matrix(at.tangent), free.matrix(mass)

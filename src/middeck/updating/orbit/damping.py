@@ -37,7 +37,7 @@ class Losses(NamedTuple):
     def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Losses:
         """Those of some modes: the suspension's are what its ratio and its dampers add.
 
-        That is never negative: shares of the energy lie between 0 and 1, whatever weight softens.
+        That is never negative: weight that softens a mode takes no loss from what holds it.
         """
         damping = modes.equilibrium.model.structure.damping
         own = tuple(d for d in damping.dampers if d.place is not DamperPlace.DEVICE)

@@ -25,6 +25,9 @@ def other_frequencies(refined: Refined) -> Iterator[str]:
         theirs = c.pairs[:, 1]
         std, off = c.survey.std[theirs], c.residual[: len(theirs)]
         zeta = np.nan_to_num(c.survey.measured.damping[theirs])
+        zeta = np.where(
+            np.abs(zeta) < 1.0, zeta, 0.0
+        )  # others, as those in per cent, decay without a frequency
         others = {"of decays, |s| sqrt(1 - zeta^2)": (0.5 * np.log1p(-(zeta**2)), "divide them by that root")}
         if c.survey.name in lossy:
             cure = "leave damping out of the unknowns, which compares undamped modes"

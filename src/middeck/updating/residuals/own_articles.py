@@ -73,7 +73,7 @@ def own_articles(modes: Modes, count: int, added: Sequence[Added]) -> OwnArticle
             omega=omega.ravel(),
             shapes=np.hstack([modes.shapes[:, :count] @ one for one in turn]),
             kind=modes.kind[:count] * times,
-            name=modes.name[:count] * times,
+            stated_name=modes.name[:count] * times,
             **{
                 name: np.tile(getattr(modes, name)[:count], times)
                 for name in ("rigid_share", "strain_share", "residual")
