@@ -246,10 +246,10 @@ def test_an_improper_compensator_and_a_loop_without_a_solution() -> None:
     ("arguments", "says"),
     [
         (["--control", "nowhere"], "nowhere"),
-        (["--log10-authority", "nan"], "log10_authority"),
+        (["--log10-authority", "nan"], "--log10-authority = nan"),
         (["--angle-noise", "0"], "angle_noise"),
         (["--disturbance", "-1"], "disturbance"),
-        (["--pade-order", "0"], "pade_order"),
+        (["--pade-order", "0"], "--pade-order = 0"),
     ],
 )
 def test_the_options_of_design(
