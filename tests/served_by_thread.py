@@ -13,11 +13,11 @@ from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
 
 
 @contextlib.contextmanager
-def served_by_thread(rig: EngineRig) -> Iterator[UdpRig]:
+def served_by_thread(rig: EngineRig, **more: float) -> Iterator[UdpRig]:
     done = threading.Event()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
         opened.bind((LOOPBACK, 0))
-        given = {"lives": lambda: not done.is_set()}
+        given = {"lives": lambda: not done.is_set(), **more}
         thread = threading.Thread(target=serve_rig, args=(rig, opened), kwargs=given)
         thread.start()
         try:

@@ -12,6 +12,7 @@ import pytest
 from engine_cases import OUTPUTS, plain_settings, random_article, random_package
 from middeck.realtime.engine.interface.header import constants, layout
 from middeck.realtime.engine.process.compile import build_engine, engine_sources
+from middeck.realtime.generate import compiler as cache
 from middeck.realtime.package.reference import ReferenceLaw
 from packaged_laws import CLEAN
 from ungated import Supervisor
@@ -124,3 +125,27 @@ def test_nothing_moves_before_a_reset():
         assert engine.command("reset", values=[3.0]).word == "wrong trip"
         assert engine.reset().done
         assert engine.state == "ready"
+
+
+@pytest.mark.usefixtures("compiler")
+def test_the_program_is_compiled_once_into_the_user_s_cache(tmp_path, monkeypatch):
+    """And anew for other sources or flags alone, beside the one that is there."""
+    made = []
+
+    def seen(_, sources, flags, target):
+        made.append(flags)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(b"program")
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(cache, "_compile", seen)
+    first = build_engine()
+    assert first.parent == tmp_path / "middeck"
+    assert build_engine() == first
+    assert made == [()]
+    driver = tmp_path / "rig_driver.c"
+    driver.write_text("int other;\n")
+    others = {build_engine(flags=("-O0",)), build_engine(driver=driver)}
+    assert made == [(), ("-O0",), ()]
+    assert len(others | {first}) == 3
+    assert all(path.read_bytes() == b"program" for path in others | {first})

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import signal
 import socket
 import struct
 import threading
+import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.joints.attachment import JointElements
@@ -505,6 +510,47 @@ def test_a_rig_with_its_own_time_goes_on_without_an_engine():
         assert not thread.is_alive()
     assert rig.told[0] == 3.0
     assert not any(rig.told[1:])
+
+
+class Standing(EngineRig):
+    """Sensors that stand at one, and all outputs that it was told."""
+
+    def __init__(self) -> None:
+        self.told: list[list[float]] = []
+
+    def read(self) -> np.ndarray:
+        return np.ones(SENSORS)
+
+    def write(self, u: np.ndarray) -> None:
+        self.told.append(u.tolist())
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_rig_with_its_own_time_takes_the_outputs_of_a_killed_engine_to_zero():
+    """Of a real engine in real time, with a law engaged: nobody else is left to do it."""
+    rig, gain = Standing(), np.eye(OUTPUTS, SENSORS) * 0.2
+    with (
+        served_by_thread(rig, period_s=0.02) as there,
+        Supervisor(plain_settings(), there, real_time=True) as engine,
+    ):
+        assert engine.load(static_package(gain)).done
+        assert engine.reset().done
+        assert engine.command("engage", values=[1.0]).done
+        driven = wait_until(lambda: rig.told and rig.told[-1] == [0.2, 0.2])
+        os.kill(int(engine.file.status["pid"]), signal.SIGKILL)
+        at_zero = wait_until(lambda: rig.told[-1] == [0.0, 0.0])
+        more = len(rig.told) + 5
+        assert wait_until(lambda: len(rig.told) >= more)
+    assert driven
+    assert at_zero
+    assert not np.any(rig.told[-5:])
+
+
+def wait_until(holds: Callable[[], object], longest_s: float = 20.0) -> bool:
+    end = time.monotonic() + longest_s
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.005)
+    return bool(holds())
 
 
 def test_what_cannot_go_to_another_process_is_refused():
