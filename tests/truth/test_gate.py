@@ -301,6 +301,12 @@ def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturatio
     verdict = examine_package(package, {"modes": plant}, margins)
     assert verdict.passed, verdict.steps
     assert "proved for limits that come and go, at full authority" in verdict.steps[-1].said
+    gain = AdaptiveGain(
+        maximum=1.1, minimum=0.9, rate=1.0, sensor="way", band_hz=(1.0, 5.0), quiet_rms=0.1, loud_rms=1.0
+    )
+    verdict = examine_package(package, {"modes": plant}, margins, gain=gain)
+    (failed,) = [step for step in verdict.steps if not step.passed]
+    assert (failed.name, failed.said[:31]) == ("adaptive gain", "the law is unstable by itself, ")
     package = package_law(law, "law", input_range=1.0, limit=1.0, unstable=True)
     *others, last = examine_package(package, {"modes": plant}, margins).steps
     assert all(step.passed for step in others)
@@ -400,6 +406,19 @@ def test_a_law_that_is_stable_by_itself_must_recover_from_limits_too():
         alone["recovery beam"].said
         == found + ", at full authority, while the sensors stay within their ranges"
     )
+
+
+@pytest.mark.parametrize(("most", "refused"), [(2.0, True), (1.0, False)])
+def test_a_law_must_recover_from_limits_at_every_adaptive_gain(most, refused):
+    """At twice the gain half the law is the whole, which never comes back from a weak motor."""
+    plant, law = negative_pair()
+    halved = Compensator(dataclasses.replace(law.sampled, D=0.5 * law.sampled.D), law.inputs, law.outputs)
+    package = package_law(halved, "law", input_range=100.0, limit=1.0)
+    gain = AdaptiveGain(maximum=most, rate=1.0, sensor="y0", band_hz=(1.0, 5.0), quiet_rms=0.1, loud_rms=1.0)
+    verdict = examine_package(package, {"lags": plant}, ANY, gain=gain)
+    failed = [step for step in verdict.steps if not step.passed]
+    assert [step.name for step in failed] == ["recovery lags at gains from 0 to 2"] * refused
+    assert all("while 0 of u1 is applied" in step.said for step in failed)
 
 
 def test_an_inner_loop_of_the_package_is_no_excuse():

@@ -8,6 +8,7 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, Proved
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
+from middeck.realtime.gate.gain_recovery import check_recovery_at_gains
 from middeck.realtime.gate.package_with_hold import with_drives, with_hold
 from middeck.realtime.gate.steps_on_paper import (
     GateMargins,
@@ -32,6 +33,7 @@ from middeck.realtime.package.package_bytes import hash_law, hash_package
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
+ONE_GAIN = "the law is unstable by itself, and its recovery from limits is proved at one gain only"
 NO_HOLD = hashlib.sha256().hexdigest()
 
 
@@ -141,6 +143,9 @@ def examine_package(
             else:
                 steps.append(_refuse_cross_fade(engaged))
     proofs = prove_gain(held, gain, models) if gain is not None and _good(steps) else ()
+    if gain is not None and proofs and all(proof.proved for proof in proofs):
+        beside = held is not package
+        steps += [check_recovery_at_gains(held, gain, name, p, held=beside) for name, p in models.items()]
     steps += [GateStep(name=f"adaptive gain {p.model}", passed=p.proved, said=p.said) for p in proofs]
     tripped = ""
     if trials is not None and _good(steps):
@@ -198,7 +203,7 @@ def _refuse_cross_fade(engaged: ControllerPackage) -> GateStep:
 
 
 def _check_gain(package: ControllerPackage, gain: AdaptiveGain) -> GateStep:
-    fault = misfit(package, gain)
+    fault = misfit(package, gain) or (ONE_GAIN if package.unstable else "")
     low, high = gain.band_hz
     watched = f"from {gain.minimum:g} to {gain.maximum:g} by {gain.sensor} from {low:g} to {high:g} Hz"
     return GateStep(name="adaptive gain", passed=not fault, said=fault or watched)
