@@ -25,6 +25,7 @@ class BeamModes:
     shapes: np.ndarray
     kind: tuple[str, ...] = ("flexible",) * COUNT
     name: tuple[str, ...] = ("bending",) * COUNT
+    stated_name: tuple[str, ...] = ()
     rigid_share: np.ndarray = field(default_factory=NUMBERS.copy)
     strain_share: np.ndarray = field(default_factory=NUMBERS.copy)
     residual: np.ndarray = field(default_factory=NUMBERS.copy)
