@@ -10,6 +10,7 @@ from middeck.realtime.package.package import ControllerPackage
 from middeck.systems.plants.plant import Plant
 
 GAINS = 11
+"""As many as fades are tried; between them nothing is proved of limits."""
 
 
 def check_recovery_at_gains(

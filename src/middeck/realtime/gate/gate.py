@@ -104,7 +104,7 @@ def examine_package(
         models: Plants by name, as on board, without the engine's hold.
         margins: What the loop with each must keep at every fade.
         gain: An adaptive gain, whose loop with each must be proved over all its values and moves
-            (`prove_gain`).
+            (`prove_gain`), and recover from limits at each of eleven (`check_recovery_at_gains`).
         trials: Dry runs on every model too; and on a ``rig`` a shadow run, then engagement at a share of full
             authority and at all of it. Without them the gate is on paper.
         blacklist: Reasons by SHA-256 (`hash_law`) of laws that have tripped.
@@ -142,11 +142,10 @@ def examine_package(
                 steps += check_cross_fade(engaged, package, models, least, engine, share)
             else:
                 steps.append(_refuse_cross_fade(engaged))
-    proofs = prove_gain(held, gain, models) if gain is not None and _good(steps) else ()
-    if gain is not None and proofs and all(proof.proved for proof in proofs):
-        beside = held is not package
-        steps += [check_recovery_at_gains(held, gain, name, p, held=beside) for name, p in models.items()]
-    steps += [GateStep(name=f"adaptive gain {p.model}", passed=p.proved, said=p.said) for p in proofs]
+    proofs: tuple[GainProof, ...] = ()
+    if gain is not None and _good(steps):
+        proofs = prove_gain(held, gain, models)
+        steps += _at_gains(held, gain, models, proofs, beside_hold=held is not package)
     tripped = ""
     if trials is not None and _good(steps):
         steps += [check_dry_run(package, name, plant, trials, engine) for name, plant in models.items()]
@@ -167,6 +166,21 @@ def _on_paper(
 ) -> list[GateStep]:
     steps = [interface, check_poles(held), check_vectors(package), check_error_bound(package)]
     return steps if gain is None else [*steps, _check_gain(package, gain)]
+
+
+def _at_gains(
+    held: ControllerPackage,
+    gain: AdaptiveGain,
+    models: Mapping[str, Plant],
+    proofs: tuple[GainProof, ...],
+    beside_hold: bool,
+) -> list[GateStep]:
+    """Recovery from limits at gains that are proved to be stable, and the proofs."""
+    steps = [GateStep(name=f"adaptive gain {p.model}", passed=p.proved, said=p.said) for p in proofs]
+    if not _good(steps):
+        return steps
+    recovery = [check_recovery_at_gains(held, gain, *model, held=beside_hold) for model in models.items()]
+    return recovery + steps
 
 
 def _on_rig(package: ControllerPackage, rig: GateRig, trials: GateTrials) -> tuple[list[GateStep], str]:
