@@ -67,6 +67,9 @@ BUSH = "\nCBUSH,20,2,1,4,,,,0"
         ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "a.dat:16: CBUSH 20 field 9 (CID): "),
         ("PELAS,2,-1.\nCELAS1,20,2,1,1", "a.dat:15: PELAS 2 field 3 (K) = -1.: "),
         ("CELAS2,20,1.,1,1,9,1", "a.dat:15: CELAS2 20 field 6 (G2) = 9: "),
+        ("CONM2,20,1,,2.\n,-1.,,1.,,,1.", "a.dat:16: CONM2 20 field 12 (I11) = -1.: "),
+        ("CONM2,20,1,,-2.", "a.dat:15: CONM2 20 field 5 (M) = -2.: "),
+        ("CMASS2,20,-1.,1,1", "a.dat:15: CMASS2 20 field 3 (M) = -1.: "),
     ],
 )
 def test_a_complaint_names_the_field_of_the_card_that_is_wrong(tmp_path, card, place):

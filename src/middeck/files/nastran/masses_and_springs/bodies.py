@@ -39,8 +39,8 @@ def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[M
         else:
             try:
                 found.append((_conm2 if entry.name == "CONM2" else _conm1)(entry, places))
-            except ValueError as error:
-                faults.append(entry.fault(str(error)))
+            except ValueError as error:  # its sign is that of what is taken away: the inertia has another
+                faults.append(entry.fault(str(error), "i11" if entry.name == "CONM2" else "m11"))
                 continue
             if found[-1].mass < 0.0:
                 taken[found[-1].grid] = entry
@@ -49,7 +49,7 @@ def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[M
         try:
             _check(left.mass, left.inertia)
         except ValueError as error:
-            faults.append(entry.fault(f"it leaves too little of the masses of grid {grid}: {error}"))
+            faults.append(entry.fault(f"it leaves too little of the masses of grid {grid}: {error}", "m"))
     return found
 
 
@@ -90,7 +90,9 @@ def read_scalar_masses(
         elif ends[0][0] not in places.grids:
             faults.append(entry.fault(f"there is no grid {ends[0][0]}", "g1"))
         elif mass < 0.0:
-            faults.append(entry.fault("a negative mass is not converted"))
+            faults.append(
+                entry.fault("a negative mass is not converted", "m" if entry.name == "CMASS2" else "pid")
+            )
         else:
             grid, component = ends[0]
             found.setdefault(grid, (entry, np.zeros(6)))[1][component - 1] += mass
