@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -35,6 +36,7 @@ from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error, worst_signs
 from plant_builders import unit_weights
+from repeats import repeats
 from study_compensators import study_law
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -316,6 +318,88 @@ def test_single_precision_stays_within_its_bound(applied, tmp_path):
     assert np.median(ratios) < 100.0
 
 
+def exact_run(package, y):
+    """Commands in fractions, without rounding: the law as `ControllerPackage` defines it, from a reset on."""
+    core, ramp = package.core, package.ramp
+    A, B, C, D, E = (
+        [[Fraction(v) for v in row] for row in M.tolist()] for M in (core.A, core.B, core.C, core.D, core.E)
+    )
+    low, high = package.lower.tolist(), package.upper.tolist()
+    x, outputs = [Fraction(0)] * len(A), []
+
+    def times(M, v):
+        return [sum((a * b for a, b in zip(row, v, strict=True)), Fraction(0)) for row in M]
+
+    for k, row in enumerate(y.tolist()):
+        r = [Fraction(v) for v in row]
+        part = Fraction(min(k, ramp), ramp) if ramp else Fraction(1)
+        wanted = [c + d for c, d in zip(times(C, x), times(D, r), strict=True)]
+        fade = part * part * (3 - 2 * part)
+        u = [Fraction(min(max(fade * w, a), b)) for w, a, b in zip(wanted, low, high, strict=True)]
+        missing = [a - w for a, w in zip(u, wanted, strict=True)]
+        x = [sum(terms) for terms in zip(times(A, x), times(B, r), times(E, missing), strict=True)]
+        outputs.append(u)
+    return outputs
+
+
+NUMBERS = "ABCDE"
+
+
+def cut_to(single, signs):
+    """A law in double precision almost half a unit away from every number of ``single``."""
+    moved = {
+        name: M + 0.499 * signs[name] * np.spacing(np.abs(M).astype(np.float32)) * (M != 0.0)
+        for name, M in ((name, getattr(single.core, name)) for name in NUMBERS)
+    }
+    return dataclasses.replace(
+        single, core=dataclasses.replace(single.core, **moved), single=False, error_bound=None,
+        error_bound_own=False, vectors=None,
+    )  # fmt: skip
+
+
+def farthest_cut(single, y):
+    """That of these laws whose last command for ``y`` is farthest from that of ``single``: by differences."""
+    signs = {name: np.zeros_like(getattr(single.core, name)) for name in NUMBERS}
+    plain = run(cut_to(single, signs), y)[-1, 0]
+    for name, found in list(signs.items()):
+        one = np.zeros_like(found)
+        for place in np.ndindex(one.shape):
+            one[place] = 1e3
+            found[place] = np.sign(run(cut_to(single, {**signs, name: one}), y)[-1, 0] - plain)
+            one[place] = 0.0
+    return cut_to(single, signs)
+
+
+@pytest.mark.parametrize("touched", [False, True], ids=["own commands", "ramp and limits that act"])
+def test_the_bound_holds_in_exact_arithmetic_with_all_that_is_cut_from_coefficients(touched):
+    """For laws whose numbers lie half a unit from what they are cut to, under the worst inputs found."""
+    ratios = []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        law = random_law(rng, 2 + seed % 2, 2, 1, applied=touched, radii=(0.6, 0.9))
+        package = package_law(law, "law", input_range=0.5, limit=np.inf)
+        y = 0.5 * next(worst_signs(package, 30))[:, :2]
+        if touched:
+            limit = 0.5 * np.abs(run(package, y)).max()
+            package = package_law(law, "law", input_range=0.5, limit=limit, ramp_s=15 * PERIOD_S)
+        single, reach = to_single(package), 0.22 if touched else 0.5
+        package = farthest_cut(single, reach * np.sign(y))
+        y = 0.5 * next(worst_signs(package, 30))[:, :2]
+        again = to_single(package).core
+        assert all(np.array_equal(getattr(again, name), getattr(single.core, name)) for name in NUMBERS)
+        errors, limited = [0.0], 0
+        for part in (1.0, 2.0 * reach):
+            given = (part * y).astype(np.float32).astype(float)
+            u = run(single, given)
+            limited += bool(np.any(np.abs(u) == single.upper))
+            exact = np.ravel(exact_run(package, given))
+            errors += [float(abs(a - Fraction(b))) for a, b in zip(exact, u.ravel().tolist(), strict=True)]
+        assert limited == touched
+        ratios.append(float(single.error_bound[0]) / max(errors))
+    assert min(ratios) >= 1.0
+    assert max(ratios) < 25.0
+
+
 def test_the_bound_in_single_precision_holds_for_commands_that_others_add(tmp_path):
     """A slow estimate that almost nothing but the applied command moves."""
     slow = SampledStateSpace([[0.99973]], [[1e-4]], [[0.7]], [[0.0]], period_s=PERIOD_S)
@@ -359,6 +443,22 @@ def test_a_law_of_the_study_stays_within_its_bound(learns, tmp_path):
     worst = worst_error(package, single, 5000, tmp_path)
     assert np.all(worst <= single.error_bound)
     assert np.median(single.error_bound / worst) < 100.0
+
+
+@pytest.mark.parametrize(
+    ("level", "learns"),
+    repeats([(1.0, False), (-1.5, True), (0.0, True), (0.5, False), (2.0, True), (2.0, False)]),
+)
+def test_a_bound_that_is_stated_a_twentieth_too_small_is_refused(level, learns):
+    """Of laws of the study, at every other output; what the others state is what was proved."""
+    law = study_law(level) if learns else dataclasses.replace(study_law(level), applied=None)
+    single = to_single(package_law(law, "law", input_range=0.02, limit=5.0))
+    assert single.error_bound_own == learns
+    less = single.error_bound * np.array([1.0, 0.95, 1.0, 0.95, 1.0])
+    boast = check_error_bound(dataclasses.replace(single, error_bound=less))
+    assert not boast.passed
+    named = [port.name in boast.said for port in single.outputs]
+    assert named == [False, True, False, True, False]
 
 
 def test_what_has_no_bound_is_refused():
