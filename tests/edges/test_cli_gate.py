@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
+from middeck.files.laws.gate_logs import load_gate_log
 from middeck.files.laws.packages import write_package
 from middeck.files.laws.verdicts import load_verdicts
 from middeck.files.measured.models import write_model
@@ -29,6 +31,7 @@ from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from repeats import repeats
 
 PERIOD_S = 0.002
 WAY, PUSH = Port("way", "m"), Port("push", "N")
@@ -239,3 +242,67 @@ def test_some_steps_cannot_be_left_out(step):
     """A package that was not tried on a rig may be taken, not one of another rate or with other numbers."""
     with pytest.raises(ConfigError, match=f"a verdict without {step}"):
         load_verdicts([], without=("dry run", step))
+
+
+KILLED_AFTER = """
+import os, signal, sys
+from middeck.cli.main import run
+from middeck.files.laws.gate_logs import GateLog
+left, logged = int(sys.argv.pop(1)), GateLog.__call__
+def kill_after(log, step):
+    global left
+    logged(log, step)
+    left -= 1
+    if left == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+GateLog.__call__ = kill_after
+run()
+"""
+
+
+def test_a_gate_that_is_killed_leaves_the_steps_that_ended(files, capfd):
+    """A real kill as a step ends: the log has what a whole run has so far, and no verdict."""
+    asked = [*files, "-o", "verdict.json"]
+    assert middeck(capfd, "gate", *asked).code == 0
+    (whole,) = load_gate_log("verdict.jsonl")
+    document = json.loads(Path("verdict.json").read_text())
+    assert (whole.package, whole.law, whole.passed) == (document["package"], document["law"], True)
+    assert list(whole.models) == document["models"]
+    assert [dataclasses.asdict(step) for step in whole.steps] == document["steps"]
+    for last in repeats(range(len(whole.steps) - 1, 0, -1), 1):
+        dies = [sys.executable, "-c", KILLED_AFTER, str(last), "gate", *files, "-o", "none.json"]
+        assert subprocess.run(dies, capture_output=True, timeout=60).returncode == -signal.SIGKILL
+        assert not Path("none.json").exists()
+        cut = load_gate_log("none.jsonl")[-1]
+        assert (cut.package, cut.passed, cut.steps) == (whole.package, None, whole.steps[:last])
+
+
+def test_a_log_of_the_gate_goes_on_after_a_torn_line_and_tells_of_a_changed_one(files, capfd):
+    def gate():
+        return middeck(capfd, "gate", *files, "--paper", "--log", "gate.jsonl")
+
+    assert gate().code == 0
+    log = Path("gate.jsonl")
+    whole = log.read_bytes()
+    log.write_bytes(whole[:-40])
+    (cut,) = load_gate_log(log)
+    assert cut.passed is None
+    assert gate().code == 0
+    assert [one.passed for one in load_gate_log(log)] == [None, True]
+    assert len({one.steps for one in load_gate_log(log)}) == 1
+    lines = whole.splitlines(keepends=True)
+    for spoilt in (
+        whole.replace(b"not on it", b"not on  it"),
+        b"".join(lines[1:]),
+        b"".join(lines[:2] + lines[3:]),
+        lines[0] + lines[1][:-9] + b"\n" + lines[2],
+        whole + lines[0],
+    ):
+        log.write_bytes(spoilt)
+        with pytest.raises(DataError, match="not a line as the gate wrote it"):
+            load_gate_log(log)
+    log.write_text("notes of mine\n")
+    refused = gate()
+    assert refused.code == 4
+    assert "is no log of the gate" in refused.err
+    assert log.read_text() == "notes of mine\n"
