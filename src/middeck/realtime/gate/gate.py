@@ -126,7 +126,9 @@ def examine_package(
     engine = rig.settings if settings is None and rig is not None else settings
     held, unfit = _beside_hold(package, engine)
     steps = [check_blacklist(hash_law(package), blacklist or {})]
-    steps += _on_paper(package, held, unfit or check_interface(held, models), gain) if _good(steps) else []
+    if _good(steps):
+        faded_by = _what_fades(gain, engaged, rig)
+        steps += _on_paper(package, held, unfit or check_interface(held, models), gain, faded_by)
     if _good(steps):
         least = margins or GateMargins()
         steps += [check_model(held, name, plant, least) for name, plant in models.items()]
@@ -162,10 +164,20 @@ def examine_package(
 
 
 def _on_paper(
-    package: ControllerPackage, held: ControllerPackage, interface: GateStep, gain: AdaptiveGain | None
+    package: ControllerPackage,
+    held: ControllerPackage,
+    interface: GateStep,
+    gain: AdaptiveGain | None,
+    faded_by: str,
 ) -> list[GateStep]:
-    steps = [interface, check_poles(held), check_vectors(package), check_error_bound(package)]
+    steps = [interface, check_poles(held), check_vectors(package), check_error_bound(package, faded_by)]
     return steps if gain is None else [*steps, _check_gain(package, gain)]
+
+
+def _what_fades(gain: AdaptiveGain | None, engaged: ControllerPackage | None, rig: GateRig | None) -> str:
+    """What takes a part of the law's commands beyond its own ramp."""
+    cross_fade = "" if engaged is None else f"the cross-fade from {engaged.name}"
+    return "an adaptive gain" if gain is not None else cross_fade or ("the rig's engine" if rig else "")
 
 
 def _at_gains(
