@@ -25,6 +25,7 @@ from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks
 from middeck.realtime.package.modal_form import to_modal
+from middeck.realtime.package.overflow import ANYTHING, OWN_COMMANDS, when_nothing_overflows
 from middeck.realtime.package.package_law import package_law, without_applied
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import bound_error, to_single
@@ -420,11 +421,13 @@ def test_a_bound_for_own_commands_asks_that_no_limit_or_fade_touches_them(tmp_pa
     assert single.error_bound_own
     worst = worst_error(package, single, 3000, tmp_path)
     assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
-    assert check_error_bound(single).said.endswith("for its own commands applied in full")
-    assert "its own commands are applied in full" in generate_c(single, "law").header
+    assert check_error_bound(single).said.endswith(OWN_COMMANDS)
     boast = check_error_bound(dataclasses.replace(single, error_bound_own=False))
     assert not boast.passed
     assert "for its own commands only" in boast.said
+    faded = check_error_bound(single, "the rig's engine")
+    assert not faded.passed
+    assert faded.said.endswith("for its own commands applied in full, and the rig's engine fades them")
     for touched in ({"limit": 0.3}, {"limit": 30.0, "ramp_s": 1.0}):
         with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
             to_single(package_law(law, "law", input_range=0.01, **touched))
@@ -459,6 +462,71 @@ def test_a_bound_that_is_stated_a_twentieth_too_small_is_refused(level, learns):
     assert not boast.passed
     named = [port.name in boast.said for port in single.outputs]
     assert named == [False, True, False, True, False]
+
+
+def told_of(package):
+    """What the comment at the head of the C says of the ranges, on one line."""
+    text = " ".join(generate_c(package, "law").header.split("Reads (")[0].replace(" *", " ").split())
+    return text[text.index("Hz).") + 5 :]
+
+
+def test_the_header_says_first_under_which_condition_nothing_overflows():
+    """In both precisions; a law whose own poles are inside while its observer's are not, and the reverse."""
+    lag, given = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), {"input_range": 1.0}
+    law = Compensator(lag, *ports(1, 1, 1))
+    winding, steady = (dataclasses.replace(law, applied=np.array([[e]])) for e in (-0.8, 0.1))
+    grows = dataclasses.replace(law, dynamics=dataclasses.replace(lag, A=[[1.1]]), applied=np.array([[0.9]]))
+    whatever, own = (
+        f"{text.capitalize()}, no operation overflows or gives NaN" for text in (ANYTHING, OWN_COMMANDS)
+    )
+    unknown = "That no operation overflows within the ranges is not known."
+    for told, package in (
+        (f"{whatever}.", package_law(law, "law", **given)),
+        (f"{whatever}.", package_law(steady, "law", limit=3.0, **given)),
+        (f"{whatever}.", package_law(grows, "law", limit=3.0, unstable=True, **given)),
+        (f"{own}.", package_law(winding, "law", limit=3.0, **given)),
+        (f"{own}.", package_law(steady, "law", **given)),
+        (unknown, package_law(law, "law")),
+        (unknown, package_law(grows, "law", unstable=True, **given)),
+    ):
+        assert told_of(package) == told
+    for told, learns in ((whatever, law), (whatever, steady), (own, winding)):
+        single = to_single(package_law(learns, "law", limit=3.0, **given))
+        bound = f"{single.error_bound[0]:.3g}"
+        assert (
+            told_of(single)
+            == f"{told}, and outputs differ from those in double precision by at most {bound}."
+        )
+
+
+def largest_operand(package, y, applied):
+    """The largest number of states and commands that the law computes."""
+    law, found = ReferenceLaw(package), np.zeros(1)
+    for row, other in zip(y, applied, strict=True):
+        u = law.compute(row)
+        found = np.concatenate([found, np.abs(law.wanted), np.abs(law.next)]).max(keepdims=True)
+        law.commit(u if np.isnan(other) else np.array([other]))
+    return float(found[0])
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("where", ["D", "B", "E"])
+def test_a_law_of_which_an_operation_overflows_within_its_ranges_is_refused(where, single):
+    """At once, in a state, or by what is applied; beside one that is smaller and keeps its numbers finite."""
+    rng, y, none = np.random.default_rng(0), np.full((400, 1), 3.0), np.full(400, np.nan)
+    law = random_law(rng, 3, 1, 1, applied=where == "E", radii=(0.9, 0.95))
+    package = package_law(law, "law", input_range=3.0, limit=5e3)
+    package = to_single(package) if single else package
+    applied = np.where(np.arange(400) % 2 == 0, 5e3, -5e3) if where == "E" else none
+    top = 2.0**127 if single else 2.0**1023
+    for size, finite in ((2.0**-10 if where == "E" else top * 2.0**-90, True), (top, False)):
+        number = getattr(package.core, where)
+        core = dataclasses.replace(package.core, **{where: size * np.sign(number)})
+        loud = dataclasses.replace(package, core=core, vectors=None)
+        loud = dataclasses.replace(loud, error_bound=np.array([1e300])) if single else loud
+        assert np.isfinite(largest_operand(loud, y, applied)) == finite
+        assert check_error_bound(loud).passed == finite
+        assert bool(when_nothing_overflows(loud)) == (finite or single)  # the bound is what knows
 
 
 def test_what_has_no_bound_is_refused():
