@@ -13,7 +13,7 @@ import updating_case as case
 from scipy.stats import norm
 
 import middeck as md
-import middeck.updating.refinement.refine as search
+import middeck.updating.refinement.search as search
 import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
@@ -680,6 +680,30 @@ def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_told_apart():
     assert found.x == pytest.approx([2.0 * np.log(1.0003 * 0.97) / 3.0], abs=3e-3)
     (said,) = (line for line in findings(found) if "contradict" in line)
     assert re.search(r"one by \+(0\.9|1)\d* %, two by \+1(\.\d)? %, off by -2(\.\d)? %", said)
+
+
+def without_shapes(seen: Survey, name: str) -> Survey:
+    measured = seen.measured
+    hz = measured.frequency_hz
+    bare = dataclasses.replace(
+        measured, node=(), direction=(), shape=np.zeros((0, len(hz))), shape_std=None,
+        position_m=None, frequency_std_hz=1e-4 * hz,
+    )  # fmt: skip
+    return dataclasses.replace(seen, name=name, measured=bare)
+
+
+def test_modes_that_each_survey_pairs_its_own_way_are_no_contradiction():
+    """Two planes close by and no shapes: 4 % in the modulus was taken for errors of 10 % of the model."""
+    true = modes_of(mast(EI=1.04), clamped())
+    surveys = [
+        without_shapes(survey_of(true, MeasurementNoise(1e-4, 0.02), seed, range(4)), f"test {seed}")
+        for seed in (0, 1)
+    ]
+    wide = [dataclasses.replace(u, spread=std) for u, std in ((MODULUS, 1.0), (SPLIT, 0.1), (TOP, 1.0))]
+    found = refine(mast(), surveys, wide)
+    assert found.converged
+    assert not any("contradict" in line or "a model error" in line for line in findings(found))
+    np.testing.assert_array_less(np.abs(found.x - [np.log(1.04), 0.0, 0.0]), 3.0 * found.estimate.x_std)
 
 
 @pytest.mark.parametrize("first", repeats([0, 10, 20], 1))

@@ -145,11 +145,14 @@ def _of_contradictions(refined: Refined) -> Iterator[str]:
     """Surveys whose deviations `refine` widened, and by what each is off the article of all."""
     by = max((float(c.std[0] / c.survey.std[c.pairs[0, 1]]) for c in refined.compared), default=1.0)
     if by > CONTRADICT:
+        bare = any(not c.survey.measured.node for c in refined.compared)
+        pairing = ", or were modes taken for others, which shapes would tell" if bare else ""
         means = [f"{name} by {100.0 * off:+.2g} %" for name, off in off_the_rest(refined)]
         yield (
             "the surveys contradict one another: their frequencies differ from those of any one article by "
             f"{by:.1f} times their standard deviations, on average {', '.join(means)}; these were widened by "
-            "this factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
+            "this factor. Did the article change between the tests, is a set-up not as stated, a clock off"
+            f"{pairing}?"
         )
 
 
@@ -192,7 +195,7 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
             sort, size = MODES[k], tau[k]
             if size > ABOVE * noise:
                 yield (
-                    f"no unknowns fit the {sort} modes better than {100.0 * size:.2g} %,"
+                    f"no unknowns near their priors fit the {sort} modes better than {100.0 * size:.2g} %,"
                     " where the test states "
                     f"{100.0 * stated:.2g} %: a model error, which the predicted intervals include"
                 )
