@@ -41,6 +41,7 @@ CAMPAIGNS = {
     "kills of a supervisor, of its engine": Campaign(40, 2),
     "kills of a supervisor at any of its lines, in lockstep": Campaign(400, 20),
     "kills of a supervisor at any of its lines, in real time": Campaign(80, 4),
+    "kills of a rig in a process of its own, in every state": Campaign(100, 5),
     "run files with a flipped bit": Campaign(2000, 100),
     "run files cut anywhere": Campaign(1000, 100),
     "run files of changed bytes": Campaign(100_000, 5000),

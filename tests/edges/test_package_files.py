@@ -78,16 +78,16 @@ BROKEN = {
     "empty": (b"", "is empty"),
     "another file": (b"PK\x03\x04" + DATA[4:], "archive of arrays"),
     "cut to its head": (DATA[:40], "cut short"),
-    "truncated": (DATA[:-1], "hash does not fit"),
-    "a byte more": (DATA + b"\0", "hash does not fit"),
-    "corrupted": (DATA[:300] + bytes([DATA[300] ^ 1]) + DATA[301:], "hash does not fit"),
+    "truncated": (DATA[:-1], "cut short"),
+    "a byte more": (DATA + b"\0", "was changed"),
+    "corrupted": (DATA[:300] + bytes([DATA[300] ^ 1]) + DATA[301:], "was changed"),
     "wrong endianness": (sealed(DATA[:8] + DATA[8:12][::-1] + DATA[12:-32]), "other order"),
     "a later format": (patched(8, "<I", 2), "format 2"),
     "an unknown flag": (patched(12, "<I", 32), "flags 32"),
     "a bound for own commands in double": (patched(12, "<I", 9 + 16), "a bound of rounding"),
     "another flag": (patched(12, "<I", 9 + 2), "."),
     "too many states": (patched(16, "<I", 70_000), "states 70000"),
-    "more states than bytes": (patched(16, "<I", 1000), "cut short"),
+    "more states than bytes": (patched(16, "<I", 1000), "wrong size"),
     "more blocks than states": (patched(20, "<I", 200), "200 blocks"),
     "no inputs": (patched(24, "<I", 0), "0 inputs"),
     "no outputs": (patched(28, "<I", 0), "0 outputs"),
@@ -284,6 +284,20 @@ def test_the_header_of_a_source_is_not_written_over_the_law(law_file, tmp_path, 
     assert (done.code, law.read_bytes()) == (2, before)
     assert "would be written over" in done.err
     assert not (tmp_path / "law.c").exists()
+
+
+def test_a_header_can_be_written_alone(law_file, tmp_path, capfd):
+    """For who has the source of this very package: it is the header that a source brings along."""
+    asked = ["generate", law_file, "--range", "0.1,2", "--limit", "0.25"]
+    assert middeck(capfd, *asked, "-o", tmp_path / "law.c").code == 0
+    whole = (tmp_path / "law.h").read_bytes()
+    for file in tmp_path.glob("law.*"):
+        file.unlink()
+    done = middeck(capfd, *asked, "-o", tmp_path / "law.h", "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["files"] == [str(tmp_path / "law.h")]
+    assert {file.name for file in tmp_path.iterdir()} == {"gimbal.json", "law.h"}
+    assert (tmp_path / "law.h").read_bytes() == whole
 
 
 def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):

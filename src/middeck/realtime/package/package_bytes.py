@@ -30,6 +30,7 @@ from middeck.signals.ports import Port
 MAGIC = b"MIDDECKP"
 FORMAT = 1
 AGAIN = "the file as it was generated"
+CHANGED = "the package was changed: its hash does not fit"
 MODAL, SINGLE, UNSTABLE, APPLIED, OWN = 1, 2, 4, 8, 16
 _HASH = 32
 
@@ -107,12 +108,19 @@ def decode_package(data: bytes, where: str = "") -> ControllerPackage:
     the one encoding of what it says. No size is believed before it is checked.
     """
     head, period_s = _read_head(data, where)
-    if hashlib.sha256(data[:-_HASH]).digest() != data[-_HASH:]:
-        _refuse("the package was changed or cut short: its hash does not fit", where)
+    sealed = hashlib.sha256(data[:-_HASH]).digest() == data[-_HASH:]
     try:
         package = _Reader(data[_HEAD.size : -_HASH], where).package(head, period_s)
-    except ConfigError as error:
+    except _TooShortError:
+        if sealed:
+            _refuse("wrong size: its sizes need more bytes than it has", where)
+        _refuse(f"cut short: its {len(data)} bytes end before what its sizes need", where)
+    except (DataError, ConfigError) as error:
+        if not sealed:
+            _refuse(CHANGED, where)
         raise DataError(error.what, where=where, hint=error.hint) from None
+    if not sealed:
+        _refuse(CHANGED, where)
     if encode_package(package) != data:
         _refuse("not the one encoding of what it says", where)
     return package
@@ -172,8 +180,12 @@ def _coefficients(package: ControllerPackage) -> list[np.ndarray]:
     return [*dynamics, core.B, core.C, core.D, *([core.E] if core.drives else []), *sections]
 
 
+class _TooShortError(DataError):
+    """The bytes end before what the sizes need."""
+
+
 class _Reader:
-    """Takes a body apart; what is not there ends it with a `DataError`."""
+    """Takes a body apart; what is not there ends it with `_TooShortError`."""
 
     def __init__(self, body: bytes, where: str) -> None:
         self.body, self.at, self.where = body, 0, where
@@ -190,7 +202,7 @@ class _Reader:
         core = self.core(head)
         placed = [(place, Section(self.numbers(3), self.numbers(2))) for place in places]
         y, u = self.numbers(head.samples, m), self.numbers(head.samples, p)
-        engaged = np.frombuffer(self.take(head.samples), dtype=np.uint8) != 0
+        engaged = np.frombuffer(self.take(head.samples + -head.samples % 8)[: head.samples], np.uint8) != 0
         return ControllerPackage(
             name=name, period_s=period_s, inputs=inputs, outputs=outputs,
             input_range=limits[0], lower=limits[1], upper=limits[2], slew=limits[3], core=core,
@@ -219,7 +231,7 @@ class _Reader:
     def take(self, count: int) -> bytes:
         end = self.at + count
         if end > len(self.body):
-            _refuse("cut short: its sizes need more bytes than it has", self.where)
+            raise _TooShortError("fewer bytes than its sizes need", where=self.where)
         found, self.at = self.body[self.at : end], end
         return found
 
