@@ -24,6 +24,8 @@ CAMPAIGNS = {
     "changed packages under their own hash, the reader in Python": Campaign(1_000_000, 50_000),
     "changed packages sealed again, the engine's reader": Campaign(1_000_000, 50_000),
     "changed packages sealed again, the reader in Python": Campaign(400_000, 20_000),
+    "changed JSON twins under their own hash": Campaign(20_000, 1000),
+    "changed JSON twins sealed again": Campaign(8000, 400),
     "changed shared files, an engine started on each": Campaign(3000, 150),
     "random packages at the gate, models of two modes": Campaign(1000, 50),
     "random packages at the gate, the study's articles": Campaign(1000, 50),

@@ -147,10 +147,10 @@ RIG_STATES = ("control", "ready", "engaging", "identify", "disengaging")
 @pytest.mark.parametrize("state", RIG_STATES)
 def test_a_rig_killed_at_any_instant_leads_to_safe(state, tmp_path):
     """A real process behind UDP: torques that were there fall to zero, all is recorded, nothing resets."""
-    name = "kills of a rig in a process of its own, in every state"
-    for seed in seeds_of(name)[: cases_of(name) // len(RIG_STATES)]:
+    count = cases_of("kills of a rig in a process of its own, in every state")
+    for seed in range(count // len(RIG_STATES)):
         path, rng = tmp_path / f"{seed}.mdr", np.random.default_rng([seed, RIG_STATES.index(state)])
-        given = plain_settings(answer_s=0.1)
+        given = plain_settings()
         wave = 0.1 * rng.standard_normal((200, len(given.drives)))
         with rig_in_a_process() as (process, rig), Supervisor(given, rig, waveform=wave) as engine:
             engine.record(path)
@@ -175,7 +175,7 @@ def test_a_rig_killed_at_any_instant_leads_to_safe(state, tmp_path):
             engine.run(2 * ramp, keep=False)
             assert engine.reset().word == "still unhealthy"
             (trip,) = [event for event in engine.events() if event.trips]
-        assert trip.kind in ("rig dead", "no answer")
+        assert trip.kind == "rig dead"
         run = read_run(path)
         assert not run.faults
         assert np.array_equal(run.records["sequence"], 1 + np.arange(len(run.records)))

@@ -12,7 +12,7 @@ import pytest
 
 from cli_runner import middeck
 from engine_campaigns import cases_of
-from fuzzed_packages import accepted_by_python, sealed
+from fuzzed_packages import accepted_by_python, accepted_twins, sealed, small_packages
 from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.files.laws.compensators import load_compensator, write_compensator
 from middeck.files.laws.packages import load_package, write_package
@@ -145,6 +145,20 @@ def test_no_change_passes_under_the_hash_before_it():
     whole = [encode_package(make()) for make in PACKAGES.values()]
     count = cases_of("changed packages under their own hash, the reader in Python")
     assert accepted_by_python(whole, count, seal=False) == 0
+
+
+def test_no_change_of_a_twin_passes_under_its_hash(tmp_path):
+    """But what leaves every value as it was, as zeros behind a number do."""
+    count = cases_of("changed JSON twins under their own hash")
+    taken = accepted_twins(tmp_path / "law.json", list(small_packages()), count, seal=False)
+    assert 0 < taken < count // 20
+
+
+def test_a_twin_sealed_again_is_refused_or_the_package_that_it_says(tmp_path):
+    """No crash; of the values that stand there none is read as another, as a name 0.5 was as "0.5"."""
+    count = cases_of("changed JSON twins sealed again")
+    taken = accepted_twins(tmp_path / "law.json", list(small_packages()), count, seal=True)
+    assert count // 100 < taken < count // 2
 
 
 def test_a_changed_twin_is_refused(tmp_path):

@@ -30,7 +30,6 @@ from middeck.signals.ports import Port
 MAGIC = b"MIDDECKP"
 FORMAT = 1
 AGAIN = "the file as it was generated"
-CHANGED = "the package was changed: its hash does not fit"
 MODAL, SINGLE, UNSTABLE, APPLIED, OWN = 1, 2, 4, 8, 16
 _HASH = 32
 
@@ -108,19 +107,14 @@ def decode_package(data: bytes, where: str = "") -> ControllerPackage:
     the one encoding of what it says. No size is believed before it is checked.
     """
     head, period_s = _read_head(data, where)
-    sealed = hashlib.sha256(data[:-_HASH]).digest() == data[-_HASH:]
+    if hashlib.sha256(data[:-_HASH]).digest() != data[-_HASH:]:
+        if _is_cut(data, head):
+            _refuse(f"cut short: its {len(data)} bytes end before what its sizes need", where)
+        _refuse("the package was changed: its hash does not fit", where)
     try:
         package = _Reader(data[_HEAD.size : -_HASH], where).package(head, period_s)
-    except _TooShortError:
-        if sealed:
-            _refuse("wrong size: its sizes need more bytes than it has", where)
-        _refuse(f"cut short: its {len(data)} bytes end before what its sizes need", where)
-    except (DataError, ConfigError) as error:
-        if not sealed:
-            _refuse(CHANGED, where)
+    except ConfigError as error:
         raise DataError(error.what, where=where, hint=error.hint) from None
-    if not sealed:
-        _refuse(CHANGED, where)
     if encode_package(package) != data:
         _refuse("not the one encoding of what it says", where)
     return package
@@ -145,6 +139,22 @@ def _read_head(data: bytes, where: str) -> tuple[_Head, float]:
     if not head.inputs * head.outputs:
         _refuse(f"{head.inputs} inputs and {head.outputs} outputs; at least one of each", where)
     return head, period_s
+
+
+def _is_cut(data: bytes, head: _Head) -> bool:
+    """Whether it ends before what its sizes need: for the reason only, as a length may have been changed."""
+    n, m, p, places, at = head.states, head.inputs, head.outputs, head.filters + head.paths, _HEAD.size
+    for _ in range(1 + 2 * (m + p)):
+        length = int.from_bytes(data[at : at + 2], "little")
+        if length > TEXT:
+            return False
+        at += 2 + length
+    at += 8 * places
+    dynamics = n + 2 * head.pairs if head.flags & MODAL else n * n
+    path, bound = n * p * bool(head.flags & APPLIED), p * bool(head.flags & SINGLE)
+    law = dynamics + n * m + p * n + p * m + path + 5 * places
+    numbers = m + 3 * p + bound + law + head.samples * (m + p)
+    return len(data) < at + -at % 8 + 8 * numbers + head.samples + -head.samples % 8 + _HASH
 
 
 def _port_texts(package: ControllerPackage) -> bytes:
@@ -180,12 +190,8 @@ def _coefficients(package: ControllerPackage) -> list[np.ndarray]:
     return [*dynamics, core.B, core.C, core.D, *([core.E] if core.drives else []), *sections]
 
 
-class _TooShortError(DataError):
-    """The bytes end before what the sizes need."""
-
-
 class _Reader:
-    """Takes a body apart; what is not there ends it with `_TooShortError`."""
+    """Takes a body apart; what is not there ends it with a `DataError`."""
 
     def __init__(self, body: bytes, where: str) -> None:
         self.body, self.at, self.where = body, 0, where
@@ -231,7 +237,7 @@ class _Reader:
     def take(self, count: int) -> bytes:
         end = self.at + count
         if end > len(self.body):
-            raise _TooShortError("fewer bytes than its sizes need", where=self.where)
+            _refuse("wrong size: its sizes need more bytes than it has", self.where)
         found, self.at = self.body[self.at : end], end
         return found
 

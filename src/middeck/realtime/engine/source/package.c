@@ -222,7 +222,8 @@ static void hash_law(package *p, const uint32_t w[WORDS], const unsigned char *p
     sha256(all, sizeof all, p->law_hash);
 }
 
-static enum answer read_whole(package *p, unsigned char *bytes, bytes_left b)
+/* What is not sealed is read for the reason only. */
+static enum answer read_whole(package *p, unsigned char *bytes, bytes_left b, int sealed)
 {
     uint32_t w[WORDS];
     const unsigned char *places;
@@ -248,13 +249,12 @@ static enum answer read_whole(package *p, unsigned char *bytes, bytes_left b)
         return found;
     if ((found = read_numbers(p, &b, w)) != DONE)
         return found;
-    if ((found = read_end(p, &b)) != DONE)
+    if ((found = read_end(p, &b)) != DONE || !sealed)
         return found;
     hash_law(p, w, p->texts + 2 + text_length(p->texts), places);
     return w[W_FLAGS] & UNSTABLE || poles_within(&p->law) ? DONE : UNDECLARED_POLE;
 }
 
-/* What its hash does not fit is read for the reason only. */
 enum answer package_read(package *p, unsigned char *bytes, size_t count)
 {
     enum answer found;
@@ -274,7 +274,7 @@ enum answer package_read(package *p, unsigned char *bytes, size_t count)
     b.end = bytes + count / 8 * 8 - HASH;
     sha256(bytes, count - HASH, p->hash);
     sealed = count % 8 == 0 && memcmp(p->hash, bytes + count - HASH, HASH) == 0;
-    found = read_whole(p, bytes, b);
+    found = read_whole(p, bytes, b, sealed);
     if (sealed)
         return found;
     return found == BAD_LENGTH ? CUT_SHORT : BAD_HASH;
