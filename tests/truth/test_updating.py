@@ -706,6 +706,29 @@ def test_modes_that_each_survey_pairs_its_own_way_are_no_contradiction():
     np.testing.assert_array_less(np.abs(found.x - [np.log(1.04), 0.0, 0.0]), 3.0 * found.estimate.x_std)
 
 
+def stated(seen: Survey, name: str, hz: np.ndarray) -> Survey:
+    measured = dataclasses.replace(seen.measured, frequency_hz=hz, frequency_std_hz=1e-3 * hz)
+    return dataclasses.replace(seen, name=name, measured=measured)
+
+
+def test_one_survey_given_twice_is_refused_and_a_repeated_one_is_not():
+    """A copy made every deviation smaller by the root of two, in silence."""
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    hz = seen.measured.frequency_hz
+    some = survey_of(modes_of(mast(), clamped()), TIGHT, chosen=[0, 2, 3, 5])
+    again = 1e-4 * np.array([1, -1, 1, 1, -1, 1]) * hz
+    copies = stated(seen, "copy", hz), stated(some, "part", hz[[0, 2, 3, 5]])
+    for copy in (*copies, dataclasses.replace(copies[0], settings=(("node.top.mass", 0.4),))):
+        with pytest.raises(ConfigError, match=f"surveys 'one' and '{copy.name}' state [46] frequencies"):
+            refine(mast(), [stated(seen, "one", hz), copy], [MODULUS])
+    found = refine(mast(), [stated(seen, "one", hz), stated(seen, "two", hz + again)], [MODULUS])
+    assert not any("every digit" in line for line in findings(found))
+    # Three digits of 0.1 % do not tell a copy from a test that was repeated: said, not refused.
+    short = np.array([float(f"{f:.3g}") for f in hz])
+    found = refine(mast(), [stated(seen, "one", short), stated(seen, "two", short)], [MODULUS])
+    assert any("surveys 'one' and 'two' state the same" in line for line in findings(found))
+
+
 @pytest.mark.parametrize("first", repeats([0, 10, 20], 1))
 def test_intervals_hold_where_surveys_know_less_than_they_state(first: int):
     """Frequencies off by four times what is stated: of 24 intervals a few miss, where most would."""

@@ -16,6 +16,7 @@ from middeck.updating.refinement.other_frequencies import other_frequencies
 from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
+from middeck.updating.refinement.repeated_tests import repeated_tests
 from middeck.updating.refinement.wrong_channels import wrong_channels
 from middeck.updating.refinement.wrong_readings import wrong_readings
 from middeck.updating.residuals.damping import log_std, shifted_by_losses
@@ -69,6 +70,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for said in doubt_survey_units(c.modes, c.survey.measured)
         ),
         *_of_the_search(refined),
+        *repeated_tests([c.survey for c in refined.compared], [c.test for c in refined.statics]),
         *_of_contradictions(refined),
         *_of_unknowns(refined),
         *_of_the_model(refined),

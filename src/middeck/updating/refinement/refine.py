@@ -22,10 +22,9 @@ from middeck.updating.refinement.bayesian_estimate import (
 )
 from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.problem import MODAL, linear_problem, sort_names, zeros_of
+from middeck.updating.refinement.repeated_tests import refuse_repeated
 from middeck.updating.refinement.search import Prior, find_most_probable, place_tests
-from middeck.updating.residuals.damping import (
-    ComparedDamping,
-)
+from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
     ComparedStatic,
@@ -190,12 +189,13 @@ def refine(
     one, whatever its numbers, ``static_error`` what its members yield, ``damping_error`` its damping ratios
     (these where an unknown moves them): what the tests show takes their place, the less the fewer there are.
 
-    Raises `ConfigError` for no test, an unknown that no test has, names given twice, or a survey without
-    any mode in common, and as `compare_with_damping`; `NumericalError` where the article has no rest state at
-    the mean of the prior.
+    Raises `ConfigError` for no test, an unknown that no test has, names or measurements given twice, or a
+    survey without any mode in common, and as `compare_with_damping`; `NumericalError` where the article has
+    no rest state at the mean of the prior.
     """
     _check_names(surveys, statics, unknowns)
     places = place_tests(structure, surveys, statics, unknowns)
+    refuse_repeated(surveys)
     sizes = [model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics)
     usual = np.array(sizes + [damping_error] * places.moves_damping)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
@@ -228,6 +228,7 @@ def compare_at_first(
     """Every test beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
     _check_names(surveys, statics, unknowns)
     places = place_tests(structure, surveys, statics, unknowns)
+    refuse_repeated(surveys)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     tests = places.compare(places.solve(mean, places.moves_damping), statics, True)
     return tests._replace(heard=places.hear(tests.compared, mean, np.diag(spread))).every
