@@ -187,7 +187,10 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     still = tuple((at, assemble(at.raft.model, at.config, at.loads)) for at in rafts)
     explicit = spread_gradients(rest.model, patches, [(at, total.gradient) for at, total in still])
     links = Tied.at(rest.model, rest.config, static_coordinates(rest.model))
-    held = links.multipliers(energy_gradient(rest.model, rest.config, rest.loads, NO_LOAD))
+    bare = at.gradient
+    if rest.model.links is not None:
+        bare = energy_gradient(rest.model, rest.config, rest.loads, NO_LOAD)
+    held = links.multipliers(bare)
     here = np.zeros(rest.model.tree.size)
     before = [
         tie.change(rest.config, here, load.gravity, held + 0j) for tie, load in zip(tied, loads, strict=True)
