@@ -166,7 +166,17 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 
 
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
-    """The derivative of the rest state, with the patches that it came from."""
+    """The derivative of the rest state, with the patches that it came from; the last is kept with the state.
+
+    A refinement, what is found of it and what is predicted from it ask for the same one after the other.
+    """
+    known = vars(rest).get("moved")
+    if known is None or known[0] != tuple(parameters):
+        known = vars(rest)["moved"] = tuple(parameters), _move_rest(rest, parameters)
+    return known[1]
+
+
+def _move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     check_beside_devices(rest, "derivatives of the rest state")
     if np.any(rest.loads.push[:, 3:]):
         raise NumericalError(
