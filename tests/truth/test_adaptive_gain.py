@@ -270,8 +270,8 @@ def test_a_delay_counts():
     assert "grows" in late.said
 
 
-def test_a_free_body_needs_a_hold_or_a_least_gain():
-    """Nothing holds it at a gain of zero; above the least gain, or with an inner loop, it is proved."""
+def test_a_free_body_needs_a_hold():
+    """Nothing holds it at a gain of zero, which fades reach, with a least gain too; an inner loop does."""
     y, u = (Port("y0", "rad"), Port("y1", "rad/s")), (Port("u0", "N m"),)
     body = Plant(
         dynamics=StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), np.zeros((2, 1))),
@@ -286,16 +286,36 @@ def test_a_free_body_needs_a_hold_or_a_least_gain():
     assert "at a gain of 0" in free.said
     assert "does not decay" in free.said
     least = prove_gain(package, gain_of(minimum=0.2), {"body": body})[0]
-    assert least.proved
+    assert least.constant
     assert not least.fades
-    assert "tried at eleven points: not decided at a gain of 0" in least.said
+    assert not least.proved
+    assert "a fade passes every gain from zero, and those are not proved to decay: not decided" in least.said
     inner = tuple(LoopPath(k, 0, static_gain(-0.4)) for k in (0, 1))
     holding = add_test_vectors(dataclasses.replace(package, paths=inner, vectors=None))
     assert prove_gain(holding, gain_of(), {"body": body})[0].proved
     above = prove_gain(holding, gain_of(minimum=0.2), {"body": body})[0]
     assert above.proved
     assert above.fades
-    assert "every constant gain below 0.2" in above.said
+    assert "so does every gain from zero, as fades pass them" in above.said
+    assert above.fade_growth < np.inf
+
+
+def test_what_grows_below_the_least_gain_between_two_fades_is_refused():
+    """By Hurwitz's condition it grows for |g - 0.35| < 0.02 only, between fades of 0.3 and 0.4."""
+    constant = 1.0 - 0.35**2 + 0.02**2
+    A = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-constant, -1.0, -1.0]]
+    (y, u), none = ports(0, 1, 1), (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)))
+    hump = StateSpace(A, [[0.0], [0.0], [1.0]], [[2.7, 1.0, 1.0]], [[0.0]])
+    models = {"hump": Plant(dynamics=hump, inputs=u, outputs=y)}
+    law = packaged(Compensator(SampledStateSpace(*none, [[-1.0]], period_s=PERIOD_S), y, u))
+    gain = gain_of(maximum=1.0, minimum=0.6, rate=1e-3)
+    *others, step = examine_package(law, models, GateMargins(gain_db=0.0, phase_deg=0.0), gain=gain).steps
+    assert all(other.passed for other in others)
+    assert (step.name, step.passed) == ("adaptive gain hump", False)
+    assert "those are not proved to decay: unstable at a gain of 0.3" in step.said
+    (proof,) = prove_gain(law, gain, models)
+    assert (proof.constant, proof.fades, proof.proved) == (True, False, False)
+    assert abs(proof.unstable_gain - 0.35) < 0.02
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])

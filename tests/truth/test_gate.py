@@ -18,7 +18,7 @@ from middeck.realtime.engine.interface.settings import Drive, EngineSettings, Se
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_law, linear_law
-from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_recovery
+from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_interface, check_recovery
 from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.overflow import OWN_COMMANDS
@@ -262,6 +262,29 @@ def test_a_bound_for_own_commands_is_refused_where_something_fades_them():
         assert step.said.endswith(f"applied in full, and {what} fades them" if what else OWN_COMMANDS)
 
 
+@pytest.mark.parametrize(
+    ("drives", "reads", "said"),
+    [
+        (("u0",), ("y0", "y1"), "beam: the compensator drives u1; the plant has no such input"),
+        (("u0", "u1"), ("y1",), "beam: the compensator reads y0; the plant has no such output"),
+        (("u0", "v"), ("y0", "y1"), "beam: the compensator drives u1; the plant has no such input"),
+        (("u0", "u1", "more"), ("y0", "more", "y1"), ""),
+    ],
+)
+def test_a_model_with_other_ports_is_refused_by_name(drives, reads, said):
+    """One too few, of another name; those that the package does not use are none of its business."""
+    package, one, system = package_of(np.random.default_rng(1), 1e-4), np.eye(3), beam()
+    B, C = (system.B @ one[:2])[:, : len(drives)], (one[:, :2] @ system.C)[: len(reads)]
+    plant = Plant(
+        dynamics=StateSpace(system.A, B, C, np.zeros((len(C), B.shape[1]))),
+        inputs=tuple(Port(name, "N m") for name in drives),
+        outputs=tuple(Port(name, "rad") for name in reads),
+    )
+    step = check_interface(package, {"beam": plant})
+    assert step.passed == (not said)
+    assert step.said == (said or "inputs: 2, outputs: 2, rate: 500 Hz")
+
+
 def unstable_lqg(applied=True):
     """An unstable plant, whose LQG law at a low rate of filtering is unstable by itself."""
     plant = StateSpace([[1.2, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
@@ -348,6 +371,27 @@ def test_a_declared_unstable_compensator_passes_where_it_recovers_from_saturatio
     motion, limited = saturated_run(blind, system, 2500)
     assert motion > 1e-3
     assert limited > 0.5
+
+
+def test_one_model_of_several_without_a_proof_is_enough_to_refuse_an_unstable_compensator():
+    """Its second mode one in a hundred higher: stable at every fade and limit, but no proof is found."""
+    way, push = (Port("way", "m"),), (Port("push", "N"),)
+
+    def two_modes(higher):
+        A = sla.block_diag(*([[0.0, w], [-w, -0.02 * w]] for w in (6.923, higher * 29.18)))
+        system = StateSpace(A, [[0.0], [1.0], [0.0], [0.7]], [[1.0, 0.0, -2.96, 0.0]], [[0.0]])
+        return Plant(
+            dynamics=system, inputs=push, outputs=way, w=("push",), u=("push",), z=("way",), y=("way",)
+        )
+
+    models = {"modes": two_modes(1.0), "higher": two_modes(1.01)}
+    law = design_sampled_lqg(models["modes"], unit_weights(("push",), 3.57e-4), 1.298e5, 0.04)
+    package = package_law(law, "law", input_range=0.01, limit=1.0, unstable=True)
+    *others, proved, refused = examine_package(package, models, ANY).steps
+    assert all(step.passed for step in others)
+    assert (proved.name, proved.passed) == ("recovery modes", True)
+    assert (refused.name, refused.passed) == ("recovery higher", False)
+    assert "it is unstable by itself, and not proved to recover" in refused.said
 
 
 PAIR = ("push 0", "push 1")

@@ -104,6 +104,20 @@ def test_a_trip_when_engaged_goes_on_the_blacklist_for_good():
     assert other.left_out == ("dry run", "shadow run", "engagement")
 
 
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("step", ["dry run swing", "shadow run"])
+def test_a_trip_of_what_moved_no_article_puts_nothing_on_the_blacklist(step):
+    """A dry run blames model and noise, and moves nothing; in a shadow run the package has no outputs."""
+    if step == "shadow run":
+        given = {"trials": TRIALS, "rig": bench(swing(), disturbance=60.0)}
+    else:
+        given = {"trials": GateTrials(dry_s=1.0, noise=0.3)}
+    verdict = examine_package(damper(), {"swing": swing()}, MARGINS, **given)
+    assert (verdict.steps[-1].name, verdict.steps[-1].passed) == (step, False)
+    assert verdict.steps[-1].said.startswith("trip: ")
+    assert verdict.tripped == ""
+
+
 def test_a_dry_run_refuses_what_saturates_or_moves_too_far(computer):
     """Both are stable with margin on paper."""
     loud = check_dry_run(damper(), "swing", swing(), GateTrials(dry_s=2.0, noise=0.05))

@@ -18,12 +18,12 @@ class GainProof:
 
     Attributes:
         model: Its name.
-        proved: For every constant gain, and for every path of the gain within its rate.
-        constant: For every constant gain.
-        fades: For every constant gain below ``minimum`` too, which a fade passes.
+        proved: For every constant gain from zero up, and for every path of the gain within its rate.
+        constant: For every constant gain from ``minimum`` to ``maximum``.
+        fades: For every constant gain from zero up, which a fade passes.
         decay_per_s: Least decay that is proved of every constant gain [1/s]; 0 for none.
-        fade_growth: A bound of the factor by which a fade, however fast, lets the norm of the proof grow,
-            while the gain stands still; infinite where no constant gain is proved.
+        fade_growth: A bound of the factor by which a fade, however fast, lets the norm of the proof from zero
+            up grow, while the gain stands still; infinite where there is none.
         rate_limit: A rate [1/s] up to which it is proved; None where it is proved at any rate.
         weakest: The gains between which the decay that is proved is least; None where none is.
         pieces: Intervals of gain with a metric of their own.
@@ -50,10 +50,9 @@ def prove_gain(
     """Proof of stability under the adaptive gain with each of ``models``, while no limit acts.
 
     Nothing is sampled: every gain from ``minimum`` to ``maximum`` and every move is covered (`gain_path`),
-    and rounding is bounded. It holds at full authority; where ``minimum`` is 0 also while the law fades, as
-    the engine moves only one of fade f and gain g at a time, and f g is one of these gains. Below a
-    ``minimum`` above 0 constant gains are proved if they can be (``fades``), and the gate tries eleven fades
-    besides. What cannot be proved is not proved; it may still be stable.
+    and rounding is bounded. A fade f takes f g from zero up while the gain g stands still: so every gain from
+    zero to ``maximum`` is proved too, in norms of its own where ``minimum`` is above zero. What cannot be
+    proved is not proved; it may still be stable.
     Raises `ConfigError` for a sensor that the package does not read and a band beyond half its rate.
     """
     fault = misfit(package, gain)
@@ -79,22 +78,22 @@ def _prove(package: ControllerPackage, gain: AdaptiveGain, name: str, plant: Pla
     try:
         loop = form_gain_loop(package, plant)
         found = prove_interval(loop, gain.minimum, gain.maximum, gain.rate * package.period_s)
-        faded = prove_interval(loop, 0.0, gain.minimum, 0.0) if gain.minimum else found
+        faded = prove_interval(loop, 0.0, gain.maximum, 0.0) if gain.minimum else found
     except (ConfigError, NumericalError) as error:
         found = faded = Proved(said=f"not decided: {error.what}")
     period = package.period_s
     limit = None if math.isinf(found.step) else found.step / period
     return GainProof(
         model=name,
-        proved=bool(found.moving < 1.0),
+        proved=bool(max(found.moving, faded.constant) < 1.0),
         constant=bool(found.constant < 1.0),
-        fades=bool(max(found.constant, faded.constant) < 1.0),
+        fades=bool(faded.constant < 1.0),
         decay_per_s=_decay(found.constant, period),
-        fade_growth=found.fade,
+        fade_growth=faded.fade,
         rate_limit=limit,
         weakest=found.weakest,
         pieces=found.pieces,
-        unstable_gain=found.unstable_gain,
+        unstable_gain=faded.unstable_gain if found.unstable_gain is None else found.unstable_gain,
         said=found.said or _describe(gain, found, limit, period) + _describe_fades(gain, faded),
     )
 
@@ -103,8 +102,12 @@ def _describe_fades(gain: AdaptiveGain, faded: Proved) -> str:
     if not gain.minimum:
         return ""
     if faded.constant < 1.0:
-        return f"; so does every constant gain below {gain.minimum:g}, as fades pass them"
-    return f"; gains below {gain.minimum:g}, as fades pass them, are tried at eleven points: {faded.said}"
+        return f"; so does every gain from zero, as fades pass them, however fast ({_growth(faded)})"
+    return f"; but a fade passes every gain from zero, and those are not proved to decay: {faded.said}"
+
+
+def _growth(faded: Proved) -> str:
+    return f"the norm grows by a factor of {faded.fade:.3g} at most"
 
 
 def _decay(factor: float, period_s: float) -> float:
@@ -121,8 +124,6 @@ def _describe(gain: AdaptiveGain, found: Proved, limit: float | None, period_s: 
     if limit is None:
         return said + "; so does every path of the gain, at any rate"
     if found.moving < 1.0:
-        return (
-            f"{said}; every path within {gain.rate:g} 1/s decays too (proved up to {limit:.3g} 1/s), and a "
-            f"fade, however fast, lets the norm grow by a factor of {found.fade:.3g} at most"
-        )
+        said += f"; every path within {gain.rate:g} 1/s decays too (proved up to {limit:.3g} 1/s)"
+        return said if gain.minimum else f"{said}; in a fade, however fast, {_growth(found)}"
     return said + f"; paths are proved to decay up to a rate of {limit:.3g} 1/s, not {gain.rate:g} 1/s"

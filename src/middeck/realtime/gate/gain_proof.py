@@ -130,6 +130,8 @@ def _prove(affine: _Affine, ends: tuple[float, float], step: float) -> Proved:
     )
     if not any(np.any(piece.bend) for piece in pieces):  # one metric for all
         return dataclasses.replace(found, moving=constant, step=math.inf)
+    if step == 0.0:
+        return dataclasses.replace(found, moving=constant)
     joints = bound_joints(pieces) * ONE_MORE
     limit = _largest_step(loop, pieces, ends, 1.0 / (joints * ONE_MORE), step)
     moving = (
@@ -153,7 +155,7 @@ def _look_for_growth(affine: _Affine, ends: tuple[float, float]) -> Proved | Non
     if is_proved_to_grow(closed_at(affine.loop, k), size_at(affine.loop, k), SAMPLED):
         gain = affine.gain(k)
         return Proved(unstable_gain=gain, said=f"unstable at a gain of {gain:.4g}: {at} grows")
-    hint = "; hold it by the inner loop, or begin above that gain" if worst == 0 else ""
+    hint = "; hold it by the inner loop" if worst == 0 else ""
     return Proved(said=f"not decided at a gain of {affine.gain(k):.4g}: {at} does not decay{hint}")
 
 
