@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from middeck.report.templates import TEMPLATES
 from middeck.study.chapter import Chapter
 from middeck.study.mission import CHAPTERS
 from middeck.study.words import Line, Numbers, significant
@@ -17,20 +17,12 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, ac
     The claims and assumptions are those of a published ``account``; without one there are none.
     """
     figures: Numbers = numbers["figures"]
-    environment = Environment(
-        loader=PackageLoader("middeck", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
     sections = [drawing for chapter in chapters_of(figures) for drawing in chapter.drawings]
     headings = {d.key: d.heading(figures, numbered=account is not None) for d in sections}
     claims = claim_rows(figures) if account else []
     inputs = dict(numbers["inputs"])
     overrides, seed = inputs.pop("overrides"), inputs.pop("seed")
-    return environment.get_template("report/report.html.j2").render(
+    return TEMPLATES.get_template("report/report.html.j2").render(
         title=title,
         account=account,
         claims=claims,

@@ -2,10 +2,10 @@
 
 import dataclasses
 import json
+from importlib import resources
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
@@ -22,6 +22,7 @@ from middeck.plot.shapes import (
     upright,
 )
 from middeck.plot.svg import svg_text
+from middeck.report.templates import TEMPLATES
 from middeck.structure.modes.results.drawing import Drawing
 from middeck.values import record
 
@@ -56,16 +57,7 @@ class ShapePage:
 
 def render_shapes(page: ShapePage) -> str:
     """The page as HTML; the same bytes for the same shapes."""
-    environment = Environment(
-        loader=PackageLoader("middeck", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    assert environment.loader is not None
-    script = environment.loader.get_source(environment, "report/shapes.js")[0]
+    script = resources.files("middeck.report").joinpath("shapes.js").read_text(encoding="utf-8")
     each = SHEET // len(page.drawings)
     stills = [
         _still(dataclasses.replace(page, rows=page.rows[first : first + each]), f"stills-{first}")
@@ -73,7 +65,7 @@ def render_shapes(page: ShapePage) -> str:
     ]
     # A script ends at its first "</", wherever that stands.
     data = json.dumps(_data(page), separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-    return environment.get_template("report/shapes.html.j2").render(
+    return TEMPLATES.get_template("report/shapes.html.j2").render(
         page=page,
         script=Markup(script),
         data=Markup(data),

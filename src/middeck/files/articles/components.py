@@ -49,12 +49,7 @@ def write_component(path: str | Path, component: Component) -> None:
 def _save_mat(stream: Any, arrays: Mapping[str, Any]) -> None:
     import scipy.io
 
-    def cells(texts: Sequence[str]) -> np.ndarray:
-        out = np.empty(len(texts), dtype=object)
-        out[:] = list(texts)
-        return out
-
-    texts = {key: cells(arrays[key]) for key in ("grids", "outputs") if key in arrays}
+    texts = {key: np.array(arrays[key], dtype=object) for key in ("grids", "outputs") if key in arrays}
     scipy.io.savemat(stream, {**arrays, **texts}, oned_as="column")
 
 

@@ -94,9 +94,7 @@ def _of_its_kind(value: Exchangeable, negative_feedback: bool) -> dict[str, Any]
 
 
 def _cells(texts: Sequence[str]) -> np.ndarray:
-    cells = np.empty(len(texts), dtype=object)
-    cells[:] = list(texts)
-    return cells
+    return np.array(texts, dtype=object)
 
 
 def load_mat(
