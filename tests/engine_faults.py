@@ -12,12 +12,13 @@ from collections.abc import Callable, Generator
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from engine_destabilising import scaled_rows, shifted_truth
 from engine_rigs import design, nominal_article, pack, settings_of
 from engine_upsets import ASKED, CLOCKS, DISKS, ENDS, Act, Upset, wait
 from faked_clock import SupervisorByFakedClock, faked_clock
-from middeck.realtime.engine.interface.settings import EngineSettings
+from middeck.realtime.engine.interface.settings import EngineSettings, SensorTest
 from middeck.realtime.engine.interface.shared_file import LARGEST
 from middeck.realtime.engine.rigs.linear_article import Fault, LinearArticle
 from middeck.realtime.package.package import ControllerPackage
@@ -58,6 +59,31 @@ class Ending:
 def fault_settings() -> EngineSettings:
     """Those of the development model with a quick verification and a supervisor that must show its life."""
     return dataclasses.replace(settings_of(*ARTICLE), verify_s=0.3, heartbeat_s=0.1)
+
+
+@functools.cache
+def watched_settings() -> EngineSettings:
+    """With sensors that no fault reaches and nothing else reads: what moves, and the torque that arrives."""
+    plain = fault_settings()
+    ports = [("true", port) for port in plain.inputs] + [("given", port) for port in plain.outputs]
+    free = [SensorTest(port=dataclasses.replace(p, name=f"{what} {p.name}"), range=1e9) for what, p in ports]
+    return dataclasses.replace(plain, sensors=(*plain.sensors, *free))
+
+
+def watched(rig: LinearArticle) -> LinearArticle:
+    """The article with these sensors. Torques are read in the sample after, from a state each."""
+    (sensors, states), outputs = rig.C.shape, rig.B.shape[1]
+    none = np.zeros((outputs, rig.G.shape[1]))
+    rows = np.hstack([rig.C, np.zeros((sensors, outputs))])
+    return dataclasses.replace(
+        rig,
+        A=scipy.linalg.block_diag(rig.A, np.zeros((outputs, outputs))),
+        B=np.vstack([rig.B, np.eye(outputs)]),
+        C=np.vstack([rows, rows, np.eye(states + outputs)[states:]]),
+        G=np.vstack([rig.G, none]),
+        x=np.concatenate([rig.x, np.zeros(outputs)]),
+        sensor_noise=np.concatenate([rig.sensor_noise, np.zeros(sensors + outputs)]),
+    )
 
 
 def law(authority: float = 2.0):
@@ -227,19 +253,41 @@ PACKAGES: dict[str, Callable] = {
 }
 SOUND = {"package destabilises", "package with too much gain", "compensator unstable", "package replayed"}
 REFUSED = PACKAGES.keys() - SOUND
+DESTROYS = ("package destabilises", "package with too much gain", "compensator unstable")
 ACTS: dict[str, Act] = {**ASKED, **CLOCKS, **ENDS, **DISKS}
 KINDS = (*RIG, *ARTICLES, *PACKAGES, *ACTS)
 LATE = ("engine overruns for long", "engine stalls", "engine stopped and continued", "clock jumps")
-TRIPS = {
-    "crew STOP": "stop", "supervisor silent": "heartbeat", "rig silent for long": "no answer",
-    "rig dies": "rig dead", "sensor nan for long": "not finite", **dict.fromkeys(LATE, "lateness"),
+OF_A_LAW = ("envelope", "growth", "band power", "effort", "command not finite")
+TRIPS: dict[str, tuple[str, ...]] = {
+    "crew STOP": ("stop",), "supervisor silent": ("heartbeat",), "rig silent once": ("no answer",),
+    "rig silent for long": ("no answer",), "rig dies": ("rig dead",), "sensor nan": ("not finite",),
+    "sensor nan for long": ("not finite",), "sensor inf": ("not finite",), "sensor out of range": ("range",),
+    "sensor stuck": ("stuck",), "sensor dead": ("stuck",), "sensor spike": ("envelope", "band power"),
+    **dict.fromkeys(LATE, ("lateness",)), **dict.fromkeys(DESTROYS, OF_A_LAW),
 }  # fmt: skip
-"""What must trip an engine that is not in SAFE yet."""
-HARMLESS = REFUSED | DISKS.keys() | {
+"""What must trip an engine that is not in SAFE yet, and by which of these. In SAFE nothing engages, and while
+both slots fade they are busy."""
+HARMLESS = REFUSED | DISKS.keys() | ARTICLES.keys() | {
     "records not read", "commands out of place", "commands repeated", "commands of another session",
-    "engine late once", "engine overruns once", "calendar set",
+    "engine late once", "engine overruns once", "calendar set", "actuator dead", "actuator weak",
+    "package replayed",
 }  # fmt: skip
 """What must trip none, where no excitation plays: that may trip by its own growth."""
+EITHER = {
+    "sensor bias": "a small one is within what normal operation moves, a large one is a step",
+    "sensor drift": "it may not have come far when the run ends",
+    "sensor with swapped sign": "with a moderate authority the loop stays stable without this sensor",
+    "sensor with wrong gain": "from a fifth to five times",
+    "sensor late": "from 10 to 126 ms",
+    "samples dropped": "a tenth to nine tenths of them",
+    "sensors swapped": "two that read much the same, or an angle and a rate",
+    "sensor noisy": "from a thousandth of the envelope up to all of it",
+    "encoder wraps": "the motion may not reach where it wraps",
+    "actuator reversed": "the hold's loops are stable without this motor, a law's need not be",
+    "actuator too strong": "from twice to ten times",
+    "actuator stuck": "a torque within the limits that stands still",
+}
+"""What may trip and need not, by its size or channel, and why. Whether it does, the article is safe."""
 
 
 OF_THE_DESIGN: dict[str, tuple[str, ...]] = {
@@ -294,13 +342,24 @@ def table() -> list[str]:
     return ["| fault | played as |", "| --- | --- |", *rows]
 
 
+def endings() -> list[str]:
+    """What ends how, as rows of that page."""
+    ends = {kind: f"SAFE, by {' or '.join(trips)}" for kind, trips in TRIPS.items()}
+    ends |= dict.fromkeys(HARMLESS, "completion, without a trip")
+    ends |= {kind: f"either: {why}" for kind, why in EITHER.items()} | dict.fromkeys(
+        ENDS, "an end of its own"
+    )
+    rows = [f"| {kind} | {ends[kind]} |" for kind in KINDS]
+    return ["| kind | right ending where the engine is not in SAFE |", "| --- | --- |", *rows]
+
+
 def play(kind: str, state: str, seed: int, **options: Any) -> Ending:
     """Bring an engine into ``state``, let ``kind`` happen, wait, and finish what was begun."""
-    settings, rng = fault_settings(), np.random.default_rng([seed, KINDS.index(kind), STATES.index(state)])
+    settings, rng = watched_settings(), np.random.default_rng([seed, KINDS.index(kind), STATES.index(state)])
     start = HOLDING + int(rng.integers(5, WITHIN))
     faults = RIG[kind](rng, start) if kind in RIG else ()
     plain = shifted_article(ARTICLES[kind]) if kind in ARTICLES else nominal_article(*ARTICLE)
-    rig = dataclasses.replace(plain, faults=faults, seed=int(rng.integers(1 << 30)))
+    rig = watched(dataclasses.replace(plain, faults=faults, seed=int(rng.integers(1 << 30))))
     wave = 0.02 * rng.standard_normal((200, len(settings.drives)))
     ring = 64 if kind == "records not read" else 2048
     given = {"waveform": wave, "ring": ring, "pretrip_s": 2.0, "by_clock": kind in CLOCKS, **options}
@@ -411,23 +470,18 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
     limits = np.array([drive.upper for drive in settings.drives])
     if not np.isfinite(records["u"]).all() or np.any(np.abs(records["u"]) > limits):
         return "an output beyond its limit"
-    spoilt = {
-        place
-        for f in faults
-        if f.kind.startswith(("sensor", "encoder"))
-        for place in (f.channel, int(f.value) if f.kind == "sensor swap" else f.channel)
-    }
-    works = not any(f.kind.startswith("output") for f in faults)  # else SAFE's own torque may go astray
-    for k, sensor in enumerate(settings.sensors):
-        if works and k not in spoilt and np.any(np.abs(records["y"][:, k]) > 2.0 * sensor.envelope):
-            share = np.abs(records["y"][:, k]).max() / sensor.envelope
-            return f"{sensor.port.name} at {share:.2f} of its envelope"
+    why = _complaint_of_the_article(records, limits, faults)
+    if why:
+        return why
     if kind in REFUSED and answers[0] == "done":
         return "a package accepted that must be refused"
-    if kind in HARMLESS and before != "identify" and trips:
+    busy = kind in DESTROYS and answers[0] == "busy"
+    if (kind in HARMLESS or busy) and before != "identify" and trips:
         return f"tripped by {trips}"
-    if before != "safe" and kind in TRIPS and trips[:1] != (TRIPS[kind],):
+    if before != "safe" and not busy and kind in TRIPS and not set(trips[:1]) & set(TRIPS[kind]):
         return f"not tripped by {TRIPS[kind]}"
+    if kind in DESTROYS and trips and not engine.blacklist():
+        return "a law that tripped is not on the blacklist"
     if kind in ENDS:
         return ""
     if engine.state == "safe":
@@ -435,6 +489,32 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
     if before == "safe":
         return f"left SAFE for {engine.state} by itself"
     return "" if engine.state == "ready" else f"ends in {engine.state}"
+
+
+def _complaint_of_the_article(records: np.ndarray, limits: np.ndarray, faults: tuple[Fault, ...]) -> str:
+    """What is wrong with the torques that arrived, and with how it moved, whatever its sensors said."""
+    plain = fault_settings()
+    sensors, outputs = len(plain.sensors), len(limits)
+    true, given = records["y"][:, sensors : 2 * sensors], records["y"][1:, 2 * sensors :]
+    fresh = (np.diff(records["sequence"]) == 1) & np.any(np.diff(records["y"], axis=0) != 0.0, axis=1)
+    sound = np.ones(outputs, bool)
+    for fault in faults:
+        if fault.kind.startswith("output"):
+            sound[fault.channel] = False
+            limits = limits * np.where(
+                sound, 1.0, max(1.0, fault.value if fault.kind == "output gain" else 1.0)
+            )
+    if np.any((given != records["u"][:-1])[np.ix_(fresh, sound)]):
+        return "another torque arrived than is recorded"
+    if np.any(np.abs(given[fresh]) > limits):
+        return "a torque beyond the limit arrived"
+    if sound.all():  # else SAFE's own torque may go astray
+        for k, sensor in enumerate(plain.sensors):
+            if np.any(np.abs(true[:, k]) > 2.0 * sensor.envelope):
+                return (
+                    f"{sensor.port.name} at {np.abs(true[:, k]).max() / sensor.envelope:.2f} of its envelope"
+                )
+    return ""
 
 
 def _safe_complaint(engine, before, trips) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import json
 import random
 import struct
 import subprocess
@@ -12,13 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from middeck.errors import DataError
+from middeck.errors import DataError, MiddeckError
+from middeck.files.json.output import json_text
+from middeck.files.laws.packages import _build as twin_package
+from middeck.files.laws.packages import load_package, package_document
 from middeck.realtime.engine.interface.commands import ANSWERS
 from middeck.realtime.engine.process.compile import engine_sources
 from middeck.realtime.generate.compiler import FLAGS
 from middeck.realtime.package.filter_sections import InputFilter, Section
 from middeck.realtime.package.package import ControllerPackage
-from middeck.realtime.package.package_bytes import decode_package, encode_package
+from middeck.realtime.package.package_bytes import decode_package, encode_package, hash_package
 from middeck.realtime.package.package_law import package_law
 from packaged_laws import random_law
 
@@ -77,6 +82,88 @@ def _changed(rng: random.Random, whole: bytes, seal: bool) -> bytes:
             body = body[: rng.randrange(8, len(body))]
         if body != whole[:-HASH]:
             return sealed(bytes(body)) if seal else bytes(body) + whole[-HASH:]
+
+
+VALUES = (
+    0,
+    1,
+    -1,
+    2**70,
+    0.0,
+    -0.0,
+    0.5,
+    1e308,
+    float("inf"),
+    float("nan"),
+    True,
+    None,
+    "x",
+    "double",
+    [],
+    {},
+    [[]],
+)
+
+
+def accepted_twins(file: Path, packages: Sequence[ControllerPackage], count: int, *, seal: bool) -> int:
+    """How many of ``count`` changed JSON twins the reader takes.
+
+    Some characters changed, or cut, must leave the package that it was, as "1.0" and "1.00" are one number.
+    With ``seal`` some values, keys or entries are others, under the hash of what then stands there: what is
+    taken must be that.
+    """
+    rng, accepted = random.Random(1993), 0
+    twins = [(package, json_text(package_document(package))) for package in packages]
+    for _ in range(count):
+        package, text = rng.choice(twins)
+        changed = _other_document(rng, text) if seal else _other_text(rng, text)
+        file.write_text(changed, encoding="utf-8")
+        try:
+            found = load_package(file)
+        except DataError:
+            continue
+        if seal:  # numbers by their values: 1 and 1.0 are one
+            written = json_text(package_document(found))
+            assert _in_order(changed) == _in_order(written), changed
+        else:
+            assert found == package
+        accepted += 1
+    return accepted
+
+
+def _in_order(text: str) -> str:
+    return json.dumps(json.loads(text, parse_int=float), sort_keys=True)
+
+
+def _other_text(rng: random.Random, text: str) -> str:
+    body = list(text)
+    for _ in range(rng.randrange(1, 4)):
+        body[rng.randrange(len(body))] = rng.choice('0123456789.-+e,:[]{}" nul\\')
+    return "".join(body[: rng.randrange(len(body))] if rng.random() < 0.2 else body)
+
+
+def _other_document(rng: random.Random, text: str) -> str:
+    document = json.loads(text)
+    for _ in range(rng.randrange(1, 3)):
+        table: Any = document
+        while True:  # down to a place anywhere
+            keys = list(table) if isinstance(table, dict) else range(len(table))
+            key = rng.choice(keys) if len(keys) else None
+            inner = None if key is None else table[key]
+            if not (isinstance(inner, (dict, list)) and len(inner) and rng.random() < 0.8):
+                break
+            table = inner
+        if key is None or (isinstance(table, list) and rng.random() < 0.1):
+            table.append(rng.choice(VALUES)) if isinstance(table, list) else table.update(other=1)
+        elif rng.random() < 0.15:
+            del table[key]
+        elif type(inner) is float and rng.random() < 0.5:
+            table[key] = inner * rng.choice((1.0 + 2.0**-52, -1.0, 2.0, 0.5))
+        else:
+            table[key] = rng.choice(VALUES)
+    with contextlib.suppress(MiddeckError, ValueError, TypeError, OverflowError, KeyError):
+        document["sha256"] = hash_package(twin_package(document, ""))
+    return json.dumps(document)
 
 
 def build_fuzzer(folder: Path) -> Path:

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from engine_campaigns import CAMPAIGNS, TWENTIETH, table
+from engine_faults import EITHER, ENDS, HARMLESS, KINDS, TRIPS, endings
 from engine_faults import table as fault_table
 
 ROOT = Path(__file__).parents[2]
@@ -53,6 +54,12 @@ def test_each_test_that_is_named_exists():
 
 def test_the_table_of_faults_is_what_the_campaign_plays():
     assert "\n".join(fault_table()) in (ROOT / "docs/reference/requirements.md").read_text()
+
+
+def test_the_table_of_endings_is_what_the_campaign_asserts():
+    """Of each kind one: a trip by these causes, none, or either with the reason why."""
+    assert sorted([*TRIPS, *HARMLESS, *EITHER, *ENDS]) == sorted(KINDS)
+    assert "\n".join(endings()) in (ROOT / "docs/reference/requirements.md").read_text()
 
 
 def test_the_table_of_campaigns_is_what_the_tests_run():

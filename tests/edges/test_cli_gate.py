@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
+import signal
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -13,22 +15,26 @@ import numpy as np
 import pytest
 
 from cli_runner import middeck
+from fuzzed_packages import sealed
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
-from middeck.files.laws.packages import write_package
+from middeck.files.laws.gate_logs import load_gate_log
+from middeck.files.laws.packages import load_package, write_package
 from middeck.files.laws.verdicts import load_verdicts
 from middeck.files.measured.models import write_model
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.served_rig import ServedRig
-from middeck.realtime.package.package_bytes import hash_package
+from middeck.realtime.package.package_bytes import encode_package, hash_package
 from middeck.realtime.package.package_law import package_law
+from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
+from repeats import repeats
 
 PERIOD_S = 0.002
 WAY, PUSH = Port("way", "m"), Port("push", "N")
@@ -239,3 +245,136 @@ def test_some_steps_cannot_be_left_out(step):
     """A package that was not tried on a rig may be taken, not one of another rate or with other numbers."""
     with pytest.raises(ConfigError, match=f"a verdict without {step}"):
         load_verdicts([], without=("dry run", step))
+
+
+KILLED_AFTER = """
+import os, signal, sys
+from middeck.cli.main import run
+from middeck.files.laws.gate_logs import GateLog
+left, logged = int(sys.argv.pop(1)), GateLog.__call__
+def kill_after(log, step):
+    global left
+    logged(log, step)
+    left -= 1
+    if left == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+GateLog.__call__ = kill_after
+run()
+"""
+
+
+def test_a_gate_that_is_killed_leaves_the_steps_that_ended(files, capfd):
+    """A real kill as a step ends: the log has what a whole run has so far, and no verdict."""
+    asked = [*files, "-o", "verdict.json"]
+    assert middeck(capfd, "gate", *asked).code == 0
+    (whole,) = load_gate_log("verdict.jsonl")
+    document = json.loads(Path("verdict.json").read_text())
+    assert (whole.package, whole.law, whole.passed) == (document["package"], document["law"], True)
+    assert list(whole.models) == document["models"]
+    assert [dataclasses.asdict(step) for step in whole.steps] == document["steps"]
+    for last in repeats(range(len(whole.steps) - 1, 0, -1), 1):
+        dies = [sys.executable, "-c", KILLED_AFTER, str(last), "gate", *files, "-o", "none.json"]
+        assert subprocess.run(dies, capture_output=True, timeout=60).returncode == -signal.SIGKILL
+        assert not Path("none.json").exists()
+        cut = load_gate_log("none.jsonl")[-1]
+        assert (cut.package, cut.passed, cut.steps) == (whole.package, None, whole.steps[:last])
+
+
+def test_a_log_of_the_gate_goes_on_after_a_torn_line_and_tells_of_a_changed_one(files, capfd):
+    def gate():
+        return middeck(capfd, "gate", *files, "--paper", "--log", "gate.jsonl")
+
+    assert gate().code == 0
+    log = Path("gate.jsonl")
+    whole = log.read_bytes()
+    log.write_bytes(whole[:-40])
+    (cut,) = load_gate_log(log)
+    assert cut.passed is None
+    assert gate().code == 0
+    assert [one.passed for one in load_gate_log(log)] == [None, True]
+    assert len({one.steps for one in load_gate_log(log)}) == 1
+    lines = whole.splitlines(keepends=True)
+    for spoilt in (
+        whole.replace(b"not on it", b"not on  it"),
+        b"".join(lines[1:]),
+        b"".join(lines[:2] + lines[3:]),
+        lines[0] + lines[1][:-9] + b"\n" + lines[2],
+        whole + lines[0],
+    ):
+        log.write_bytes(spoilt)
+        with pytest.raises(DataError, match="not a line as the gate wrote it"):
+            load_gate_log(log)
+    log.write_text("notes of mine\n")
+    refused = gate()
+    assert refused.code == 4
+    assert "is no log of the gate" in refused.err
+    assert log.read_text() == "notes of mine\n"
+
+
+def broken_packages() -> dict[str, tuple[bytes, str]]:
+    """A builder each, and what the user must read in one way or another."""
+    whole = load_package("law.mdk")
+    data = encode_package(whole)
+
+    def patched(at: int, form: str, value: float) -> bytes:
+        body = bytearray(data[:-32])
+        struct.pack_into(form, body, at, value)
+        return sealed(bytes(body))
+
+    first = next(k for k in range(64, len(data), 8) if struct.unpack_from("<d", data, k)[0] == 0.1)
+    outward = dataclasses.replace(whole.core, A=np.array([[1.01]]))
+    flags = struct.unpack_from("<I", data, 12)[0]
+    declared = encode_package(
+        add_test_vectors(dataclasses.replace(whole, core=outward, unstable=True, vectors=None))
+    )
+    port = dataclasses.replace(WAY, name="weg")
+    unit = dataclasses.replace(WAY, unit="mm")
+    other = add_test_vectors(
+        dataclasses.replace(whole, core=dataclasses.replace(whole.core, D=[[-40.0]]), vectors=None)
+    )
+    return {
+        "wrong size": (patched(16, "<I", 40), "wrong size"),
+        "another rate": (
+            encode_package(dataclasses.replace(whole, period_s=0.004)),
+            "500 Hz: the engine's 250 Hz",
+        ),
+        "another name": (encode_package(dataclasses.replace(whole, inputs=(port,))), "reads weg"),
+        "another unit": (encode_package(dataclasses.replace(whole, inputs=(unit,))), "mm"),
+        "truncated": (data[:-9], "cut short"),
+        "replayed vectors": (
+            encode_package(dataclasses.replace(whole, vectors=other.vectors)),
+            "differs from the law",
+        ),
+        "corrupted": (data[:-200] + bytes([data[-200] ^ 1]) + data[-199:], "was changed"),
+        "a NaN coefficient": (patched(first + 8 * 4, "<d", np.nan), "not finite"),
+        "an undeclared pole": (
+            sealed(declared[:12] + struct.pack("<I", flags & ~4) + declared[16:-32]),
+            "undeclared",
+        ),
+        "wrong endianness": (patched(8, ">I", 1), "big-endian"),
+        "empty": (b"", "empty"),
+    }
+
+
+def test_each_way_to_break_a_package_reaches_the_user_by_a_reason_of_its_own(files, capfd):
+    """By `generate`, which reads them, and by the gate: the words of no other stand there.
+
+    Models in files are continuous: a rate is wrong beside that of the package that runs now.
+    """
+    builders = broken_packages()
+    Path("now.mdk").write_bytes(Path("law.mdk").read_bytes())
+    for name, (data, words) in builders.items():
+        Path("law.mdk").write_bytes(data)
+        gated = middeck(capfd, "gate", *files, "--paper", "--engaged", "now.mdk", "--json")
+        said = gated.err + (
+            " ".join(step["said"] for step in json.loads(gated.out)["steps"] if not step["passed"])
+            if gated.out
+            else ""
+        )
+        assert gated.code in (1, 2, 4)
+        assert [one for one, (_, told) in builders.items() if told in said] == [name], (name, said)
+        Path("other.mdk").unlink(missing_ok=True)
+        generated = middeck(capfd, "generate", "law.mdk", "-o", "other.mdk")
+        fits_others = name in ("another rate", "another name", "another unit")
+        assert generated.code == (0 if fits_others else 4), (name, generated)
+        assert fits_others == Path("other.mdk").exists() == (words not in generated.err)

@@ -7,14 +7,16 @@ import os
 import random
 import shutil
 import signal
+import socket
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from engine_campaigns import seeds_of
+from engine_campaigns import cases_of, seeds_of
 from engine_cases import plain_settings, random_article, random_package
 from engine_supervised import (
     HELD,
@@ -30,7 +32,10 @@ from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.commands import KINDS, TRIPS
 from middeck.realtime.engine.interface.shared_file import event_rows, open_shared_file
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine, when_born
+from middeck.realtime.engine.process.launch import UdpRig
 from middeck.realtime.engine.recording.run_file import read_run
+from middeck.realtime.engine.rigs.rig_server import LOOPBACK, serve_rig
+from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -105,7 +110,7 @@ def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
                 assert engine.process.pid == pid
                 assert engine.events()[-1].kind == "heartbeat"
                 engine.record(folder / "loop.mdr", resume=True)
-                engine.run(5)
+                engine.run(25)
                 assert engine.reset().done
                 assert engine.command("engage", values=[1.0]).done
                 engine.run(20)
@@ -118,6 +123,79 @@ def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
             assert kinds[-1] == "ended"
             assert kinds.count("heartbeat") == 1
             assert engine.process.poll() is not None
+            reset = [event.sample for event in run.events if event.kind == "reset done"][-1]
+            (trip,) = [event.sample for event in run.events if event.kind == "heartbeat"]
+            assert_falls_to_zero(run.records["u"], trip, reset, settings(True))
+
+
+def assert_falls_to_zero(u, trip, end, settings):
+    """From the sample of a trip on: torques on one ramp to zero, where they stay until ``end``."""
+    ramp = settings.samples(settings.safe_ramp_s)
+    assert np.abs(u[trip - 1]).max() > 0.0
+    sizes = np.abs(u[trip - 1 : trip + ramp])
+    assert np.all(np.diff(sizes, axis=0) <= 0.0)
+    assert np.all(u[trip : trip + ramp] * u[trip - 1] >= 0.0)
+    steepest = 1.5 / ramp * (1.0 + 1e-9)
+    assert np.all(-np.diff(sizes, axis=0) <= steepest * sizes[0])
+    assert end > trip + ramp
+    assert not np.any(u[trip + ramp : end])
+
+
+RIG_STATES = ("control", "ready", "engaging", "identify", "disengaging")
+
+
+@pytest.mark.parametrize("state", RIG_STATES)
+def test_a_rig_killed_at_any_instant_leads_to_safe(state, tmp_path):
+    """A real process behind UDP: torques that were there fall to zero, all is recorded, nothing resets."""
+    count = cases_of("kills of a rig in a process of its own, in every state")
+    for seed in range(count // len(RIG_STATES)):
+        path, rng = tmp_path / f"{seed}.mdr", np.random.default_rng([seed, RIG_STATES.index(state)])
+        given = plain_settings()
+        wave = 0.1 * rng.standard_normal((200, len(given.drives)))
+        with rig_in_a_process() as (process, rig), Supervisor(given, rig, waveform=wave) as engine:
+            engine.record(path)
+            assert engine.load(random_package()).done
+            assert engine.reset().done
+            engine.run(300, keep=False)
+            if state == "identify":
+                assert engine.command("excite", values=[0.0]).done
+            elif state != "ready":
+                assert engine.command("engage", values=[1.0]).done
+            engine.run(40 if state in ("identify", "engaging") else 400, keep=False)
+            if state == "disengaging":
+                assert engine.command("disengage").done
+                engine.run(10, keep=False)
+            assert engine.state == state
+            timer = threading.Timer(rng.uniform(0.0, 0.005), process.kill)
+            timer.start()
+            while engine.state != "safe":
+                engine.run(50, keep=False)
+            timer.join()
+            ramp = given.samples(given.safe_ramp_s)
+            engine.run(2 * ramp, keep=False)
+            assert engine.reset().word == "still unhealthy"
+            (trip,) = [event for event in engine.events() if event.trips]
+        assert trip.kind == "rig dead"
+        run = read_run(path)
+        assert not run.faults
+        assert np.array_equal(run.records["sequence"], 1 + np.arange(len(run.records)))
+        if np.any(run.records["u"][trip.sample - 1]):
+            assert_falls_to_zero(run.records["u"], trip.sample, len(run.records), given)
+        else:
+            assert state == "ready"
+            assert not np.any(run.records["u"])
+
+
+@contextlib.contextmanager
+def rig_in_a_process():
+    """It, and how an engine finds it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
+        opened.bind((LOOPBACK, 0))
+        rig = SteppedArticle(random_article())
+        with Forked(lambda told: serve_rig(rig, opened)) as process:
+            port = opened.getsockname()[1]
+            opened.close()  # else what is sent to a dead one waits here
+            yield process, UdpRig(port)
 
 
 def test_a_killed_supervisor_ends_a_lockstep_engine(seeds):

@@ -43,7 +43,7 @@ LINES = """
 4 | generate none.json -o a.mdk                                  | cannot be read
 4 | generate folder.mdk -o a.mdk                                 | looks like a folder
 4 | generate empty.json -o a.mdk                                 | the file is empty
-4 | generate cut.mdk -o a.mdk                                    | changed or cut short
+4 | generate cut.mdk -o a.mdk                                    | cut short
 4 | generate later.json -o a.mdk                                 | this reader knows 'middeck.package/1'
 4 | generate strange.json -o a.mdk                               | not UTF-8 text
 4 | generate nan.json -o a.mdk                                   | A: a number is not finite
@@ -66,7 +66,7 @@ LINES = """
 2 | generate law.json --name "a b" -o a.mdk                      | letters, digits
 2 | generate law.mdk --limit 2 -o a.mdk                          | cannot be given again
 4 | gate law.json model.json --paper                             | looks like a compensator
-4 | gate cut.mdk model.json --paper                              | changed or cut short
+4 | gate cut.mdk model.json --paper                              | cut short
 4 | gate model.json law.mdk --paper                              | looks like a fitted model
 2 | gate law.mdk law.mdk --paper                                 | looks like a controller package
 4 | gate law.mdk twin.json --paper                               | looks like a controller package
@@ -94,7 +94,7 @@ LINES = """
 2 | gate law.mdk model.json --hold way push nan --paper          | not a finite number
 2 | gate law.mdk model.json --hold none push -1 --paper          | no sensor 'none'
 2 | gate law.mdk model.json --engaged unit.mdk --paper           | way in m of one package, in mm of another
-4 | gate law.mdk model.json --engaged cut.mdk --paper            | changed or cut short
+4 | gate law.mdk model.json --engaged cut.mdk --paper            | cut short
 4 | gate law.mdk model.json --blacklist edited.json --paper      | not what was sealed
 4 | gate law.mdk model.json --blacklist lost.json --paper        | cannot be read
 4 | gate law.mdk model.json --blacklist round.json --paper       | cannot be read

@@ -12,7 +12,7 @@ import pytest
 
 from cli_runner import middeck
 from engine_campaigns import cases_of
-from fuzzed_packages import accepted_by_python, sealed
+from fuzzed_packages import accepted_by_python, accepted_twins, sealed, small_packages
 from middeck.errors import ConfigError, DataError, MiddeckError
 from middeck.files.laws.compensators import load_compensator, write_compensator
 from middeck.files.laws.packages import load_package, write_package
@@ -78,16 +78,16 @@ BROKEN = {
     "empty": (b"", "is empty"),
     "another file": (b"PK\x03\x04" + DATA[4:], "archive of arrays"),
     "cut to its head": (DATA[:40], "cut short"),
-    "truncated": (DATA[:-1], "hash does not fit"),
-    "a byte more": (DATA + b"\0", "hash does not fit"),
-    "corrupted": (DATA[:300] + bytes([DATA[300] ^ 1]) + DATA[301:], "hash does not fit"),
+    "truncated": (DATA[:-1], "cut short"),
+    "a byte more": (DATA + b"\0", "was changed"),
+    "corrupted": (DATA[:300] + bytes([DATA[300] ^ 1]) + DATA[301:], "was changed"),
     "wrong endianness": (sealed(DATA[:8] + DATA[8:12][::-1] + DATA[12:-32]), "other order"),
     "a later format": (patched(8, "<I", 2), "format 2"),
     "an unknown flag": (patched(12, "<I", 32), "flags 32"),
     "a bound for own commands in double": (patched(12, "<I", 9 + 16), "a bound of rounding"),
     "another flag": (patched(12, "<I", 9 + 2), "."),
     "too many states": (patched(16, "<I", 70_000), "states 70000"),
-    "more states than bytes": (patched(16, "<I", 1000), "cut short"),
+    "more states than bytes": (patched(16, "<I", 1000), "wrong size"),
     "more blocks than states": (patched(20, "<I", 200), "200 blocks"),
     "no inputs": (patched(24, "<I", 0), "0 inputs"),
     "no outputs": (patched(28, "<I", 0), "0 outputs"),
@@ -145,6 +145,20 @@ def test_no_change_passes_under_the_hash_before_it():
     whole = [encode_package(make()) for make in PACKAGES.values()]
     count = cases_of("changed packages under their own hash, the reader in Python")
     assert accepted_by_python(whole, count, seal=False) == 0
+
+
+def test_no_change_of_a_twin_passes_under_its_hash(tmp_path):
+    """But what leaves every value as it was, as zeros behind a number do."""
+    count = cases_of("changed JSON twins under their own hash")
+    taken = accepted_twins(tmp_path / "law.json", list(small_packages()), count, seal=False)
+    assert 0 < taken < count // 20
+
+
+def test_a_twin_sealed_again_is_refused_or_the_package_that_it_says(tmp_path):
+    """No crash; of the values that stand there none is read as another, as a name 0.5 was as "0.5"."""
+    count = cases_of("changed JSON twins sealed again")
+    taken = accepted_twins(tmp_path / "law.json", list(small_packages()), count, seal=True)
+    assert count // 100 < taken < count // 2
 
 
 def test_a_changed_twin_is_refused(tmp_path):
@@ -284,6 +298,20 @@ def test_the_header_of_a_source_is_not_written_over_the_law(law_file, tmp_path, 
     assert (done.code, law.read_bytes()) == (2, before)
     assert "would be written over" in done.err
     assert not (tmp_path / "law.c").exists()
+
+
+def test_a_header_can_be_written_alone(law_file, tmp_path, capfd):
+    """For who has the source of this very package: it is the header that a source brings along."""
+    asked = ["generate", law_file, "--range", "0.1,2", "--limit", "0.25"]
+    assert middeck(capfd, *asked, "-o", tmp_path / "law.c").code == 0
+    whole = (tmp_path / "law.h").read_bytes()
+    for file in tmp_path.glob("law.*"):
+        file.unlink()
+    done = middeck(capfd, *asked, "-o", tmp_path / "law.h", "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["files"] == [str(tmp_path / "law.h")]
+    assert {file.name for file in tmp_path.iterdir()} == {"gimbal.json", "law.h"}
+    assert (tmp_path / "law.h").read_bytes() == whole
 
 
 def test_other_files_are_named_for_what_they_are(law_file, tmp_path, capfd):

@@ -19,11 +19,18 @@ from engine_cases import (
     random_package,
     still_article,
 )
+from faked_clock import SupervisorByFakedClock, faked_clock
+from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.settings import encode_settings
+from middeck.realtime.engine.interface.monitors import Monitor
+from middeck.realtime.engine.interface.settings import Drive, SensorTest, Spread, encode_settings
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.engine.rigs.linear_article import Fault
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from middeck.realtime.package.package_law import package_law
+from middeck.systems.state_space.statespace import SampledStateSpace
+from packaged_laws import PERIOD_S, ports
+from repeats import repeats
 from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -64,34 +71,107 @@ def test_a_record_has_every_signal_of_its_sample():
     assert np.ptp(r["excitation"]) > 0.0
 
 
-CAUSES = ("stop", "heartbeat", "range", "envelope")
+AT = 401
+"""The sample in which everything happens."""
+SILENT, APART = 40, 5
+"""Samples of a supervisor, and of two sensors, until they trip."""
+OUTSIDE = ("heartbeat", "lateness")
+READ = ("not finite", "range", "stuck", "spread", "envelope")
+SEEN = ("band power", "growth")
+WRITTEN = ("band power u0", "growth u0", "effort", "momentum")
+OVERFLOWS = ("command not finite",)
+RANKS = (
+    ("stop", *OUTSIDE, *READ, *SEEN, *WRITTEN),
+    ("stop", "no answer", *OUTSIDE, *SEEN, *WRITTEN),
+    ("stop", "rig dead", *OUTSIDE, *SEEN, *WRITTEN),
+    ("stop", *OUTSIDE, *READ, *SEEN, *OVERFLOWS),
+    ("stop", "no answer", *OUTSIDE, *SEEN, *OVERFLOWS),
+    ("stop", "rig dead", *OUTSIDE, *SEEN, *OVERFLOWS),
+)
+"""In order of authority: what can be in one sample. Without readings no test of a sensor finds anything, and
+after numbers that overflow no output is looked at."""
+CAUSES = [ranks[first:] for ranks in RANKS for first in range(len(ranks))]
+"""Each beside all of lesser authority, which are the first of others."""
 
 
-@pytest.mark.parametrize("first", range(len(CAUSES)))
-def test_of_several_causes_in_one_sample_the_first_in_authority_is_the_trip(first):
-    at = 40  # where the silence since the start is longer than its 40 samples
-    faults = [
-        Fault(kind="sensor add", channel=1, start=at, value=100.0),
-        Fault(kind="sensor add", channel=2, start=at, value=2.0),
-    ]
-    sensors = tuple(
-        dataclasses.replace(test, envelope=1.0 if k == 2 else np.inf)
-        for k, test in enumerate(plain_settings().sensors)
+def watching(asked):
+    """Settings that trip by these causes and no others."""
+    y, u = ports(0, 7, 2)
+    reach = {5: 1.0} if "envelope" in asked else {}
+    stuck = {2: AT * PERIOD_S} if "stuck" in asked else {}
+    monitors = [
+        Monitor(
+            channel=channel, side=side, band_hz=(0.0, 25.0), seconds=PERIOD_S, window_s=PERIOD_S, floor=1e-4,
+            limit=limit if f"band power{where}" in asked else np.inf,
+            factor=2.0 if f"growth{where}" in asked else 0.0, times=times,
+        )
+        for channel, side, where, limit, times in (
+            ("y6", "sensor", "", 0.07, 2), ("u0", "output", " u0", 1e-3, 1),
+        )
+    ]  # fmt: skip
+    return plain_settings(
+        sensors=tuple(
+            SensorTest(port=port, range=10.0, envelope=reach.get(k, np.inf), stuck_s=stuck.get(k, 0.0))
+            for k, port in enumerate(y)
+        ),
+        drives=tuple(
+            Drive(
+                port=port, lower=-0.5, upper=0.5, momentum=1e-6 if "momentum" in asked else np.inf, stored=0.0
+            )
+            for k, port in enumerate(u)
+        ),
+        spreads=[Spread(first="y3", second="y4", limit=0.5, seconds=APART * PERIOD_S)]
+        if "spread" in asked
+        else (),
+        monitors=monitors,
+        effort_s=PERIOD_S if "effort" in asked else 0.0,
+        heartbeat_s=SILENT * PERIOD_S if "heartbeat" in asked else 0.0,
+        late_most=0,
     )
-    asked = CAUSES[first:]
-    settings = plain_settings(sensors=sensors, heartbeat_s=0.08 if "heartbeat" in asked else 0.0)
-    rig = still_article(
-        [0.0, 0.1, 0.2], faults=tuple(faults["range" not in asked :]), sensor_noise=np.full(3, 1e-3)
-    )
-    with Supervisor(settings, rig) as engine:
-        engine.reset()
-        engine.run(at, beats=False)
-        assert engine.state == "ready", kinds(engine)
+
+
+def upset(asked):
+    """Readings that stand still until it happens; y6, whose filtered step grows on, moves one before."""
+    moves = {
+        "not finite": Fault(kind="sensor nan", channel=0, start=AT),
+        "range": Fault(kind="sensor add", channel=1, start=AT, value=100.0),
+        "spread": Fault(kind="sensor add", channel=4, start=AT - APART + 1, value=2.0),
+        "envelope": Fault(kind="sensor add", channel=5, start=AT, value=2.0),
+        "no answer": Fault(kind="rig silent", start=AT),
+        "rig dead": Fault(kind="rig dies", start=AT),
+    }
+    faults = [fault for cause, fault in moves.items() if cause in asked]
+    faults.append(Fault(kind="sensor add", channel=6, start=AT - 1, value=2.0))
+    return still_article([0.1, 0.1, 0.1, 0.2, 0.2, 0.0, 0.0], faults=tuple(faults))
+
+
+def reacting(asked):
+    """u = g y6 of the sample before: u0 within its limit, u1 beyond; or numbers that overflow."""
+    y, u = ports(0, 7, 2)
+    gains = [[1e308], [1e308]] if "command not finite" in asked else [[0.1], [1.0]]
+    system = SampledStateSpace([[0.0]], np.eye(7)[6:], gains, np.zeros((2, 7)), period_s=PERIOD_S)
+    return package_law(Compensator(system, y, u), "law", limit=0.5, form="dense")
+
+
+@pytest.mark.parametrize("asked", repeats(dict.fromkeys(CAUSES), len(RANKS[0]) + 2), ids=", ".join)
+def test_of_several_causes_in_one_sample_the_first_in_authority_is_the_trip(asked):
+    with faked_clock() as clock, SupervisorByFakedClock(watching(asked), upset(asked), clock=clock) as engine:
+        assert engine.load(reacting(asked)).done
+        assert engine.reset().done
+        engine.run(SILENT // 2, keep=False)
+        assert engine.command("engage", values=[1.0]).done
+        while engine.sample < AT - SILENT - 1:
+            engine.run(min(SILENT // 2, AT - SILENT - 1 - engine.sample), keep=False)
+        engine.beat()
+        engine.run(SILENT + 1, beats=False)
+        assert engine.state == "control", kinds(engine)
         if "stop" in asked:
             engine.stop()
+        if "lateness" in asked:
+            clock["late"] = 10_000_000
         engine.run(1, beats=False)
         (trip,) = [event for event in engine.events() if event.trips]
-    assert (trip.kind, trip.sample) == (CAUSES[first], at)
+    assert (trip.kind, trip.sample) == (asked[0].removesuffix(" u0"), AT)
 
 
 def test_settings_have_one_owner():

@@ -14,6 +14,10 @@ from .laws.blacklists import (
     add_to_blacklist as add_to_blacklist,
     load_blacklist as load_blacklist,
 )
+from .laws.gate_logs import (
+    GateLog as GateLog,
+    load_gate_log as load_gate_log,
+)
 from .laws.verdicts import load_verdicts as load_verdicts
 from .measured.models import load_model as load_model
 from .measured.modes import write_measured_modes as write_measured_modes

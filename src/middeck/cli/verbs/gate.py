@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -109,11 +111,20 @@ EXAMPLES = """\
     help="Least adaptive gain.  [default: 0]",
 )
 @options.output("verdict_file", (".json",), "Write the verdict.", "VERDICT.json")
+@options.written(
+    "--log",
+    "log_file",
+    cls=options.Updated,
+    endings=(".jsonl",),
+    metavar="LOG.jsonl",
+    help="Append each step as it ends.  [default: beside the verdict]",
+)
 @options.common
 def verb(
     package_file: str,
     tried: options.Tried,
     verdict_file: str | None,
+    log_file: str | None,
     blacklist_file: str | None,
     relieved: str | None,
     as_json: bool,
@@ -129,7 +140,9 @@ def verb(
 
     Runs: a dry run with noise on each PLANT and, on a rig, a shadow run (outputs discarded) and engagement at
     a share of authority, then at full authority. They use the engine or, without a C compiler, the reference
-    law in Python. The exit code is 1 if a step fails. --set takes the keys of articles and environments.
+    law in Python. Each step is logged as it ends, with the package's SHA-256, beside the verdict or in --log:
+    a gate that is killed leaves its steps. The exit code is 1 if a step fails. --set takes the keys of
+    articles and environments.
     """
     from middeck.cli.given.plants_to_try import also_held, gather_plants, say_promised_hold
     from middeck.cli.given.shifted_plants import all_plants
@@ -160,10 +173,15 @@ def verb(
     )
     trials = None if given["paper"] else trials
     rig = _rig(package, engine, given["rig_port"], given["driver"], given["paper"])
-    verdict = md.examine_package(
-        package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
-        engaged=engaged,
-    )  # fmt: skip
+    if log_file is None and verdict_file is not None:
+        log_file = str(Path(verdict_file).with_suffix(".jsonl"))
+    with nullcontext() if log_file is None else md.files.GateLog(log_file, package, models) as log:
+        verdict = md.examine_package(
+            package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
+            engaged=engaged, log=log,
+        )  # fmt: skip
+        if log is not None:
+            log.end(verdict)
     document = describe(verdict, margins, trials) | {
         "promises": [promise.sha256 for promise in gathered.promises],
         "warnings": say_promised_hold(gathered, [1.0 / package.period_s]),

@@ -11,7 +11,7 @@ import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, number, show
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 
 EXAMPLES = """\
   middeck generate law.json --rate 500 --limit 0.25 --range 0.1 \\
@@ -107,7 +107,8 @@ def _require_consistent(target: tuple[str, ...], given: dict[str, Any]) -> None:
 def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
     from middeck.cli.given.compensators import load_law
     from middeck.files.disk.kind_of_content import PACKAGE, looks_like
-    from middeck.files.laws.packages import load_package
+    from middeck.files.laws.packages import AGAIN, load_package
+    from middeck.realtime.gate.steps_on_paper import check_vectors
     from middeck.realtime.package.package_law import package_law, without_applied
 
     limits = {key: given[key] for key in LIMITS if given[key] is not None}
@@ -121,6 +122,9 @@ def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
                 hint="generate from the compensator",
             )
         package = load_package(law_file)
+        step = check_vectors(package)
+        if not step.passed:
+            raise DataError(f"its test vectors are not this law's: {step.said}", where=law_file, hint=AGAIN)
     else:
         law = load_law(law_file)
         if law.period_s is None:

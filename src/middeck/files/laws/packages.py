@@ -10,7 +10,7 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, JSON, PACKAGE, is_json, stray
 from middeck.files.json.hash_seal import doubled_key
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
-from middeck.files.json.output import write_json
+from middeck.files.json.output import plain, write_json
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
@@ -120,7 +120,19 @@ def _from_document(data: dict[str, Any], where: str) -> ControllerPackage:
         _refuse(f"no package: {error}", where)
     if hash_package(package) != data["sha256"]:
         _refuse("the package was changed: its hash does not fit", where)
+    if not _same(data, plain(package_document(package))):
+        _refuse("the document does not say this package as it is written", where)
     return package
+
+
+def _same(said: Any, written: Any) -> bool:
+    """Whether two JSON values are one: numbers by their value, all else by its type too."""
+    if isinstance(said, dict) and isinstance(written, dict):
+        return said.keys() == written.keys() and all(_same(said[key], written[key]) for key in written)
+    if isinstance(said, list) and isinstance(written, list):
+        return len(said) == len(written) and all(map(_same, said, written))
+    numbers = type(said) in (int, float) and type(written) in (int, float)
+    return said == written and (numbers or type(said) is type(written))
 
 
 def _build(data: dict[str, Any], where: str) -> ControllerPackage:

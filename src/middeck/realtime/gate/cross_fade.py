@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import EngineSettings
@@ -22,11 +22,12 @@ def check_cross_fade(
     least: GateMargins,
     engine: EngineSettings | None = None,
     share: float = 1.0,
-) -> tuple[GateStep, ...]:
+) -> Iterator[GateStep]:
     """While ``engaged`` fades out and ``package`` in, the loop with each model is stable with margin.
 
     From full authority of one to that of the other, and to a ``share`` of it, at eleven points of either
-    fade, beside the hold of the ``engine``; without one, by the times of an engine's default settings.
+    fade, beside the hold of the ``engine``; without one, by the times of an engine's default settings. A step
+    for each model, as it ends.
     """
     try:
         plain = package_settings(package) if engine is None else engine
@@ -44,11 +45,10 @@ def check_cross_fade(
         ]
     except ConfigError as error:
         said = f"{error.what}: {error.hint}"
-        return (GateStep(name=f"cross-fade from {engaged.name}", passed=False, said=said),)
-    return tuple(
-        check_loops(f"cross-fade from {engaged.name} on {name}", plant, tried, least)
-        for name, plant in models.items()
-    )
+        yield GateStep(name=f"cross-fade from {engaged.name}", passed=False, said=said)
+        return
+    for name, plant in models.items():
+        yield check_loops(f"cross-fade from {engaged.name} on {name}", plant, tried, least)
 
 
 def fade_points(

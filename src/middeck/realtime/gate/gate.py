@@ -1,7 +1,8 @@
 """The gate: no package runs before every step has passed, on paper, on models and on a rig."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Self
 
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain
@@ -95,6 +96,7 @@ def examine_package(
     blacklist: Mapping[str, str] | None = None,
     settings: EngineSettings | None = None,
     engaged: ControllerPackage | None = None,
+    log: Callable[[GateStep], object] | None = None,
 ) -> GateVerdict:
     """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
@@ -115,6 +117,7 @@ def examine_package(
             (`check_cross_fade`), with ``trials`` also to their share. Without it that fade is not judged; the
             one from the hold alone always is. With a ``gain`` it is refused: of two laws at once none is
             proved.
+        log: Told of each step as it ends, before the next begins (`files.GateLog`).
 
     Raises `ConfigError` without a model, as a package that was tried on nothing has passed nothing, and for
     a rig whose engine has another hold than ``settings``.
@@ -125,71 +128,99 @@ def examine_package(
         raise ConfigError("the rig's engine has another hold", hint="the settings of the same engine")
     engine = rig.settings if settings is None and rig is not None else settings
     held, unfit = _beside_hold(package, engine)
-    steps = [check_blacklist(hash_law(package), blacklist or {})]
-    steps += _on_paper(package, held, unfit or check_interface(held, models), gain) if _good(steps) else []
-    if _good(steps):
+    steps = _Steps(log)
+    steps += [check_blacklist(hash_law(package), blacklist or {})]
+    if steps.good:
+        faded_by = _what_fades(gain, engaged, rig)
+        steps += _on_paper(package, held, unfit or check_interface(held, models), gain, faded_by)
+    if steps.good:
         least = margins or GateMargins()
-        steps += [check_model(held, name, plant, least) for name, plant in models.items()]
-        if _good(steps):
+        steps += (check_model(held, name, plant, least) for name, plant in models.items())
+        if steps.good:
             alone = package if engine is None else with_drives(package, engine)
-            steps += [
+            steps += (
                 check_recovery(held, name, plant, held=held is not package, alone=alone)
                 for name, plant in models.items()
-            ]
-        if engaged is not None and _good(steps):
+            )
+        if engaged is not None and steps.good:
             share = 1.0 if trials is None else trials.share
             if gain is None:
                 steps += check_cross_fade(engaged, package, models, least, engine, share)
             else:
-                steps.append(_refuse_cross_fade(engaged))
-    proofs: tuple[GainProof, ...] = ()
-    if gain is not None and _good(steps):
-        proofs = prove_gain(held, gain, models)
-        steps += _at_gains(held, gain, models, proofs, beside_hold=held is not package)
+                steps += [_refuse_cross_fade(engaged)]
+    proofs: list[GainProof] = []
+    if gain is not None and steps.good:
+        steps += _prove_each(held, gain, models, proofs)
+        if steps.good:
+            steps += (
+                check_recovery_at_gains(held, gain, name, plant, held=held is not package)
+                for name, plant in models.items()
+            )
     tripped = ""
-    if trials is not None and _good(steps):
-        steps += [check_dry_run(package, name, plant, trials, engine) for name, plant in models.items()]
-        if rig is not None and _good(steps):
-            runs, tripped = _on_rig(package, rig, trials)
-            steps += runs
+    if trials is not None and steps.good:
+        steps += (check_dry_run(package, name, plant, trials, engine) for name, plant in models.items())
+        if rig is not None and steps.good:
+            steps += [check_shadow_run(package, rig, trials)]
+            if steps.good:
+                engagement, tripped = check_engagement(package, rig, trials)
+                steps += [engagement]
     left_out = ("dry run", "shadow run", "engagement")[0 if trials is None else 1 if rig is None else 3 :]
     return GateVerdict(
         sha256=hash_package(package), law=hash_law(package), name=package.name, models=tuple(models),
-        steps=tuple(steps), left_out=left_out, tripped=tripped, gain=gain, proofs=proofs,
+        steps=tuple(steps), left_out=left_out, tripped=tripped, gain=gain, proofs=tuple(proofs),
         hold=NO_HOLD if engine is None else hash_hold(engine),
         engaged="" if engaged is None else hash_package(engaged),
     )  # fmt: skip
 
 
+class _Steps(list[GateStep]):
+    """Steps as they are taken: what adds several must not take the next before the last is told."""
+
+    def __init__(self, log: Callable[[GateStep], object] | None) -> None:
+        super().__init__()
+        self._log = log
+
+    def __iadd__(self, steps: Iterable[GateStep]) -> Self:
+        for step in steps:
+            self.append(step)
+            if self._log is not None:
+                self._log(step)
+        return self
+
+    @property
+    def good(self) -> bool:
+        return all(step.passed for step in self)
+
+
 def _on_paper(
-    package: ControllerPackage, held: ControllerPackage, interface: GateStep, gain: AdaptiveGain | None
-) -> list[GateStep]:
-    steps = [interface, check_poles(held), check_vectors(package), check_error_bound(package)]
-    return steps if gain is None else [*steps, _check_gain(package, gain)]
-
-
-def _at_gains(
+    package: ControllerPackage,
     held: ControllerPackage,
-    gain: AdaptiveGain,
-    models: Mapping[str, Plant],
-    proofs: tuple[GainProof, ...],
-    beside_hold: bool,
-) -> list[GateStep]:
-    """Recovery from limits at gains that are proved to be stable, and the proofs."""
-    steps = [GateStep(name=f"adaptive gain {p.model}", passed=p.proved, said=p.said) for p in proofs]
-    if not _good(steps):
-        return steps
-    recovery = [check_recovery_at_gains(held, gain, *model, held=beside_hold) for model in models.items()]
-    return recovery + steps
+    interface: GateStep,
+    gain: AdaptiveGain | None,
+    faded_by: str,
+) -> Iterator[GateStep]:
+    yield interface
+    yield check_poles(held)
+    yield check_vectors(package)
+    yield check_error_bound(package, faded_by)
+    if gain is not None:
+        yield _check_gain(package, gain)
 
 
-def _on_rig(package: ControllerPackage, rig: GateRig, trials: GateTrials) -> tuple[list[GateStep], str]:
-    """A shadow run; if it is passed, engagement, and the trip that ended it."""
-    shadow = check_shadow_run(package, rig, trials)
-    if not shadow.passed:
-        return [shadow], ""
-    engagement, tripped = check_engagement(package, rig, trials)
-    return [shadow, engagement], tripped
+def _what_fades(gain: AdaptiveGain | None, engaged: ControllerPackage | None, rig: GateRig | None) -> str:
+    """What takes a part of the law's commands beyond its own ramp."""
+    cross_fade = "" if engaged is None else f"the cross-fade from {engaged.name}"
+    return "an adaptive gain" if gain is not None else cross_fade or ("the rig's engine" if rig else "")
+
+
+def _prove_each(
+    held: ControllerPackage, gain: AdaptiveGain, models: Mapping[str, Plant], proofs: list[GainProof]
+) -> Iterator[GateStep]:
+    """Add the proof on each model to ``proofs``."""
+    for name, plant in models.items():
+        (proof,) = prove_gain(held, gain, {name: plant})
+        proofs.append(proof)
+        yield GateStep(name=f"adaptive gain {name}", passed=proof.proved, said=proof.said)
 
 
 def _beside_hold(
@@ -202,10 +233,6 @@ def _beside_hold(
         return with_hold(package, engine), None
     except ConfigError as error:
         return package, GateStep(name="interface", passed=False, said=f"{error.what}: {error.hint}")
-
-
-def _good(steps: list[GateStep]) -> bool:
-    return all(step.passed for step in steps)
 
 
 def _refuse_cross_fade(engaged: ControllerPackage) -> GateStep:

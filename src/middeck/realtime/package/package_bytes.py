@@ -108,7 +108,9 @@ def decode_package(data: bytes, where: str = "") -> ControllerPackage:
     """
     head, period_s = _read_head(data, where)
     if hashlib.sha256(data[:-_HASH]).digest() != data[-_HASH:]:
-        _refuse("the package was changed or cut short: its hash does not fit", where)
+        if _is_cut(data, head):
+            _refuse(f"cut short: its {len(data)} bytes end before what its sizes need", where)
+        _refuse("the package was changed: its hash does not fit", where)
     try:
         package = _Reader(data[_HEAD.size : -_HASH], where).package(head, period_s)
     except ConfigError as error:
@@ -137,6 +139,22 @@ def _read_head(data: bytes, where: str) -> tuple[_Head, float]:
     if not head.inputs * head.outputs:
         _refuse(f"{head.inputs} inputs and {head.outputs} outputs; at least one of each", where)
     return head, period_s
+
+
+def _is_cut(data: bytes, head: _Head) -> bool:
+    """Whether it ends before what its sizes need: for the reason only, as a length may have been changed."""
+    n, m, p, places, at = head.states, head.inputs, head.outputs, head.filters + head.paths, _HEAD.size
+    for _ in range(1 + 2 * (m + p)):
+        length = int.from_bytes(data[at : at + 2], "little")
+        if length > TEXT:
+            return False
+        at += 2 + length
+    at += 8 * places
+    dynamics = n + 2 * head.pairs if head.flags & MODAL else n * n
+    path, bound = n * p * bool(head.flags & APPLIED), p * bool(head.flags & SINGLE)
+    law = dynamics + n * m + p * n + p * m + path + 5 * places
+    numbers = m + 3 * p + bound + law + head.samples * (m + p)
+    return len(data) < at + -at % 8 + 8 * numbers + head.samples + -head.samples % 8 + _HASH
 
 
 def _port_texts(package: ControllerPackage) -> bytes:
@@ -190,7 +208,7 @@ class _Reader:
         core = self.core(head)
         placed = [(place, Section(self.numbers(3), self.numbers(2))) for place in places]
         y, u = self.numbers(head.samples, m), self.numbers(head.samples, p)
-        engaged = np.frombuffer(self.take(head.samples), dtype=np.uint8) != 0
+        engaged = np.frombuffer(self.take(head.samples + -head.samples % 8)[: head.samples], np.uint8) != 0
         return ControllerPackage(
             name=name, period_s=period_s, inputs=inputs, outputs=outputs,
             input_range=limits[0], lower=limits[1], upper=limits[2], slew=limits[3], core=core,
@@ -219,7 +237,7 @@ class _Reader:
     def take(self, count: int) -> bytes:
         end = self.at + count
         if end > len(self.body):
-            _refuse("cut short: its sizes need more bytes than it has", self.where)
+            _refuse("wrong size: its sizes need more bytes than it has", self.where)
         found, self.at = self.body[self.at : end], end
         return found
 

@@ -95,13 +95,15 @@ void monitors_effort(monitor_states *m, const settings *set, const real *u, cons
     int i;
 
     for (i = 0; i < set->outputs; ++i) {
-        m->momentum[i] += u[i] * set->period_s;
-        if (monitors_full(m, set, i, u[i]))
-            blame(cause, MOMENTUM, set->inputs + i, m->momentum[i], set->momentum[i]);
         m->effort[i] += set->effort_forget * (share[i] * share[i] - m->effort[i]);
         if (m->effort[i] > set->effort_share * set->effort_share) {
             blame(cause, EFFORT, set->inputs + i, sqrt(m->effort[i]), set->effort_share);
             blame(growing, EFFORT, set->inputs + i, sqrt(m->effort[i]), set->effort_share);
         }
+    }
+    for (i = 0; i < set->outputs; ++i) {
+        m->momentum[i] += u[i] * set->period_s;
+        if (monitors_full(m, set, i, u[i]))
+            blame(cause, MOMENTUM, set->inputs + i, m->momentum[i], set->momentum[i]);
     }
 }

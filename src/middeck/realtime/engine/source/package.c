@@ -195,7 +195,7 @@ static enum answer read_end(package *p, bytes_left *b)
     long i;
 
     if (b->end - b->at != (p->samples + 7) / 8 * 8)
-        return BAD_LENGTH;
+        return b->end - b->at < (p->samples + 7) / 8 * 8 ? BAD_LENGTH : TOO_LONG;
     p->test_engaged = b->at;
     for (i = 0; i < p->samples; ++i)
         if (b->at[i] > 1)
@@ -222,25 +222,13 @@ static void hash_law(package *p, const uint32_t w[WORDS], const unsigned char *p
     sha256(all, sizeof all, p->law_hash);
 }
 
-enum answer package_read(package *p, unsigned char *bytes, size_t count)
+/* What is not sealed is read for the reason only. */
+static enum answer read_whole(package *p, unsigned char *bytes, bytes_left b, int sealed)
 {
     uint32_t w[WORDS];
-    bytes_left b;
     const unsigned char *places;
     enum answer found;
 
-    memset(p, 0, sizeof *p);
-    if (count == 0)
-        return NO_BYTES;
-    if (count < HEAD + HASH || count > LARGEST_PACKAGE || count % 8)
-        return BAD_LENGTH;
-    b.at = bytes + HEAD;
-    b.end = bytes + count - HASH;
-    if (memcmp(bytes, "MIDDECKP", 8) != 0)
-        return BAD_MAGIC;
-    sha256(bytes, count - HASH, p->hash);
-    if (memcmp(p->hash, bytes + count - HASH, HASH) != 0)
-        return BAD_HASH;
     if ((found = read_words(bytes, w)) != DONE)
         return found;
     memcpy(&p->period_s, bytes + 8 + sizeof w, sizeof p->period_s);
@@ -261,10 +249,35 @@ enum answer package_read(package *p, unsigned char *bytes, size_t count)
         return found;
     if ((found = read_numbers(p, &b, w)) != DONE)
         return found;
-    if ((found = read_end(p, &b)) != DONE)
+    if ((found = read_end(p, &b)) != DONE || !sealed)
         return found;
     hash_law(p, w, p->texts + 2 + text_length(p->texts), places);
     return w[W_FLAGS] & UNSTABLE || poles_within(&p->law) ? DONE : UNDECLARED_POLE;
+}
+
+enum answer package_read(package *p, unsigned char *bytes, size_t count)
+{
+    enum answer found;
+    bytes_left b;
+    int sealed;
+
+    memset(p, 0, sizeof *p);
+    if (count == 0)
+        return NO_BYTES;
+    if (count >= 8 && memcmp(bytes, "MIDDECKP", 8) != 0)
+        return BAD_MAGIC;
+    if (count < HEAD + HASH)
+        return CUT_SHORT;
+    if (count > LARGEST_PACKAGE)
+        return BAD_LENGTH;
+    b.at = bytes + HEAD;
+    b.end = bytes + count / 8 * 8 - HASH;
+    sha256(bytes, count - HASH, p->hash);
+    sealed = count % 8 == 0 && memcmp(p->hash, bytes + count - HASH, HASH) == 0;
+    found = read_whole(p, bytes, b, sealed);
+    if (sealed)
+        return found;
+    return found == BAD_LENGTH ? CUT_SHORT : BAD_HASH;
 }
 
 enum answer package_replay(const package *p, law_state *state)

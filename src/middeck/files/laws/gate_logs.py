@@ -1,0 +1,158 @@
+"""The log of the gate: a file of lines that has each step before the next begins."""
+
+import datetime
+import json
+import os
+import secrets
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from middeck.errors import DataError
+from middeck.files.json.hash_seal import SEAL, seal
+from middeck.realtime.gate.gate import GateVerdict
+from middeck.realtime.gate.steps_on_paper import GateStep
+from middeck.realtime.package.package import ControllerPackage
+from middeck.realtime.package.package_bytes import hash_law, hash_package
+from middeck.values import record
+
+GATE_LOG = "middeck.gate-log/1"
+
+
+@record(kw_only=True)
+class LoggedGate:
+    """What a log has of one gate.
+
+    Attributes:
+        package, law: SHA-256 of the package, and of what computes in it (`hash_law`).
+        models: Names of the models that it was to be tried on.
+        steps: Those that ended, in order.
+        passed: Its verdict; None where the gate was cut off.
+    """
+
+    package: str
+    law: str
+    models: tuple[str, ...]
+    steps: tuple[GateStep, ...]
+    passed: bool | None
+
+
+class GateLog:
+    """Appends the steps of one gate to a file, each as it ends: what `examine_package` takes as ``log``.
+
+    Every line is a sealed document with the package's SHA-256, and is on the disk when the call returns.
+    Several gates may write to one file at once. Raises `DataError` where ``path`` is another file.
+
+    >>> with GateLog("gate.jsonl", package, models) as log:  # doctest: +SKIP
+    ...     log.end(examine_package(package, models, log=log))
+    """
+
+    def __init__(self, path: str | Path, package: ControllerPackage, models: Iterable[str]) -> None:
+        torn = _ends_torn(path)
+        self._about = {"schema": GATE_LOG, "gate": secrets.token_hex(8), "package": hash_package(package)}
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        if torn:  # what another one was writing when it died stays a line of its own
+            os.write(self._file, b"\n")
+        self._lines = 0
+        self._write({"law": hash_law(package), "begins": list(models)})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._file)
+
+    def __call__(self, step: GateStep) -> None:
+        """Add a step that ended."""
+        self._write({"step": step.name, "passed": step.passed, "said": step.said})
+
+    def end(self, verdict: GateVerdict) -> None:
+        """Add that the gate came to its end, and its verdict."""
+        self._write({"ends": verdict.passed, "tripped": verdict.tripped})
+
+    def _write(self, what: Mapping[str, Any]) -> None:
+        self._lines += 1
+        now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+        line = json.dumps(seal({**self._about, "line": self._lines, "utc": now, **what})) + "\n"
+        os.write(self._file, line.encode())
+        os.fsync(self._file)
+
+
+def load_gate_log(path: str | Path) -> tuple[LoggedGate, ...]:
+    """The gates in the log ``path``, in the order in which they began.
+
+    A line that was being written when its gate died is left out. Raises `DataError` for another file, and
+    for a line that was changed or taken out.
+    """
+    gates: dict[str, list[dict[str, Any]]] = {}
+    for line in _sealed_lines(path):
+        gates.setdefault(line["gate"], []).append(line)
+    return tuple(_gate(lines) for lines in gates.values())
+
+
+def _gate(lines: list[dict[str, Any]]) -> LoggedGate:
+    first = lines[0]
+    steps = (line for line in lines if "step" in line)
+    return LoggedGate(
+        package=first["package"],
+        law=first["law"],
+        models=tuple(first["begins"]),
+        steps=tuple(GateStep(name=s["step"], passed=s["passed"], said=s["said"]) for s in steps),
+        passed=next((line["ends"] for line in lines if "ends" in line), None),
+    )
+
+
+def _sealed_lines(path: str | Path) -> list[dict[str, Any]]:
+    try:
+        rows = Path(path).read_bytes().split(b"\n")
+    except OSError as error:
+        raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="check the path") from None
+    taken: dict[str, int] = {}
+    kept: list[dict[str, Any]] = []
+    torn = 0  # the line that is no document, and may only be followed by a gate's beginning
+    for number, row in enumerate(filter(None, rows), 1):
+        line = _parsed(row)
+        if line is None and not torn:
+            torn = number
+            continue
+        if line is None or (torn and "begins" not in line):
+            raise _changed(path, torn or number)
+        inside = {key: value for key, value in line.items() if key != SEAL}
+        if line.get("schema") != GATE_LOG or seal(inside) != line:
+            raise _changed(path, number)
+        before = taken.get(line["gate"], 0)
+        if line["line"] != before + 1 or ("begins" in line) != (before == 0):
+            raise _changed(path, number)
+        taken[line["gate"]] = before + 1
+        kept.append(line)
+        torn = 0
+    if not kept:
+        raise DataError("no log of the gate", where=str(path), hint="a file of middeck gate --log")
+    return kept
+
+
+def _parsed(row: bytes) -> dict[str, Any] | None:
+    try:
+        line = json.loads(row)
+    except (ValueError, RecursionError):
+        return None
+    return line if isinstance(line, dict) else None
+
+
+def _changed(path: str | Path, number: int) -> DataError:
+    return DataError("not a line as the gate wrote it", where=f"{path}:{number}", hint="the file as written")
+
+
+def _ends_torn(path: str | Path) -> bool:
+    """Whether the log that is there ends within a line; raises `DataError` for another file."""
+    if not os.path.lexists(path) or os.path.getsize(path) == 0:
+        return False
+    with open(path, "rb") as file:
+        first = _parsed(file.readline())
+        if first is None or first.get("schema") != GATE_LOG:
+            raise DataError("is no log of the gate", where=str(path), hint="a new file, or one that it wrote")
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) != b"\n"
