@@ -432,6 +432,17 @@ def _derivative(system, d, s: complex) -> np.ndarray:
     return d.C @ inverse @ system.B + system.C @ inverse @ (d.A @ inverse @ system.B + d.B)
 
 
+def test_what_is_asked_of_a_rest_state_in_turn_is_its_own():
+    """The last motion is kept with the state: of other parameters, or of fewer, it is another."""
+    article, environment = all_kinds_of_springs()
+    both = find_parameters(article, environment, ["spring.stay.stiffness", "joint.swing.stiffness"])
+    rest = solve_equilibrium(article, environment)
+    for asked in (both, both[:1], both[1:], both, both[::-1]):
+        alone = differentiate_rest(solve_equilibrium(article, environment), asked)
+        assert differentiate_rest(rest, asked) == alone
+    assert len(both) > 1
+
+
 def test_unknown_parameter_is_named():
     article, lab = lab_article("mace-dm")
     with pytest.raises(ConfigError, match=r"no parameter 'node\.n1\.mas'") as caught:
