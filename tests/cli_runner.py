@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import os
-import pickle
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,6 +23,7 @@ from middeck.updating.orbit.frequencies import solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
 from repeats import LONG
+from shared_results import once
 
 ROOT = Path(__file__).parents[1]
 FITTED: dict[str, Any] = {}
@@ -52,20 +50,6 @@ def identify_once(*asked: Any) -> Any:
     if known not in FITTED:
         FITTED[known] = identify(*asked)
     return FITTED[known]
-
-
-def once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``function``, computed once for arguments of the same values."""
-    done: dict[bytes, Any] = {}
-
-    @functools.wraps(function)
-    def kept(*asked: Any, **named: Any) -> Any:
-        known = pickle.dumps((asked, named))
-        if known not in done:
-            done[known] = function(*asked, **named)
-        return done[known]
-
-    return kept
 
 
 refine_once, promise_once, detect_faults_once = once(refine), once(promise), once(detect_faults)

@@ -17,7 +17,9 @@ from coarse_articles import coarse  # noqa: E402
 from long_results import LongResults  # noqa: E402
 from middeck.files.setups import load_environment, load_structure  # noqa: E402
 from middeck.files.studies.documents import load_study  # noqa: E402
+from middeck.structure.rest.equilibrium import solve_equilibrium  # noqa: E402
 from repeats import LONG  # noqa: E402
+from shared_results import once  # noqa: E402
 
 # Tests make many values and few cycles; what was imported has none to be looked for.
 gc.freeze()
@@ -25,6 +27,7 @@ gc.set_threshold(50_000, 20, 20)
 
 ROOT = Path(__file__).parents[1]
 SEED = 1993
+at_rest_lately = once(solve_equilibrium, kept=200)
 SHARE = 20  # `make test` runs a twentieth of each campaign
 
 # Independent programs with environments of their own; nothing here imports them.
@@ -82,6 +85,15 @@ def pytest_collection_modifyitems(items):
     }
     if takers - PAPER:
         raise pytest.UsageError(f"add {', '.join(takers - PAPER)} to PAPER in tests/conftest.py")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_rest_states():
+    """Refinements of many tests begin at the same rest states, which are solved once a worker."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("surveys", "static_tests"):
+            patch.setattr(f"middeck.updating.residuals.{module}.solve_equilibrium", at_rest_lately)
+        yield
 
 
 @pytest.fixture(scope="session")

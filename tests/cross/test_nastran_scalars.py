@@ -205,7 +205,7 @@ def test_gravity_does_not_load_scalar_points(tmp_path):
 @pytest.mark.parametrize(
     ("card", "words"),
     [
-        ("CELAS2,20,1.,1,0", "CELAS2 20: grid 1 has components, 1 to 6: which?"),
+        ("CELAS2,20,1.,1,0", "CELAS2 20 field 5 (C1) = 0: grid 1 has components, 1 to 6: which?"),
         ("CELAS2,20,1.,1,0,50", "grid 1 has components, 1 to 6: which?"),
         ("CELAS4,20,1.,1,50", "grid 1 has components, 1 to 6: which?"),
         ("CELAS2,20,1.,50,3", "scalar point 50 has no component 3"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg as sla
+import scipy.sparse as sp
 
 import middeck as md
 from cli_runner import middeck
@@ -18,6 +19,7 @@ from middeck.files.nastran.components.assembly import read_assembly
 from middeck.files.nastran.components.external import read_external
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
+from middeck.files.nastran.output4.matrices import op4_by_name, write_op4
 from middeck.structure.model.component import body_of, component_doubts
 
 DATA = Path("data/nastran-superelement")
@@ -51,6 +53,58 @@ def test_the_assembly_has_nastrans_frequencies(tmp_path, capfd, answer):
     np.testing.assert_allclose(modes.frequency_hz[6:], answer[6:], rtol=1e-6)
     assert modes.warnings == ()
     assert structure.mass == pytest.approx(3.345436, rel=1e-6)
+
+
+def in_units(folder, length, mass):
+    """The assembly as written in units of ``length`` mm and ``mass`` kg, modal masses again one."""
+
+    def over(columns, line):
+        for start in columns:
+            line = f"{line[:start]}{float(line[start : start + 16]) / length:16.9E}{line[start + 16 :]}"
+        return line
+
+    for name in ("inboard", "outboard"):
+        for ending in ("asm", "pch"):
+            lines = (DATA / f"{name}.{ending}").read_text().splitlines()
+            for k in [k for k, line in enumerate(lines) if line.startswith("GRID*")]:
+                lines[k], lines[k + 1] = over((40, 56), lines[k]), over((8,), lines[k + 1])
+            (folder / f"{name}.{ending}").write_text("\n".join(lines) + "\n")
+        found = {key: m for key, m in op4_by_name(DATA / f"{name}.op4").items() if key in ("KXX", "MXX")}
+        S = np.full(found["KXX"].value.shape[0], 1.0)  # modal coordinates, whose masses are 1
+        S[:24] = np.tile(np.repeat([1.0, 1.0 / length], 3), 4) / np.sqrt(mass)
+        scaled = [
+            found[key]._replace(value=found[key].value.multiply(np.outer(S, S))) for key in ("KXX", "MXX")
+        ]
+        write_op4(folder / f"{name}.op4", [m._replace(value=sp.csc_array(m.value)) for m in scaled])
+    text = (DATA / "assemble.dat").read_text()
+    moved = ",".join(f"{x / length:.9f}" for x in (340.0, -630.0, 110.0))
+    for old, new in (
+        ("340.,-630.,110.", moved),
+        ("9990002,0,1.0", f"9990002,0,{length * np.sqrt(mass):.9f}"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "assemble.dat").write_text(text)
+    return folder / "assemble.dat"
+
+
+LBF = 4.4482216152605
+
+
+@pytest.mark.parametrize(
+    ("units", "length", "mass"),
+    [("mm-t-s-N", 1.0, 1000.0), ("in-slinch-s-lbf", 25.4, LBF / 0.0254)],
+)
+def test_superelements_in_other_units_have_the_same_frequencies(tmp_path, capfd, answer, units, length, mass):
+    deck = in_units(tmp_path, length, mass)
+    ended = middeck(capfd, "convert", deck, "--units", units, "-o", tmp_path / "a.toml")
+    assert ended.code == 0, ended.err
+    assert "modal masses" not in ended.out
+    modes = md.solve_modes(
+        md.solve_equilibrium(md.load_structure(tmp_path / "a.toml"), md.Environment.orbit())
+    )
+    np.testing.assert_allclose(modes.frequency_hz[6:], answer[6:], rtol=1e-6)
+    assert md.load_structure(tmp_path / "a.toml").mass == pytest.approx(3.345436, rel=1e-6)
 
 
 def test_a_held_assembly_is_that_of_its_matrices_with_rows_struck_out(tmp_path, capfd):

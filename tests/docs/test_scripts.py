@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = [ROOT / folder for folder in ("benchmarks", "tests", "tests/cross")]
@@ -15,25 +14,31 @@ SCRIPTS = sorted(
 )
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: str(p.relative_to(ROOT)))
-def test_what_a_script_imports_of_the_package_is_there(script: Path) -> None:
-    for node in ast.walk(ast.parse(script.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "middeck":
-            module = importlib.import_module(node.module or "")
-            for name in node.names:
-                if not hasattr(module, name.name):
-                    importlib.import_module(f"{node.module}.{name.name}")
+def imports() -> list[tuple[str, str, list[str]]]:
+    """Script, module and names of each import from somewhere."""
+    return [
+        (str(script.relative_to(ROOT)), node.module, [name.name for name in node.names])
+        for script in SCRIPTS
+        for node in ast.walk(ast.parse(script.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module
+    ]
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: str(p.relative_to(ROOT)))
-def test_what_scripts_import_of_each_other_and_of_the_tests_is_there(script: Path) -> None:
-    for node in ast.walk(ast.parse(script.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            files = [place / f"{node.module.replace('.', '/')}.py" for place in PLACES]
-            for file in filter(Path.is_file, files):
-                assert {name.name for name in node.names} <= _names_in(file)
+def test_what_scripts_import_is_there() -> None:
+    """Of the package, of each other and of the tests."""
+    assert SCRIPTS
+    for script, module, names in imports():
+        if module.split(".")[0] == "middeck":
+            held = importlib.import_module(module)
+            for name in names:
+                if not hasattr(held, name):
+                    importlib.import_module(f"{module}.{name}")
+        files = [place / f"{module.replace('.', '/')}.py" for place in PLACES]
+        for file in filter(Path.is_file, files):
+            assert set(names) <= _names_in(file), script
 
 
+@functools.cache
 def _names_in(file: Path) -> set[str]:
     """What a file has at its top."""
     found = set()

@@ -171,9 +171,15 @@ def number(text):
     return float(Decimal(mantissa).scaleb(int(signed or plain or 0)))
 
 
+def write_anew(path, text):
+    """Some disks wait for what is written over a file, and took two thirds of the time of this test."""
+    path.unlink(missing_ok=True)
+    path.write_text(text, newline="")
+
+
 def check(path, text):
     """Whether the deck was converted; its numbers are then those of its text."""
-    path.write_text(text, newline="")
+    write_anew(path, text)
     try:
         deck = read_deck(path)
         made = convert_deck(deck, SI, "consistent", "a")
@@ -204,7 +210,7 @@ SI = parse_units("m-kg-s-N")
 
 
 def refused_or_whole(path, text):
-    path.write_text(text, newline="")
+    write_anew(path, text)
     try:
         made = convert_deck(read_deck(path), SI, "consistent", "a")
     except MiddeckError as error:
@@ -228,7 +234,7 @@ def is_finite(made):
 def test_mutated_decks(tmp_path, campaign, judge, deck, whole, least):
     path = tmp_path / "a.dat"
     assert judge(path, deck)
-    seeds = campaign(whole, share=50)
+    seeds = campaign(whole)
     converted = sum(judge(path, mutated(seed, deck)) for seed in seeds)
     # Comments, blanks and digits leave a deck whole; most slips do not.
     assert least < converted / len(seeds) < 0.7

@@ -41,6 +41,66 @@ def test_the_deck_is_sound(tmp_path):
     assert [a["name"] for a in made.document["attach"]] == ["g3"]
 
 
+BAR = "\nCBAR,21,2,1,4,0.,1.,0."
+BEAM = "\nCBEAM,21,2,1,4,0.,1.,0."
+BUSH = "\nCBUSH,20,2,1,4,,,,0"
+
+
+@pytest.mark.parametrize(
+    ("card", "place"),
+    [
+        ("MAT1,2,7.+10,,.7,2700.\nPBAR,2,2,1." + BAR, "a.dat:15: MAT1 2 field 5 (NU) = .7: "),
+        ("MAT1,2,0.,,.3,2700.\nPBAR,2,2,1." + BAR, "a.dat:15: MAT1 2 field 3 (E) = 0.: "),
+        ("MAT1,2,1.,,.3,-2.\nPBAR,2,2,1." + BAR, "a.dat:15: MAT1 2 field 6 (RHO) = -2.: "),
+        ("PBAR,2,9,1." + BAR, "a.dat:15: PBAR 2 field 3 (MID) = 9: "),
+        ("PBAR,2,1,0.,1.,1." + BAR, "a.dat:15: PBAR 2 field 4 (A) = 0.: "),
+        ("PBAR,2,1,1.,1.,-1." + BAR, "a.dat:15: PBAR 2 field 6 (I2) = -1.: "),
+        ("PBAR,2,1,1.,1.,1.,1.,-1." + BAR, "a.dat:15: PBAR 2 field 8 (NSM) = -1.: "),
+        ("PBAR,2,1,1.,1.,1.\n,\n,1.,-1." + BAR, "a.dat:17: PBAR 2 field 23 (K2) = -1.: "),
+        ("PBEAM,2,1,1.,1.,1.,,-1." + BEAM, "a.dat:15: PBEAM 2 field 8 (J) = -1.: "),
+        ("PBEAM,2,1,1.,1.,1.,1.,1." + BEAM, "a.dat:15: PBEAM 2 field 7 (I12) = 1.: "),
+        ("CBUSH,20,2,1,4,,,,0", "a.dat:15: CBUSH 20 field 3 (PID) = 2: "),
+        ("PBUSH,2,K,1.,-1." + BUSH, "a.dat:15: PBUSH 2 field 5 (REST) = -1.: "),
+        ("PBUSH,2,K,1.\n,,K,1.,-1." + BUSH, "a.dat:16: PBUSH 2 field 15 (REST) = -1.: "),
+        ("PBUSH,2,K,1." + BUSH.replace(",4,", ",9,"), "a.dat:16: CBUSH 20 field 5 (GB) = 9: "),
+        ("PBUSH,2,K,1." + BUSH[:-1] + "7", "a.dat:16: CBUSH 20 field 9 (CID) = 7: "),
+        ("PBUSH,2,K,1.,1.\nCBUSH,20,2,1,4", "a.dat:16: CBUSH 20 field 9 (CID): "),
+        ("PELAS,2,-1.\nCELAS1,20,2,1,1", "a.dat:15: PELAS 2 field 3 (K) = -1.: "),
+        ("CELAS2,20,1.,1,1,9,1", "a.dat:15: CELAS2 20 field 6 (G2) = 9: "),
+    ],
+)
+def test_a_complaint_names_the_field_of_the_card_that_is_wrong(tmp_path, card, place):
+    """Once, although two bars refer to that card."""
+    again = card.split("\n")[-1].replace("BAR,21,", "BAR,23,")
+    card += f"\n{again}" * (again not in card)
+    with pytest.raises(ConfigError) as error:
+        convert(write(tmp_path, *card.split("\n")))
+    assert str(error.value).count(place) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "skips"),
+    [
+        ("GRID\t9\t\t0.123456\t0.5", True),
+        ("GRID\t9\t\t0.12345\t0.5", False),
+        ("GRID\t9\t\t0.123456", False),
+        ("GRID\t9\t\t0.123456\t", False),
+        ("GRID    9               0.123456\t0.5", True),
+        ("GRID*\t9\t\t\t\t0.123456\t0.5", False),
+        ("GRID*\t9\t\t\t\t0.12345678901234\t0.5", True),
+    ],
+)
+def test_a_tab_behind_a_full_field_is_refused(tmp_path, line, skips):
+    """By columns it skips a field; whoever wrote it means the next."""
+    path = write(tmp_path, line, "CBAR,20,1,1,9,0.,0.,1.")
+    if skips:
+        with pytest.raises(ConfigError, match=r"a\.dat:15: .*a tab behind a full field"):
+            read_deck(path)
+    else:
+        x = read_deck(path).entries.of("GRID")[-1]
+        assert (x["x1"], x["x2"]) == (float(line.split()[2]), float((line.split()[3:] or ["0"])[0]))
+
+
 @pytest.mark.parametrize(
     ("card", "words"),
     [

@@ -144,6 +144,24 @@ def test_a_grid_beside_the_place_is_not_at_it(tmp_path: Path) -> None:
         read_assembly(copied(tmp_path / "b", *BY_PLACE, beside, wide), UNITS, "a")
 
 
+@pytest.mark.parametrize(("far", "stays"), [(30.0, True), (60.0, False)])
+def test_one_grid_apart_moves_no_component_in_silence(tmp_path: Path, far: float, stays: bool) -> None:
+    """Within TOL the three others stay where they are (the mean moved all); beyond it the move is told."""
+    edits = [
+        (f"{name}.asm", old, new)
+        for name in ("inboard", "outboard")
+        for old, new in (
+            (" 0.600000000E+03 0.000000000E+00", f" 0.{600 + int(far)}000000E+03 0.000000000E+00"),
+            ("MANUAL        ", "MANUAL     50."),
+        )
+    ]
+    deck, parts = read_assembly(copied(tmp_path / "a", *edits), UNITS, "a")
+    told, offsets = " ".join(deck.notes), parts["a-se101.npz"].fixed_at
+    assert stays == ("se101 is moved" not in told)
+    assert stays == (np.count_nonzero(np.linalg.norm(offsets, axis=1)) == 1)
+    assert f"over a distance of {far if stays else 0.75 * far:.2g} (" in told
+
+
 def test_a_component_that_its_grids_take_elsewhere_is_told(tmp_path: Path) -> None:
     away = [("outboard.pch", "0.600000000E+03 ", "0.500000000E+03 ")] * 4
     deck, parts = read_assembly(copied(tmp_path / "a", *away), UNITS, "a")

@@ -152,7 +152,7 @@ def test_grids_within_a_tolerance_are_joined_over_it(tmp_path, component):
     with pytest.raises(ConfigError, match=r"grid 2 stands 0\.001 m from frame 'g12'"):
         joined_masses(tmp_path, component, places, beside)
     _, notes = joined_masses(tmp_path, component, places, beside, tol="0.01")
-    assert any("over a distance of 0.0005 (m-kg-s-N)" in note for note in notes)
+    assert any("over a distance of 0.001 (m-kg-s-N)" in note for note in notes)
 
 
 def punch(name, matrix, points, digits=10):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks
 from middeck.realtime.package.modal_form import to_modal
+from middeck.realtime.package.overflow import ANYTHING, OWN_COMMANDS, when_nothing_overflows
 from middeck.realtime.package.package_law import package_law, without_applied
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import bound_error, to_single
@@ -35,6 +37,7 @@ from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error, worst_signs
 from plant_builders import unit_weights
+from repeats import repeats
 from study_compensators import study_law
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -316,6 +319,88 @@ def test_single_precision_stays_within_its_bound(applied, tmp_path):
     assert np.median(ratios) < 100.0
 
 
+def exact_run(package, y):
+    """Commands in fractions, without rounding: the law as `ControllerPackage` defines it, from a reset on."""
+    core, ramp = package.core, package.ramp
+    A, B, C, D, E = (
+        [[Fraction(v) for v in row] for row in M.tolist()] for M in (core.A, core.B, core.C, core.D, core.E)
+    )
+    low, high = package.lower.tolist(), package.upper.tolist()
+    x, outputs = [Fraction(0)] * len(A), []
+
+    def times(M, v):
+        return [sum((a * b for a, b in zip(row, v, strict=True)), Fraction(0)) for row in M]
+
+    for k, row in enumerate(y.tolist()):
+        r = [Fraction(v) for v in row]
+        part = Fraction(min(k, ramp), ramp) if ramp else Fraction(1)
+        wanted = [c + d for c, d in zip(times(C, x), times(D, r), strict=True)]
+        fade = part * part * (3 - 2 * part)
+        u = [Fraction(min(max(fade * w, a), b)) for w, a, b in zip(wanted, low, high, strict=True)]
+        missing = [a - w for a, w in zip(u, wanted, strict=True)]
+        x = [sum(terms) for terms in zip(times(A, x), times(B, r), times(E, missing), strict=True)]
+        outputs.append(u)
+    return outputs
+
+
+NUMBERS = "ABCDE"
+
+
+def cut_to(single, signs):
+    """A law in double precision almost half a unit away from every number of ``single``."""
+    moved = {
+        name: M + 0.499 * signs[name] * np.spacing(np.abs(M).astype(np.float32)) * (M != 0.0)
+        for name, M in ((name, getattr(single.core, name)) for name in NUMBERS)
+    }
+    return dataclasses.replace(
+        single, core=dataclasses.replace(single.core, **moved), single=False, error_bound=None,
+        error_bound_own=False, vectors=None,
+    )  # fmt: skip
+
+
+def farthest_cut(single, y):
+    """That of these laws whose last command for ``y`` is farthest from that of ``single``: by differences."""
+    signs = {name: np.zeros_like(getattr(single.core, name)) for name in NUMBERS}
+    plain = run(cut_to(single, signs), y)[-1, 0]
+    for name, found in list(signs.items()):
+        one = np.zeros_like(found)
+        for place in np.ndindex(one.shape):
+            one[place] = 1e3
+            found[place] = np.sign(run(cut_to(single, {**signs, name: one}), y)[-1, 0] - plain)
+            one[place] = 0.0
+    return cut_to(single, signs)
+
+
+@pytest.mark.parametrize("touched", [False, True], ids=["own commands", "ramp and limits that act"])
+def test_the_bound_holds_in_exact_arithmetic_with_all_that_is_cut_from_coefficients(touched):
+    """For laws whose numbers lie half a unit from what they are cut to, under the worst inputs found."""
+    ratios = []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        law = random_law(rng, 2 + seed % 2, 2, 1, applied=touched, radii=(0.6, 0.9))
+        package = package_law(law, "law", input_range=0.5, limit=np.inf)
+        y = 0.5 * next(worst_signs(package, 30))[:, :2]
+        if touched:
+            limit = 0.5 * np.abs(run(package, y)).max()
+            package = package_law(law, "law", input_range=0.5, limit=limit, ramp_s=15 * PERIOD_S)
+        single, reach = to_single(package), 0.22 if touched else 0.5
+        package = farthest_cut(single, reach * np.sign(y))
+        y = 0.5 * next(worst_signs(package, 30))[:, :2]
+        again = to_single(package).core
+        assert all(np.array_equal(getattr(again, name), getattr(single.core, name)) for name in NUMBERS)
+        errors, limited = [0.0], 0
+        for part in (1.0, 2.0 * reach):
+            given = (part * y).astype(np.float32).astype(float)
+            u = run(single, given)
+            limited += bool(np.any(np.abs(u) == single.upper))
+            exact = np.ravel(exact_run(package, given))
+            errors += [float(abs(a - Fraction(b))) for a, b in zip(exact, u.ravel().tolist(), strict=True)]
+        assert limited == touched
+        ratios.append(float(single.error_bound[0]) / max(errors))
+    assert min(ratios) >= 1.0
+    assert max(ratios) < 25.0
+
+
 def test_the_bound_in_single_precision_holds_for_commands_that_others_add(tmp_path):
     """A slow estimate that almost nothing but the applied command moves."""
     slow = SampledStateSpace([[0.99973]], [[1e-4]], [[0.7]], [[0.0]], period_s=PERIOD_S)
@@ -336,11 +421,13 @@ def test_a_bound_for_own_commands_asks_that_no_limit_or_fade_touches_them(tmp_pa
     assert single.error_bound_own
     worst = worst_error(package, single, 3000, tmp_path)
     assert np.all((single.error_bound / 100.0 < worst) & (worst <= single.error_bound))
-    assert check_error_bound(single).said.endswith("for its own commands applied in full")
-    assert "its own commands are applied in full" in generate_c(single, "law").header
+    assert check_error_bound(single).said.endswith(OWN_COMMANDS)
     boast = check_error_bound(dataclasses.replace(single, error_bound_own=False))
     assert not boast.passed
     assert "for its own commands only" in boast.said
+    faded = check_error_bound(single, "the rig's engine")
+    assert not faded.passed
+    assert faded.said.endswith("for its own commands applied in full, and the rig's engine fades them")
     for touched in ({"limit": 0.3}, {"limit": 30.0, "ramp_s": 1.0}):
         with pytest.raises(ConfigError, match=r"may amplify|no peak is bounded"):
             to_single(package_law(law, "law", input_range=0.01, **touched))
@@ -359,6 +446,87 @@ def test_a_law_of_the_study_stays_within_its_bound(learns, tmp_path):
     worst = worst_error(package, single, 5000, tmp_path)
     assert np.all(worst <= single.error_bound)
     assert np.median(single.error_bound / worst) < 100.0
+
+
+@pytest.mark.parametrize(
+    ("level", "learns"),
+    repeats([(1.0, False), (-1.5, True), (0.0, True), (0.5, False), (2.0, True), (2.0, False)]),
+)
+def test_a_bound_that_is_stated_a_twentieth_too_small_is_refused(level, learns):
+    """Of laws of the study, at every other output; what the others state is what was proved."""
+    law = study_law(level) if learns else dataclasses.replace(study_law(level), applied=None)
+    single = to_single(package_law(law, "law", input_range=0.02, limit=5.0))
+    assert single.error_bound_own == learns
+    less = single.error_bound * np.array([1.0, 0.95, 1.0, 0.95, 1.0])
+    boast = check_error_bound(dataclasses.replace(single, error_bound=less))
+    assert not boast.passed
+    named = [port.name in boast.said for port in single.outputs]
+    assert named == [False, True, False, True, False]
+
+
+def told_of(package):
+    """What the comment at the head of the C says of the ranges, on one line."""
+    text = " ".join(generate_c(package, "law").header.split("Reads (")[0].replace(" *", " ").split())
+    return text[text.index("Hz).") + 5 :]
+
+
+def test_the_header_says_first_under_which_condition_nothing_overflows():
+    """In both precisions; a law whose own poles are inside while its observer's are not, and the reverse."""
+    lag, given = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], period_s=0.01), {"input_range": 1.0}
+    law = Compensator(lag, *ports(1, 1, 1))
+    winding, steady = (dataclasses.replace(law, applied=np.array([[e]])) for e in (-0.8, 0.1))
+    grows = dataclasses.replace(law, dynamics=dataclasses.replace(lag, A=[[1.1]]), applied=np.array([[0.9]]))
+    whatever, own = (
+        f"{text.capitalize()}, no operation overflows or gives NaN" for text in (ANYTHING, OWN_COMMANDS)
+    )
+    unknown = "That no operation overflows within the ranges is not known."
+    for told, package in (
+        (f"{whatever}.", package_law(law, "law", **given)),
+        (f"{whatever}.", package_law(steady, "law", limit=3.0, **given)),
+        (f"{whatever}.", package_law(grows, "law", limit=3.0, unstable=True, **given)),
+        (f"{own}.", package_law(winding, "law", limit=3.0, **given)),
+        (f"{own}.", package_law(steady, "law", **given)),
+        (unknown, package_law(law, "law")),
+        (unknown, package_law(grows, "law", unstable=True, **given)),
+    ):
+        assert told_of(package) == told
+    for told, learns in ((whatever, law), (whatever, steady), (own, winding)):
+        single = to_single(package_law(learns, "law", limit=3.0, **given))
+        bound = f"{single.error_bound[0]:.3g}"
+        assert (
+            told_of(single)
+            == f"{told}, and outputs differ from those in double precision by at most {bound}."
+        )
+
+
+def largest_operand(package, y, applied):
+    """The largest number of states and commands that the law computes."""
+    law, found = ReferenceLaw(package), np.zeros(1)
+    for row, other in zip(y, applied, strict=True):
+        u = law.compute(row)
+        found = np.concatenate([found, np.abs(law.wanted), np.abs(law.next)]).max(keepdims=True)
+        law.commit(u if np.isnan(other) else np.array([other]))
+    return float(found[0])
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("where", ["D", "B", "E"])
+def test_a_law_of_which_an_operation_overflows_within_its_ranges_is_refused(where, single):
+    """At once, in a state, or by what is applied; beside one that is smaller and keeps its numbers finite."""
+    rng, y, none = np.random.default_rng(0), np.full((400, 1), 3.0), np.full(400, np.nan)
+    law = random_law(rng, 3, 1, 1, applied=where == "E", radii=(0.9, 0.95))
+    package = package_law(law, "law", input_range=3.0, limit=5e3)
+    package = to_single(package) if single else package
+    applied = np.where(np.arange(400) % 2 == 0, 5e3, -5e3) if where == "E" else none
+    top = 2.0**127 if single else 2.0**1023
+    for size, finite in ((2.0**-10 if where == "E" else top * 2.0**-90, True), (top, False)):
+        number = getattr(package.core, where)
+        core = dataclasses.replace(package.core, **{where: size * np.sign(number)})
+        loud = dataclasses.replace(package, core=core, vectors=None)
+        loud = dataclasses.replace(loud, error_bound=np.array([1e300])) if single else loud
+        assert np.isfinite(largest_operand(loud, y, applied)) == finite
+        assert check_error_bound(loud).passed == finite
+        assert bool(when_nothing_overflows(loud)) == (finite or single)  # the bound is what knows
 
 
 def test_what_has_no_bound_is_refused():

@@ -36,6 +36,8 @@ from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
+from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.systems.plants.plant import Plant
 from repeats import repeats
 from structure_builders import GRAVITY, TUBE, body, joint, member, node, structure
@@ -173,15 +175,25 @@ class FourBar:
     def energy(self, angle: float) -> float:
         return float(G * np.array(self.masses) @ self.places(angle)[0][:, 1])
 
+    @property
+    def rest(self) -> float:
+        """The angle of least energy."""
+        return so.minimize_scalar(
+            self.energy, bounds=(-2.6, -0.2), method="bounded", options={"xatol": 1e-10}
+        ).x
+
     def omega(self, angle: float) -> float:
         h = 1e-3
         E = [self.energy(angle + k * h) for k in (-2, -1, 0, 1, 2)]
         stiffness = np.array([-1, 16, -30, 16, -1]) @ E / (12 * h**2)
+        return float(np.sqrt(stiffness / self.mass(angle)))
+
+    def mass(self, angle: float) -> float:
+        h = 1e-3
         p, t = zip(*(self.places(angle + k * h) for k in (-2, -1, 1, 2)), strict=True)
         rate = np.tensordot([1, -8, 8, -1], np.array(p), 1) / (12 * h)
         spin = np.tensordot([1, -8, 8, -1], np.array(t), 1) / (12 * h)
-        mass = np.array(self.masses) @ np.sum(rate**2, axis=1) + np.array(self.inertias) @ spin**2
-        return float(np.sqrt(stiffness / mass))
+        return float(np.array(self.masses) @ np.sum(rate**2, axis=1) + np.array(self.inertias) @ spin**2)
 
     def article(self, angle: float) -> Structure:
         centres, turns = self.places(angle)
@@ -205,9 +217,7 @@ class FourBar:
 def test_a_closed_loop_of_hinges_rests_and_swings_as_its_minimal_coordinate() -> None:
     """Four parallel hinges of rigid bars repeat three conditions, which changes no motion."""
     bars = FourBar()
-    rest_angle = so.minimize_scalar(
-        bars.energy, bounds=(-2.6, -0.2), method="bounded", options={"xatol": 1e-10}
-    ).x
+    rest_angle = bars.rest
     rest = solve_equilibrium(bars.article(-0.3), hung("ground"))
     assert rest.converged
     assert rest.stable
@@ -217,6 +227,54 @@ def test_a_closed_loop_of_hinges_rests_and_swings_as_its_minimal_coordinate() ->
     assert modes.kind == ("pendulum",)
     assert modes.omega[0] == pytest.approx(bars.omega(rest_angle), rel=1e-6)
     np.testing.assert_allclose(rest.reactions[0].force, [0.0, sum(bars.masses) * G, 0.0], atol=1e-8)
+
+
+def test_plant_and_derivatives_of_a_closed_loop_are_those_of_its_minimal_coordinate() -> None:
+    """Torque and angle of the crank: the form of one mode; derivatives by masses that move the rest state."""
+    bars, z = FourBar(), np.array([0.0, 0.0, 1.0])
+    parts = dataclasses.replace(
+        bars.article(-0.3),
+        actuators=(Actuator(name="motor", frame="bar 0", axis=z),),
+        sensors=(Sensor(name="angle", frame="bar 0", axis=z),),
+    )
+    modes = solve_modes(solve_equilibrium(parts, hung("ground")))
+    system = build_plant(modes, inputs=["motor"], outputs=["angle"], count=1).system
+    mass, omega = bars.mass(bars.rest), bars.omega(bars.rest)
+    zeta = -np.trace(system.A) / (2.0 * omega)
+    for s in (0.1j, 3j, 40j):
+        found = (system.C @ np.linalg.solve(s * np.eye(2) - system.A, system.B) + system.D)[0, 0]
+        assert found == pytest.approx(1.0 / mass / (s**2 + 2.0 * zeta * omega * s + omega**2), rel=1e-5)
+    names = [f"node.bar {k}.mass" for k in range(3)]
+    found = differentiate_frequencies(modes, find_parameters(parts, hung("ground"), names)).d_lambda[:, 0]
+    for k, derivative in enumerate(found):
+        ends = []
+        for h in (-1e-3, 1e-3):
+            moved = FourBar()
+            moved.masses = tuple(m + h * (i == k) for i, m in enumerate(bars.masses))
+            ends.append(moved.omega(moved.rest) ** 2)
+        assert derivative == pytest.approx((ends[1] - ends[0]) / 2e-3, rel=1e-4)
+
+
+def test_plant_and_derivatives_of_spherical_and_universal_joints() -> None:
+    """Both swings: I + m l^2 about the joint; d omega^2/dm by hand, the torque that turns what hangs."""
+    length, m, inertia = 0.7, 2.0, np.array([0.01, 0.02, 0.03])
+    nodes = [node("a", ZERO), node("b", (0.0, -length, 0.0), body(m, inertia=inertia))]
+    about = inertia[[2, 0]] + m * length**2
+    for free in ("", "y"):
+        link = Link(name="ball", first="a", second="b", about=free, offset=np.array([0.0, length, 0.0]))
+        parts = driven(linked(structure(nodes), link))
+        modes = solve_modes(solve_equilibrium(parts, hung("a")))
+        system = build_plant(modes, inputs=["wheel"], outputs=["tip"]).system
+        swings = np.flatnonzero(modes.omega > 1.0)
+        s = 30j
+        found = (system.C @ np.linalg.solve(s * np.eye(len(system.A)) - system.A, system.B))[0, 0]
+        z = np.argmin(np.abs(modes.omega - np.sqrt(m * G * length / about[0])))
+        poles = np.linalg.eigvals(system.A)
+        decay = -poles.real[np.argmin(np.abs(np.abs(poles) - modes.omega[z]))]
+        assert found == pytest.approx(1.0 / about[0] / (s**2 + 2.0 * decay * s + modes.omega[z] ** 2))
+        by_mass = differentiate_frequencies(modes, find_parameters(parts, hung("a"), ["node.b.mass"]))
+        want = G * length * inertia[[2, 0]] / about**2
+        np.testing.assert_allclose(np.sort(by_mass.d_lambda[0][swings]), np.sort(want), rtol=1e-9)
 
 
 def interpolated(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, tuple[Share, ...], np.ndarray]:

@@ -15,11 +15,13 @@ from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
+from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_law, linear_law
 from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_recovery
-from middeck.realtime.gate.steps_on_rig import GateTrials
+from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
+from middeck.realtime.package.overflow import OWN_COMMANDS
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
@@ -233,6 +235,31 @@ def test_each_step_refuses_what_it_is_there_for():
         examine_package(good, {})
     with pytest.raises(ConfigError, match="margins of"):
         GateMargins(gain_db=-1.0)
+
+
+def test_a_bound_for_own_commands_is_refused_where_something_fades_them():
+    """An adaptive gain, a law that leaves, a rig: each by name; on paper alone the bound is what it says."""
+    lag = SampledStateSpace([[0.5]], [[1.0]], [[1e-3]], [[0.0]], period_s=PERIOD_S)
+    law = Compensator(lag, *ports(1, 1, 1), applied=np.array([[-800.0]]))
+    double = package_law(law, "law", input_range=1.0, limit=3.0)
+    single = to_single(double)
+    assert single.error_bound_own
+    plant, (y, u) = one_port(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])), ports(0, 1, 1)
+    engine = EngineSettings(
+        period_s=PERIOD_S,
+        sensors=(SensorTest(port=y[0], range=1.0),),
+        drives=(Drive(port=u[0], lower=-3.0, upper=3.0),),
+    )
+    gain = AdaptiveGain(maximum=1.0, rate=1.0, sensor="y0", band_hz=(1.0, 5.0), quiet_rms=0.1, loud_rms=1.0)
+    rig = GateRig(linear_article(plant, PERIOD_S, ["u0"], ["y0"]), engine)
+    for given, what in (
+        ({"gain": gain}, "an adaptive gain"), ({"engaged": double}, "the cross-fade from law"),
+        ({"rig": rig}, "the rig's engine"), ({}, ""),
+    ):  # fmt: skip
+        steps = examine_package(single, {"lag": plant}, ANY, **given).steps
+        (step,) = (step for step in steps if step.name == "error bound")
+        assert step.passed == (not what)
+        assert step.said.endswith(f"applied in full, and {what} fades them" if what else OWN_COMMANDS)
 
 
 def unstable_lqg(applied=True):

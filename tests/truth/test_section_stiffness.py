@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,14 +16,14 @@ from middeck.errors import ConfigError
 from middeck.files.articles.build import build_section
 from middeck.files.articles.form import MaterialForm, SectionForm
 from middeck.structure.assembly.mesh import mesh_structure
-from middeck.structure.model.article import PointLoad, Structure
+from middeck.structure.model.article import Actuator, ActuatorKind, PointLoad, Sensor, SensorKind, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.section import Section, coupled_section, section_between, shifted_section
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.summary.summary import summarise
 from repeats import LONG, repeats
-from structure_builders import TUBE, clamped_matrices, straight_beam
+from structure_builders import TUBE, clamped_matrices, member, node, straight_beam, structure
 
 L = 2.0
 AL = {"al": MaterialForm(E_pa=7e10, nu=0.3, rho_kg_m3=2700.0)}
@@ -53,14 +54,18 @@ def compliance(stiffness: np.ndarray, centre: tuple[float, float]) -> np.ndarray
     return T @ C @ T.T
 
 
-def tip_flexibility(C: np.ndarray) -> np.ndarray:
-    """Of a cantilever: the integral of the strains' work under tip loads, by Gauss quadrature."""
-    points, weights = np.polynomial.legendre.leggauss(4)
-    F = np.zeros((6, 6))
-    for s, w in zip(0.5 * L * (points + 1.0), 0.5 * L * weights, strict=True):
-        B = np.eye(6)
-        B[4, 2], B[5, 1] = -(L - s), L - s  # moments of the tip's forces
-        F += w * B.T @ C @ B
+def tip_flexibility(*parts: np.ndarray | Callable[[float], np.ndarray]) -> np.ndarray:
+    """Of a cantilever of equally long ``parts``: work of the strains under tip loads, Gauss quadrature.
+
+    A compliance may be one of the place, from 0 to 1 over its part.
+    """
+    points, weights = np.polynomial.legendre.leggauss(12)
+    F, step = np.zeros((6, 6)), L / len(parts)
+    for k, C in enumerate(parts):
+        for s, w in zip(0.5 * (points + 1.0), 0.5 * step * weights, strict=True):
+            B = np.eye(6)
+            B[4, 2], B[5, 1] = -(L - (k + s) * step), L - (k + s) * step  # moments of the tip's forces
+            F += w * B.T @ (C(s) if callable(C) else C) @ B
     return F
 
 
@@ -85,6 +90,37 @@ def test_coupled_cantilever_under_tip_loads(size: int, seed: int):
         K, _, keep = clamped_matrices(mesh_structure(straight_beam(section, L, elements)))
         found = np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
         assert np.abs((found - exact) / scale).max() < 1e-8  # rounding times condition
+
+
+def end_flexibility(beam: Structure) -> np.ndarray:
+    K, _, keep = clamped_matrices(mesh_structure(beam))
+    return np.linalg.inv(K)[np.ix_(*2 * [np.searchsorted(keep, np.arange(6, 12))])]
+
+
+@pytest.mark.parametrize("size", [4, 6])
+@pytest.mark.parametrize("seed", repeats(range(20), 2))
+def test_coupled_cantilever_through_stations(size: int, seed: int):
+    """Halves of a full stiffness and shear centre of their own are exact, a taper to second order."""
+    rng = np.random.default_rng([seed, 5])
+    stiffness = [positive(100 + 2 * seed + k, size) for k in (0, 1)]
+    centres = [tuple(rng.uniform(-0.1, 0.1, 2)) for _ in stiffness]
+    inner, outer = (
+        off_the_nodes(coupled_section(K, **BARE), shear=at) for K, at in zip(stiffness, centres, strict=True)
+    )
+    exact = tip_flexibility(*(compliance(K, at) for K, at in zip(stiffness, centres, strict=True)))
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    halves = cantilever(inner, 4, stations=((0.5, inner), (0.5 + 1e-12, outer), (1.0, outer)))
+    assert np.abs((end_flexibility(halves) - exact) / scale).max() < 1e-8
+    if size == 6:  # what lies between two stiffnesses with shear is a matter of definition
+        return
+    ends = [off_the_nodes(section, shear=centres[0]) for section in (inner, outer)]
+    exact = tip_flexibility(lambda s: compliance((1.0 - s) * stiffness[0] + s * stiffness[1], centres[0]))
+    errors = [
+        np.abs((end_flexibility(cantilever(ends[0], n, stations=((1.0, ends[1]),))) - exact) / scale).max()
+        for n in (8, 16)
+    ]
+    assert errors[1] < 3e-3
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
 
 def test_pull_off_the_centroid_bends():
@@ -184,6 +220,32 @@ def test_pretensioned_beam(share: float):
     assert let_go.config.x[1, 0] == pytest.approx(L * (1.0 - force / TUBE.EA), rel=1e-12)
     slack = md.solve_modes(let_go, 1).frequency_hz[0]
     assert slack == pytest.approx(1.8751040687**2 / L**2 * np.sqrt(200.0) / (2 * np.pi), rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [-0.5, 2.0])
+def test_plant_and_derivatives_of_a_pretensioned_beam(share: float):
+    """A force at the middle of a hinged beam under N: static gain and d omega^2/dN = k^2 / rho_A."""
+    force = share * np.pi**2 * 100.0 / L**2
+    x, z = np.eye(3)[[0, 2]]
+    nodes = [node(name, at * L * x) for name, at in (("a", 0.0), ("m", 0.5), ("b", 1.0))]
+    bars = [dataclasses.replace(member(p, q, TUBE, 8), tension=force) for p, q in (("a", "m"), ("m", "b"))]
+    beam = dataclasses.replace(
+        structure(nodes, bars),
+        actuators=(Actuator(name="push", kind=ActuatorKind.FORCE, frame="m", axis=z),),
+        sensors=(Sensor(name="moves", kind=SensorKind.DISPLACEMENT, frame="m", axis=z),),
+    )
+    hinged = dataclasses.replace(
+        md.Environment.orbit(), clamps=(Clamp(node="a", about="x"), Clamp(node="b", about="x"))
+    )
+    modes = md.solve_modes(md.solve_equilibrium(beam, hinged), 6)
+    plant = md.build_plant(modes, inputs=["push"], outputs=["moves"], static=True).system
+    gain = (plant.D - plant.C @ np.linalg.solve(plant.A, plant.B))[0, 0]
+    root = np.sqrt(complex(force / 100.0))  # imaginary in compression: tanh becomes tan
+    exact = (L / (4.0 * force) - np.tanh(0.5 * root * L) / (2.0 * force * root)).real
+    assert gain == pytest.approx(exact, rel=1e-5)
+    tensions = find_parameters(beam, hinged, ["member.a-m.tension", "member.m-b.tension"])
+    found = differentiate_frequencies(modes, tensions, 1).d_lambda[:, 0]
+    np.testing.assert_allclose(found, 0.5 * (np.pi / L) ** 2 / TUBE.rho_A, rtol=1e-4)
 
 
 def test_tapered_cantilever():

@@ -13,7 +13,7 @@ import updating_case as case
 from scipy.stats import norm
 
 import middeck as md
-import middeck.updating.refinement.refine as search
+import middeck.updating.refinement.search as search
 import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
@@ -680,6 +680,53 @@ def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_told_apart():
     assert found.x == pytest.approx([2.0 * np.log(1.0003 * 0.97) / 3.0], abs=3e-3)
     (said,) = (line for line in findings(found) if "contradict" in line)
     assert re.search(r"one by \+(0\.9|1)\d* %, two by \+1(\.\d)? %, off by -2(\.\d)? %", said)
+
+
+def without_shapes(seen: Survey, name: str) -> Survey:
+    measured = seen.measured
+    hz = measured.frequency_hz
+    bare = dataclasses.replace(
+        measured, node=(), direction=(), shape=np.zeros((0, len(hz))), shape_std=None,
+        position_m=None, frequency_std_hz=1e-4 * hz,
+    )  # fmt: skip
+    return dataclasses.replace(seen, name=name, measured=bare)
+
+
+def test_modes_that_each_survey_pairs_its_own_way_are_no_contradiction():
+    """Two planes close by and no shapes: 4 % in the modulus was taken for errors of 10 % of the model."""
+    true = modes_of(mast(EI=1.04), clamped())
+    surveys = [
+        without_shapes(survey_of(true, MeasurementNoise(1e-4, 0.02), seed, range(4)), f"test {seed}")
+        for seed in (0, 1)
+    ]
+    wide = [dataclasses.replace(u, spread=std) for u, std in ((MODULUS, 1.0), (SPLIT, 0.1), (TOP, 1.0))]
+    found = refine(mast(), surveys, wide)
+    assert found.converged
+    assert not any("contradict" in line or "a model error" in line for line in findings(found))
+    np.testing.assert_array_less(np.abs(found.x - [np.log(1.04), 0.0, 0.0]), 3.0 * found.estimate.x_std)
+
+
+def stated(seen: Survey, name: str, hz: np.ndarray) -> Survey:
+    measured = dataclasses.replace(seen.measured, frequency_hz=hz, frequency_std_hz=1e-3 * hz)
+    return dataclasses.replace(seen, name=name, measured=measured)
+
+
+def test_one_survey_given_twice_is_refused_and_a_repeated_one_is_not():
+    """A copy made every deviation smaller by the root of two, in silence."""
+    seen = survey_of(modes_of(mast(), clamped()), TIGHT)
+    hz = seen.measured.frequency_hz
+    some = survey_of(modes_of(mast(), clamped()), TIGHT, chosen=[0, 2, 3, 5])
+    again = 1e-4 * np.array([1, -1, 1, 1, -1, 1]) * hz
+    copies = stated(seen, "copy", hz), stated(some, "part", hz[[0, 2, 3, 5]])
+    for copy in (*copies, dataclasses.replace(copies[0], settings=(("node.top.mass", 0.4),))):
+        with pytest.raises(ConfigError, match=f"surveys 'one' and '{copy.name}' state [46] frequencies"):
+            refine(mast(), [stated(seen, "one", hz), copy], [MODULUS])
+    found = refine(mast(), [stated(seen, "one", hz), stated(seen, "two", hz + again)], [MODULUS])
+    assert not any("every digit" in line for line in findings(found))
+    # Three digits of 0.1 % do not tell a copy from a test that was repeated: said, not refused.
+    short = np.array([float(f"{f:.3g}") for f in hz])
+    found = refine(mast(), [stated(seen, "one", short), stated(seen, "two", short)], [MODULUS])
+    assert any("surveys 'one' and 'two' state the same" in line for line in findings(found))
 
 
 @pytest.mark.parametrize("first", repeats([0, 10, 20], 1))

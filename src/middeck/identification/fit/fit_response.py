@@ -184,9 +184,8 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     if not hold_s:
         return marked(fit_lines(measured, asked, cost), hold_s)
     first = _searched(release_hold(measured), asked, cost)
-    model, covariance, _ = _model_of(first)
-    last_hz = float(measured.frequency_hz[-1])
-    kept = folded_modes(model, last_hz, real=covariance.structure.real_constants)
+    model, last_hz = _causal(first), float(measured.frequency_hz[-1])
+    kept = folded_modes(model, last_hz, real=structure_of(first.best.layout).real_constants)
     folded = folded_response(model, measured.frequency_hz, 1.0 / hold_s, kept)
     alone = dataclasses.replace(measured, H=measured.H - folded)
     return marked(_result(_searched(release_hold(alone), asked, cost, first.best)), hold_s)
@@ -277,6 +276,20 @@ def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOpt
     return min(again, settle(data, race(data, spread, options), followed), key=lambda run: run.likelihood)
 
 
+def _causal(run: _Searched) -> MeasurementModel:
+    """The model without its leads, of which alone it is asked how well they are known: that takes long."""
+    found = model_of(run.best, run.measured.inputs, run.measured.outputs)
+    if np.any(found.delay_s < 0.0):
+        return _model_of(run)[0]
+    _check_finite(found, run.measured)
+    return found
+
+
+def _check_finite(model: MeasurementModel, measured: FrequencyResponse) -> None:
+    if not np.isfinite(model_response(model, measured.frequency_hz)).all():
+        raise FitError("the fitted response is not finite", hint="fewer states")
+
+
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
     """The model, the covariance of the model with its leads, and what is said of those."""
     measured, best = run.measured, run.best
@@ -289,8 +302,7 @@ def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[s
     )  # fmt: skip
     delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty_of(covariance))
     model = dataclasses.replace(found, delay_s=delay_s)
-    if not np.isfinite(model_response(model, measured.frequency_hz)).all():
-        raise FitError("the fitted response is not finite", hint="fewer states")
+    _check_finite(model, measured)
     refuse_a_lead(measured, found, model)
     return model, covariance, warnings
 

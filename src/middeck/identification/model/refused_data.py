@@ -132,7 +132,7 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
                 hint="leave the output out, or check its cable and gain",
             )
         variance = None if measured.variance is None else measured.variance[:, o]
-        if variance is not None and np.sum(np.abs(row) ** 2) < ALL_NOISE * np.sum(variance):
+        if variance is not None and _is_noise(row, variance):
             raise FitError(
                 "all lines are noise: the response is no larger than its standard deviation",
                 where=f"output {output.name}",
@@ -144,6 +144,17 @@ def check_response(measured: FrequencyResponse, unknowns: int) -> None:
                 where=f"output {output.name}",
                 hint="a gain needs no model; check that the output is not the input itself",
             )
+
+
+def _is_noise(row: np.ndarray, variance: np.ndarray) -> bool:
+    """Whether the lines of one output are no larger than their deviations, taken together.
+
+    A line far less certain than the middle one counts for itself alone: past the edge of the drive a few have
+    thousands of times the deviation of all others.
+    """
+    weight = variance + np.median(variance)
+    weight = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0.0)
+    return bool(np.sum(weight * np.abs(row) ** 2) < ALL_NOISE * np.sum(weight * variance))
 
 
 def _check_variance(measured: FrequencyResponse) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
+from scipy.ndimage import maximum_filter1d
 
 from middeck.errors import DataError
 from middeck.identification.spectra import local_fit
@@ -30,6 +31,10 @@ PAYS = 2.0
 # Prediction is judged at every fourth line (neighbouring windows share most lines), averaged over +-20 lines.
 JUDGED = 4
 AVERAGED = 20
+# Amplitude on the weaker side of a line, of the strongest within half a window, below which the line lies
+# beyond an edge of the drive: of noise no line has less, leakage from the third line beyond on. It falls with
+# the cube of the distance, and REACH halves out it is fainter than FAINTEST.
+EDGE, REACH = 0.01, 4
 
 
 def scatter_of_local_models(
@@ -126,7 +131,7 @@ def _excited(
     rough = local_fit.beside(Q, window.reshape(len(lines), -1, 2 * half + 1)).reshape(window.shape)
     power = np.linalg.eigvalsh(np.sum(rough @ rough.conj().mT, axis=1))
     raw = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
-    excited = power[:, -1] > FAINTEST**2 * raw.max()
+    excited = (power[:, -1] > FAINTEST**2 * raw.max()) & _between_driven(U, lines, half)
     if not excited.any():
         raise DataError(
             "the inputs' spectra are as smooth as a transient: no local model can tell the two apart",
@@ -135,6 +140,23 @@ def _excited(
         )
     refuse_alike(excited & (power[:, 0] * WORST_CONDITION**2 <= power[:, -1]), frequency[lines])
     return excited
+
+
+def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndarray, " line"]:
+    """Whether the inputs drive lines on both sides of each, its own counted with either.
+
+    A window that is driven on one side only says nothing of the line in its middle.
+    """
+    sides: list[np.ndarray] = []
+    for start in (lines - half, lines):
+        first = np.clip(start, 0, len(U) - half - 1)
+        rows = first[:, None] + np.arange(half + 1)
+        Q = local_fit.transient_basis((rows - lines[:, None]) / half, lines - first, None)
+        window = np.moveaxis(U[rows], 1, 3).reshape(len(lines), -1, half + 1)
+        sides.append(np.sum(np.abs(local_fit.beside(Q, window)) ** 2, axis=(1, 2)))
+    weaker, stronger = np.minimum(*sides), np.maximum(*sides)
+    leaked = [maximum_filter1d(stronger, 2 * halves * half + 1) / halves**6 for halves in range(1, REACH + 1)]
+    return weaker > EDGE**2 * np.max(leaked, axis=0)
 
 
 def _choice(

@@ -131,7 +131,8 @@ def examine_package(
     steps = _Steps(log)
     steps += [check_blacklist(hash_law(package), blacklist or {})]
     if steps.good:
-        steps += _on_paper(package, held, unfit or check_interface(held, models), gain)
+        faded_by = _what_fades(gain, engaged, rig)
+        steps += _on_paper(package, held, unfit or check_interface(held, models), gain, faded_by)
     if steps.good:
         least = margins or GateMargins()
         steps += (check_model(held, name, plant, least) for name, plant in models.items())
@@ -192,14 +193,24 @@ class _Steps(list[GateStep]):
 
 
 def _on_paper(
-    package: ControllerPackage, held: ControllerPackage, interface: GateStep, gain: AdaptiveGain | None
+    package: ControllerPackage,
+    held: ControllerPackage,
+    interface: GateStep,
+    gain: AdaptiveGain | None,
+    faded_by: str,
 ) -> Iterator[GateStep]:
     yield interface
     yield check_poles(held)
     yield check_vectors(package)
-    yield check_error_bound(package)
+    yield check_error_bound(package, faded_by)
     if gain is not None:
         yield _check_gain(package, gain)
+
+
+def _what_fades(gain: AdaptiveGain | None, engaged: ControllerPackage | None, rig: GateRig | None) -> str:
+    """What takes a part of the law's commands beyond its own ramp."""
+    cross_fade = "" if engaged is None else f"the cross-fade from {engaged.name}"
+    return "an adaptive gain" if gain is not None else cross_fade or ("the rig's engine" if rig else "")
 
 
 def _prove_each(

@@ -22,6 +22,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.realtime.gate.linear_law import faded_laws, limited_law, linear_law
 from middeck.realtime.gate.reached_slews import reached_slews
 from middeck.realtime.gate.recovery_proof import why_unproved
+from middeck.realtime.package.overflow import when_nothing_overflows
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
 from middeck.realtime.package.vectors import run_vectors
@@ -142,14 +143,20 @@ def check_vectors(package: ControllerPackage) -> GateStep:
     return _step("vectors", faults, f"{len(stored.y)} samples agree to the last bit")
 
 
-def check_error_bound(package: ControllerPackage) -> GateStep:
-    """The bound that a law in single precision states is no less than what rounding may do to its numbers."""
+def check_error_bound(package: ControllerPackage, faded_by: str = "") -> GateStep:
+    """No operation overflows; and in single precision the stated bound is that of its numbers at least.
+
+    A bound for own commands only does not cover what ``faded_by`` names.
+    """
+    step = "error bound"
+    holds = when_nothing_overflows(package)
     if package.error_bound is None:
-        return _step("error bound", [], "double precision")
+        faults = [] if holds else ["that no operation overflows within the ranges is not known"]
+        return _step(step, faults, f"double precision: no operation overflows, {holds}")
     try:
         least = bound_error(package)
     except ConfigError as error:
-        return _step("error bound", [error.what], "")
+        return _step(step, [error.what], "")
     faults = [
         f"output {p.name} states an error bound of {stated:.3g}, but rounding may reach {needed:.3g}"
         for p, stated, needed in zip(package.outputs, package.error_bound, least.outputs, strict=True)
@@ -157,10 +164,9 @@ def check_error_bound(package: ControllerPackage) -> GateStep:
     ]
     if least.own and not package.error_bound_own:
         faults.append("it states a bound whatever is applied, but one is found for its own commands only")
-    said = f"at most {float(package.error_bound.max()):.3g}"
-    if package.error_bound_own:
-        said += ", for its own commands applied in full"
-    return _step("error bound", faults, said)
+    if package.error_bound_own and faded_by:
+        faults.append(f"its bound is for its own commands applied in full, and {faded_by} fades them")
+    return _step(step, faults, f"at most {float(package.error_bound.max()):.3g}, {holds}")
 
 
 def check_model(package: ControllerPackage, name: str, plant: Plant, least: GateMargins) -> GateStep:

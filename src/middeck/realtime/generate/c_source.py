@@ -7,6 +7,7 @@ from importlib import resources
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.realtime.package.overflow import when_nothing_overflows
 from middeck.realtime.package.package import ControllerPackage, TestVectors, largest
 from middeck.realtime.package.package_bytes import hash_package
 from middeck.values import record
@@ -57,7 +58,7 @@ def _words(package: ControllerPackage) -> dict[str, str]:
         "title": package.name,
         "hash": hash_package(package),
         "precision": "Single precision" if single else "Double precision",
-        "error": _error_text(package),
+        "proved": _range_text(package),
         "form": "dense law" if core.pairs is None else "modal law",
         "period": repr(package.period_s),
         "rate": f"{1.0 / package.period_s:g}",
@@ -84,17 +85,17 @@ def _words(package: ControllerPackage) -> dict[str, str]:
     }
 
 
-def _error_text(package: ControllerPackage) -> str:
-    """What is proved of a law in single precision, as lines of a comment; nothing for one in double."""
+def _range_text(package: ControllerPackage) -> str:
+    """What is known of a law while its inputs are cut to their ranges, its condition first, as a comment."""
+    holds = when_nothing_overflows(package)
+    if not holds:
+        return "That no operation overflows within the ranges is not known."
     if package.error_bound is None:
-        return ""
-    holds = "as long as it is engaged and its own commands are applied in full, from a reset on"
-    if not package.error_bound_own:
-        holds = "whatever limits and ramp do, and whatever is applied within the limits"
+        return f"{holds.capitalize()},\n * no operation overflows or gives NaN."
     bounds = ", ".join(f"{bound:.3g}" for bound in package.error_bound.tolist())
     return (
-        " *\n * No operation overflows or gives NaN. Outputs differ from those in double precision by at most"
-        f"\n *   {bounds}\n * {holds}.\n"
+        f"{holds.capitalize()},\n * no operation overflows or gives NaN, and outputs differ from those in "
+        f"double precision by at most\n *   {bounds}."
     )
 
 

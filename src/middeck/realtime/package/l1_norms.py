@@ -15,7 +15,7 @@ BLOCK = 64
 TAIL = 0.02
 """What of the series may be bounded instead of summed."""
 MOST = 1 << 13
-"""Samples after which the rest is bounded, however much it is."""
+"""Most samples that are added up; the rest is bounded, however much it is."""
 CONDITION = 1e8
 """Of the eigenvectors, up to which their modes bound the rest: to eight digits."""
 NO_NORM = "no norm is found in which the system contracts: no peak is bounded"
@@ -28,12 +28,13 @@ def bound_peaks(
     G: Float[np.ndarray, "state input"],
     H: Float[np.ndarray, "signal state"],
     J: Float[np.ndarray, "signal input"],
+    most: int = MOST,
 ) -> Float[np.ndarray, "signal input"]:
     """An upper bound of |J| + sum |H F^k G|: the peak of each signal for inputs of magnitude one.
 
     That sum is the gain of the peak (Desoer and Vidyasagar 1975, section 4.8). Its first samples are added
-    up; the rest is bounded mode by mode, each by the geometric series of its pole, or where eigenvectors
-    nearly coincide in a norm in which F contracts. Raises `NumericalError` where F is not stable.
+    up, ``most`` at most; the rest is bounded mode by mode, each by the geometric series of its pole, or where
+    eigenvectors nearly coincide in a norm in which F contracts. Raises `NumericalError` for an unstable F.
 
     >>> peak = bound_peaks(np.array([[0.5]]), np.eye(1), np.eye(1), np.zeros((1, 1)))
     >>> 2.0 <= float(peak[0, 0]) < 2.05
@@ -48,7 +49,7 @@ def bound_peaks(
         rows[k], power = power, power @ F
     leap, x, rest = np.linalg.matrix_power(F, BLOCK), G, rest_of(G)
     flat = rows.reshape(-1, len(F))
-    for _ in range(0, MOST, BLOCK):
+    for _ in range(0, most, BLOCK):
         total = total + np.abs(flat @ x).reshape(BLOCK, *J.shape).sum(axis=0)
         x = leap @ x
         rest = rest_of(x)

@@ -1,8 +1,9 @@
 """What rounding can do to a law in single precision: every operation as a source of a bounded error.
 
 Each sum that the law computes is followed term by term. A product errs by u |term|, an addition by u times
-the partial sum, a coefficient by what single precision cuts from it (Higham 2002, chapters 3 and 4). The
-errors travel through the law as its signals do; the l1 norm of that path bounds what comes out.
+the partial sum, a coefficient by half a unit in its last place, the most that single precision cuts from it
+(Higham 2002, chapters 3 and 4): the bound follows from the rounded numbers alone. The errors travel through
+the law as its signals do; the l1 norm of that path bounds what comes out.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ Array = np.ndarray
 
 @record(kw_only=True)
 class Sum:
-    """One rounded sum: coefficients, the signals they multiply, and what single precision cuts from each."""
+    """One rounded sum: coefficients, the signals they multiply, and the most that was cut from each."""
 
     coefficients: Float[np.ndarray, " term"]
     signals: Int[np.ndarray, " term"]
@@ -98,18 +99,18 @@ class _Unfolding:
         n, m, p = len(core.A), len(package.inputs), len(package.outputs)
         y = [self.states + j for j in range(m)]
         e = [self.states + m + i for i in range(p)]
-        taken = [self.add([1.0], [j], rounded=True) for j in y]  # an input becomes a number of 24 bits
+        taken = [self.add([], [], [j], rounded=True) for j in y]  # an input becomes a number of 24 bits
         filtered, nexts, loop = list(taken), [], [[] for _ in range(p)]
         for k, place in enumerate(package.filters):
             filtered[place.input] = self.section(place.section, filtered[place.input], n + 2 * k, nexts)
         for k, path in enumerate(package.paths, len(package.filters)):
             out = self.section(path.section, taken[path.input], n + 2 * k, nexts)
             loop[path.output].append(out)
-        inner = [self.add([1.0] * len(outs), outs) for outs in loop]
+        inner = [self.add([], [], outs) for outs in loop]
         x = list(range(n))
         c = [self.add([*core.D[i], *core.C[i]], [*filtered, *x]) for i in range(p)]
-        wanted = [self.add([1.0, 1.0], [inner[i], c[i]]) for i in range(p)]
-        missing = [self.add([1.0], [i], rounded=True) for i in e]
+        wanted = [self.add([], [], [inner[i], c[i]]) for i in range(p)]
+        missing = [self.add([], [], [i], rounded=True) for i in e]
         moved = [self.state(i, filtered, missing) for i in range(n)]
         rows = np.array(self.rows)[:, : self.first + len(self.sums)]
         update = rows[[*moved, *nexts]]
@@ -131,20 +132,32 @@ class _Unfolding:
 
     def section(self, section: Section, into: int, state: int, nexts: list[int]) -> int:
         b0, b1, b2, a1, a2 = (*section.b, *section.a)
-        out = self.add([b0, 1.0], [into, state])
-        nexts.append(self.add([b1, -a1, 1.0], [into, out, state + 1]))
+        out = self.add([b0], [into], [state])
+        nexts.append(self.add([b1, -a1], [into, out], [state + 1]))
         nexts.append(self.add([b2, -a2], [into, out]))
         return out
 
-    def add(self, coefficients: Sequence[float], signals: Sequence[int], rounded: bool = False) -> int:
-        """A new signal, the sum in this order, with an error of its own."""
-        exact = np.array(coefficients, dtype=float)
-        single = exact.astype(self.kept).astype(float)
-        cut = np.abs(exact - single) + (UNIT if rounded else 0.0)
+    def add(
+        self,
+        coefficients: Sequence[float],
+        signals: Sequence[int],
+        plus: Sequence[int] = (),
+        rounded: bool = False,
+    ) -> int:
+        """A new signal, the sum in this order, ``plus`` last, with an error of its own."""
+        kept = np.array(coefficients, dtype=self.kept)
+        cut = [*0.5 * np.spacing(np.abs(kept)).astype(float), *[UNIT if rounded else 0.0] * len(plus)]
+        all_of, terms = [*kept.astype(float).tolist(), *[1.0] * len(plus)], [*signals, *plus]
         row = np.zeros(len(self.rows[0]))
-        for coefficient, signal in zip(single.tolist(), signals, strict=True):
+        for coefficient, signal in zip(all_of, terms, strict=True):
             row += coefficient * self.rows[signal]
         row[self.first + len(self.sums)] += 1.0
         self.rows.append(row)
-        self.sums.append(Sum(coefficients=single, signals=np.array(signals, dtype=int), cut=cut))
+        self.sums.append(
+            Sum(
+                coefficients=np.array(all_of),
+                signals=np.array(terms, dtype=int),
+                cut=np.array(cut, dtype=float),
+            )
+        )
         return len(self.rows) - 1

@@ -18,6 +18,8 @@ ROUNDS, GROWTH = 20, 1.2
 """Trials of what the signals are with their errors, and how far the next one goes beyond the last."""
 ALLOWANCE = 1.01
 """For the rounding of this computation itself, in double precision."""
+STATED = 1.001
+"""What a package states beyond its bound: a gate on another machine adds up in another order."""
 NOTHING = 2.0**-100
 """Below all that matters, and above what is lost where numbers of single precision end (2^-149)."""
 ROOM = 2.0**100
@@ -31,7 +33,8 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     """``package`` for a processor of single precision, with new test vectors.
 
     ``error_bound`` holds for all inputs, which are kept within their ranges, and whatever the limits do: the
-    difference to the law of ``package`` in double precision never exceeds it. No operation overflows there.
+    difference to the law of ``package`` in double precision, and to any other whose numbers are cut to the
+    same ones, never exceeds it. No operation overflows there.
     Where a law estimates from what was applied, that may be anything within the limits, as the law's own
     command is; limits and fade act as gains from 0 to 1, which about one half must not amplify errors
     without end (Khalil 2002, section 7.1). Where they may, the bound is for its own commands applied in full,
@@ -49,7 +52,6 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     exact = dataclasses.replace(package, core=modal or core, vectors=None)
     numbers = np.concatenate([np.ravel(part) for part in law_numbers(exact)])
     _require_room(float(np.abs(numbers[np.isfinite(numbers)]).max()), "a coefficient or limit")
-    bound = bound_error(exact)
     rounded = dataclasses.replace(
         exact,
         core=_round_core(exact.core),
@@ -58,11 +60,12 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
         input_range=_rounded(exact.input_range),
         lower=_rounded(exact.lower),
         upper=_rounded(exact.upper),
-        single=True,
-        error_bound=bound.outputs,
-        error_bound_own=bound.own,
     )
-    return add_test_vectors(rounded, len(package.vectors.y) if package.vectors else 48)
+    bound = bound_error(rounded)
+    single = dataclasses.replace(
+        rounded, single=True, error_bound=STATED * bound.outputs, error_bound_own=bound.own
+    )
+    return add_test_vectors(single, len(package.vectors.y) if package.vectors else 48)
 
 
 class ErrorBound(NamedTuple):

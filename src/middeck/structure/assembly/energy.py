@@ -33,12 +33,11 @@ from middeck.structure.assembly.places import (
 from middeck.structure.assembly.springs import (
     at_attach_points,
     at_poses,
-    device_span,
+    device_springs,
     grounded,
     on_translations,
     own_bushings,
-    own_law,
-    own_span,
+    own_springs,
     sprung_joints,
 )
 from middeck.structure.elements.beam import BeamState, beam_state, beam_weight
@@ -53,7 +52,7 @@ from middeck.structure.elements.motion_since_drawn import (
     lever_stiffness,
     summed,
 )
-from middeck.structure.elements.springs_and_cables import spring_state
+from middeck.structure.elements.sparse_of_parts import transposed_product
 from middeck.values import record
 
 
@@ -209,7 +208,7 @@ def _assembled(
     blocks = {name: total.material[name] + part for name, part in total.geometric.items()}
     blocks |= {"attach": total.device, **_turning(model, at, gradient)}
     joint_energy, joint_gradient, hinges = sprung_joints(model, config)
-    g = J.T @ (gradient + total.excess).ravel() + total.modal + joint_gradient
+    g = transposed_product(J, (gradient + total.excess).ravel()) + total.modal + joint_gradient
     bare = model.pattern.matrix(J.data, blocks, hinges)
     K = _with_components(bare, total.components, lambda state: state.material + state.geometric)
     return Assembly(
@@ -233,8 +232,12 @@ def energy_gradient(
     """The gradient of `assemble` alone."""
     at = poses_at(model, config)
     total = _gather(model, at, loads, None)
-    gradient = model.pose_map.jacobian(at.poses).T @ (total.gradient + point_load).ravel()
-    return gradient + total.modal + sprung_joints(model, config)[1]
+    J = model.pose_map.jacobian(at.poses)
+    return (
+        transposed_product(J, (total.gradient + point_load).ravel())
+        + total.modal
+        + sprung_joints(model, config)[1]
+    )
 
 
 def split_tangent(model: Model, geometry: Configuration, loads: Loads, inner: Inner) -> TangentParts:
@@ -312,14 +315,11 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
     members = _gather_members(model, at, loads, inner, inside)
     energy, gradient, excess, beams, apart = members
     start, end = model.spring_ends.T
-    drawn, change = own_span(model, at)
-    tension = None if inner is None else inner.spring
-    own = spring_state(own_law(model), drawn + change, tension, (drawn, change))
+    own = own_springs(model, at, None if inner is None else inner.spring)
     for total, pull in ((gradient, own.gradient), (excess, own.excess)):
         np.add.at(total[:, :3], end, pull)
         np.add.at(total[:, :3], start, -pull)
-    drawn, change = device_span(model, at, loads)
-    device = spring_state(loads.law, drawn + change, None if inner is None else inner.device, (drawn, change))
+    device = device_springs(model, at, loads, None if inner is None else inner.device)
     np.add.at(gradient[:, :3], loads.attach_point, device.gradient)
     np.add.at(excess[:, :3], loads.attach_point, device.excess)
     held = at_attach_points(model, loads, device.material + device.geometric)

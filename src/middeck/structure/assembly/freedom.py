@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from middeck.errors import ConfigError
+from middeck.structure.elements.sparse_of_parts import csr_of
 from middeck.structure.model.clamps import SQUARE, Clamp, held_directions
 from middeck.values import record
 
@@ -141,8 +142,8 @@ def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr
     place, before = np.cumsum(active) - 1, np.concatenate([[0], np.cumsum(keep)])
     indptr = np.append(before[K.indptr[:-1][active]], before[-1])
     size = len(indptr) - 1
-    kept = K.data[keep], place[K.indices[keep]].astype(K.indices.dtype), indptr.astype(K.indptr.dtype)
-    return sp.csr_array(kept, shape=(size, size))
+    indices, indptr = place[K.indices[keep]].astype(K.indices.dtype), indptr.astype(K.indptr.dtype)
+    return csr_of(K.data[keep], indices, indptr, (size, size))
 
 
 def hold_nodes(clamps: Sequence[Clamp], roots: Mapping[str, int], size: int, count: int) -> Held | None:

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from jaxtyping import Int
 
 from middeck.structure.elements.offset_points import PoseMap
+from middeck.structure.elements.sparse_of_parts import csr_of
 
 NONE = np.zeros(0, dtype=int)
 
@@ -61,9 +62,9 @@ class Pattern(NamedTuple):
         values = 0.5 * (data + data[self.mirror])
         there = values != 0.0
         if np.all(there):
-            return sp.csr_array((values, self.indices, self.indptr), shape=(size, size))
+            return csr_of(values, self.indices, self.indptr, (size, size))
         indptr = np.concatenate([[0], np.cumsum(there)])[self.indptr].astype(self.indptr.dtype)
-        return sp.csr_array((values[there], self.indices[there], indptr), shape=(size, size))
+        return csr_of(values[there], self.indices[there], indptr, (size, size))
 
 
 def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:

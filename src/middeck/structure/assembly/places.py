@@ -26,6 +26,7 @@ from middeck.structure.elements.motion_since_drawn import (
     levers,
     whole_motion,
 )
+from middeck.structure.elements.rotations import IDENTITY
 
 
 class At(NamedTuple):
@@ -56,7 +57,7 @@ def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.
     """How far poses have shifted and turned (less the identity) since drawn."""
     frame, drawn = model.points.frame[pose], model.drawn
     away = at.world[pose] - points_in_world(model.points.of(pose), drawn)
-    turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - np.eye(3)
+    turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - IDENTITY
     if at.since is None:
         return away, turn
     own, moved = frame < model.tree.roots, drawn_places(model, at, pose)[1]

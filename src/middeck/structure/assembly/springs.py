@@ -11,7 +11,12 @@ from middeck.structure.assembly.places import At, drawn_places, moved_since, pos
 from middeck.structure.elements.bushings import NO_BUSHINGS, BushingState, bushing_state
 from middeck.structure.elements.frames import Configuration, points_in_world
 from middeck.structure.elements.motion_since_drawn import seen_from
-from middeck.structure.elements.springs_and_cables import SpringLaw, spring_state
+from middeck.structure.elements.springs_and_cables import (
+    NO_SPRINGS,
+    SpringLaw,
+    SpringState,
+    spring_state,
+)
 from middeck.structure.model.article import JointState
 
 
@@ -29,6 +34,22 @@ def own_span(model: Model, at: At) -> tuple[np.ndarray, np.ndarray]:
     return end - start, end_moved - start_moved
 
 
+def own_springs(model: Model, at: At, tension: np.ndarray | None) -> SpringState:
+    """State of the structure's own springs; ``tension`` replaces theirs."""
+    if not len(model.spring_ends):
+        return NO_SPRINGS
+    drawn, change = own_span(model, at)
+    return spring_state(own_law(model), drawn + change, tension, (drawn, change))
+
+
+def device_springs(model: Model, at: At, loads: Loads, tension: np.ndarray | None) -> SpringState:
+    """State of devices; ``tension`` replaces theirs."""
+    if not len(loads.attach_point):
+        return NO_SPRINGS
+    drawn, change = device_span(model, at, loads)
+    return spring_state(loads.law, drawn + change, tension, (drawn, change))
+
+
 def device_span(model: Model, at: At, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
     """The same for devices, from anchor to attach point."""
     drawn, change = drawn_places(model, at, loads.attach_point)
@@ -37,8 +58,7 @@ def device_span(model: Model, at: At, loads: Loads) -> tuple[np.ndarray, np.ndar
 
 def device_tension(model: Model, config: Configuration, loads: Loads) -> Inexact[np.ndarray, " device"]:
     """The pull of each device at ``config``."""
-    drawn, change = device_span(model, poses_at(model, config), loads)
-    return spring_state(loads.law, drawn + change, None, (drawn, change)).tension
+    return device_springs(model, poses_at(model, config), loads, None).tension
 
 
 def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact[np.ndarray, "pose 3"]:

@@ -21,6 +21,7 @@ is analytic: complex poses or lengths give derivatives by complex step.
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -156,8 +157,8 @@ def _invariants(x: Array, T: Array) -> Invariants:
 
 
 def _dots(*terms: tuple[Array, Array, float]) -> Dots:
-    W = np.sum([sign * (u[:, :, None] * v[:, None, :]) for u, v, sign in terms], axis=0)
-    moment = np.sum([sign * cross(u, v) for u, v, sign in terms], axis=0)
+    W = reduce(np.add, (sign * (u[:, :, None] * v[:, None, :]) for u, v, sign in terms))
+    moment = reduce(np.add, (sign * cross(u, v) for u, v, sign in terms))
     slope = np.zeros((len(W), 12), dtype=W.dtype)
     slope[:, TWO], slope[:, ONE] = moment, -moment
     return Dots(W, np.trace(W, axis1=1, axis2=2), slope)
@@ -168,8 +169,8 @@ def _bending_and_twist(s: Array, dtype: np.dtype) -> tuple[Array, Array, Array]:
     n = len(s)
     m, dm, ddm = np.zeros((n, 6), dtype), np.zeros((n, 6, 8), dtype), np.zeros((n, 6, 8, 8), dtype)
     m[:, PHI], dm[:, PHI, TWIST] = s[:, TWIST], 1.0
-    for first, half, (iy, iz) in ((1, 0.5, (Y1, Z1)), (4, -0.5, (Y2, Z2))):
-        f, df, ddf = _angle_over_sine(s[:, first])
+    both = np.moveaxis(_angle_over_sine(s[:, [1, 4]]), -1, 0)
+    for first, half, (iy, iz), (f, df, ddf) in ((1, 0.5, (Y1, Z1), both[0]), (4, -0.5, (Y2, Z2), both[1])):
         c2, c3 = s[:, first + 1], s[:, first + 2]
         cos, sin = np.cos(half * s[:, TWIST]), np.sin(half * s[:, TWIST])
         # y = f h with h = cos c3 - sin c2, z = f g with g = -(sin c3 + cos c2); dh/dtwist = half g.
@@ -206,8 +207,8 @@ def _series(count: int) -> Array:
 SERIES = _series(24)
 
 
-def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
-    """f = acos(c)/sqrt(1 - c^2) and two derivatives, smooth through c = 1.
+def _angle_over_sine(c: Array) -> Array:
+    """f = acos(c)/sqrt(1 - c^2) and two derivatives (3, ...), smooth through c = 1.
 
     (1 - c^2) f' = c f - 1; hence the series in x = 1 - c has a_n = n/(2n + 1) a_(n-1).
     """
@@ -219,6 +220,8 @@ def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
     for terms in SERIES[: _terms(xn)][::-1]:
         total = total * xn + terms[:, None]
     found[:, near] = total
+    if near.all():
+        return found
     f, df, ddf = found
     far = ~near
     cf = c[far]
@@ -226,7 +229,7 @@ def _angle_over_sine(c: Array) -> tuple[Array, Array, Array]:
     f[far] = arctan2(np.sqrt(q), cf) / np.sqrt(q)
     df[far] = (cf * f[far] - 1.0) / q
     ddf[far] = (f[far] + 3.0 * cf * df[far]) / q
-    return f, df, ddf
+    return found
 
 
 def _terms(x: Array) -> int:

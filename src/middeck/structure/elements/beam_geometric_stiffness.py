@@ -5,6 +5,7 @@ Derived from the invariants of `beam_deformations`, without approximation.
 """
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Inexact
@@ -20,7 +21,7 @@ from middeck.structure.elements.beam_deformations import (
     Deformation,
     Invariants,
 )
-from middeck.structure.elements.rotations import skew, symmetric_double_cross
+from middeck.structure.elements.rotations import IDENTITY, skew, symmetric_double_cross
 
 
 def geometric_stiffness(
@@ -44,7 +45,7 @@ def add_cosine_hessian(
 ) -> None:
     """Add the Hessian of e . vector for each vector, with the coordinates that turn it (fixed: None)."""
     P = _across(e)
-    total = np.sum([vector for vector, _ in vectors], axis=0)
+    total = reduce(np.add, (vector for vector, _ in vectors))
     c = np.einsum("ei,ei->e", e, total)
     outer = (total - c[:, None] * e)[:, :, None] * e[:, None, :]
     _add_chord_block(out, -(outer + outer.mT + c[:, None, None] * P) / (span**2)[:, None, None])
@@ -70,7 +71,7 @@ def _add_twist_hessian(out: Array, s: Invariants, weight: Array) -> None:
     S, C = s.sine, s.cosine
     r2 = S.value**2 + C.value**2
     W = (weight * C.value / r2)[:, None, None] * S.W - (weight * S.value / r2)[:, None, None] * C.W
-    trace = np.trace(W, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    trace = np.trace(W, axis1=1, axis2=2)[:, None, None] * IDENTITY
     same = 0.5 * (W + W.mT) - trace
     out[:, ONE, ONE] += same
     out[:, TWO, TWO] += same
@@ -85,4 +86,4 @@ def _add_twist_hessian(out: Array, s: Invariants, weight: Array) -> None:
 
 def _across(e: Array) -> Array:
     """Projection normal to unit vectors."""
-    return np.eye(3) - e[:, :, None] * e[:, None, :]
+    return IDENTITY - e[:, :, None] * e[:, None, :]

@@ -30,7 +30,7 @@ from middeck.structure.elements.motion_since_drawn import (
     whole_motion,
 )
 from middeck.structure.elements.offset_points import map_points
-from middeck.structure.elements.rotations import rotation_exp, skew
+from middeck.structure.elements.rotations import IDENTITY, rotation_exp, skew
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses
 from middeck.values import record
 
@@ -81,7 +81,7 @@ def move_carried(
 def placed(since_drawn: SinceDrawn, angle: Inexact[np.ndarray, " joint"]) -> Configuration:
     """The configuration whose roots have moved so since the drawn state."""
     shift, turn = whole_motion(since_drawn)
-    return Configuration(since_drawn.drawn + shift, np.eye(3) + turn, angle, since_drawn)
+    return Configuration(since_drawn.drawn + shift, IDENTITY + turn, angle, since_drawn)
 
 
 def rigid_columns(

@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Inexact, Int
 
-from middeck.structure.elements.rotations import cross, skew, symmetric_double_cross, turn_of
+from middeck.structure.elements.rotations import IDENTITY, cross, skew, symmetric_double_cross, turn_of
 from middeck.values import record
 
 
@@ -57,7 +57,7 @@ def carried_by(at: SinceDrawn, carrier: Int[np.ndarray, " root"]) -> SinceDrawn:
     """The same motion with other carriers."""
     shift, turn = (part.copy() for part in whole_motion(at))
     own, up = np.flatnonzero(carrier >= 0), carrier[carrier >= 0]
-    back = np.swapaxes(turn[up], 1, 2) + np.eye(3)
+    back = np.swapaxes(turn[up], 1, 2) + IDENTITY
     arm = np.matvec(turn[up], at.drawn[own] - at.drawn[up])
     inner = np.matvec(back, shift[own] - shift[up] - arm), back @ (turn[own] - turn[up])
     shift[own], turn[own] = inner
@@ -104,7 +104,7 @@ def move_since_drawn(
     """After increments as the carriers see them, in the axes of W; ``R`` are the rotations before it."""
     rho, phi = step[:, :3], step[:, 3:]
     if at.carries:
-        axes = np.where((at.carrier >= 0)[:, None, None], np.swapaxes(R[at.carrier], 1, 2), np.eye(3))
+        axes = np.where((at.carrier >= 0)[:, None, None], np.swapaxes(R[at.carrier], 1, 2), IDENTITY)
         rho, phi = np.matvec(axes, rho), np.matvec(axes, phi)
     turn = turn_of(phi)
     return SinceDrawn(at.drawn, at.carrier, at.shift + rho, turn + at.turn + turn @ at.turn)

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from jaxtyping import Inexact, Int
 
 from middeck.structure.elements.rotations import cross, skew, symmetric_double_cross
+from middeck.structure.elements.sparse_of_parts import csr_of
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses, joint_chain
 
 # Places of the off-diagonal entries of a matrix, by rows.
@@ -49,7 +50,7 @@ class PoseMap(NamedTuple):
     def jacobian(self, poses: Poses) -> sp.csr_array:
         """Sparse A (6 rows a point, one column a coordinate): first-order change of every point's pose."""
         shape = (6 * len(self.points.frame), self.tree.size)
-        return sp.csr_array((self.jacobian_values(poses), self.indices, self.indptr), shape=shape)
+        return csr_of(self.jacobian_values(poses), self.indices, self.indptr, shape)
 
     def jacobian_values(self, poses: Poses) -> np.ndarray:
         """The values of `jacobian`, in the order of its pattern."""

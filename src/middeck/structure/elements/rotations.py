@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Inexact
 
+IDENTITY = np.eye(3)
+IDENTITY.setflags(write=False)
 # The letter that follows each of x, y, z, and the one before it.
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 # The letter at each place of a cross-product matrix, and its sign.
@@ -39,7 +41,7 @@ def rotation_exp(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, 
     >>> np.round(rotation_exp(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0], 12).tolist()
     [0.0, 1.0, 0.0]
     """
-    return np.eye(3) + turn_of(theta)
+    return IDENTITY + turn_of(theta)
 
 
 def turn_of(theta: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
@@ -73,4 +75,4 @@ def symmetric_double_cross(
     """Hessian in theta of a . (exp(theta) b) at theta = 0: (a b' + b a')/2 - (a . b) I."""
     outer = a[..., :, None] * b[..., None, :]
     dot = np.sum(a * b, axis=-1)[..., None, None]
-    return 0.5 * (outer + np.swapaxes(outer, -1, -2)) - dot * np.eye(3)
+    return 0.5 * (outer + np.swapaxes(outer, -1, -2)) - dot * IDENTITY

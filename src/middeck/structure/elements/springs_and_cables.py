@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Inexact
 
 from middeck.errors import EquilibriumError
+from middeck.structure.elements.rotations import IDENTITY
 from middeck.values import record
 
 
@@ -38,6 +39,16 @@ class SpringState:
     excess: Inexact[np.ndarray, "spring 3"]
     material: Inexact[np.ndarray, "spring 3 3"]
     geometric: Inexact[np.ndarray, "spring 3 3"]
+
+
+NO_SPRINGS = SpringState(
+    tension=np.zeros(0),
+    energy=np.zeros(0),
+    gradient=np.zeros((0, 3)),
+    excess=np.zeros((0, 3)),
+    material=np.zeros((0, 3, 3)),
+    geometric=np.zeros((0, 3, 3)),
+)
 
 
 def spring_state(
@@ -75,7 +86,7 @@ def spring_state(
         gradient=per_length[:, None] * span,
         excess=((own - pull) / length_or_one)[:, None] * span,
         material=k[:, None, None] * along,
-        geometric=per_length[:, None, None] * (np.eye(3) - along),
+        geometric=per_length[:, None, None] * (IDENTITY - along),
     )
 
 

@@ -91,7 +91,8 @@ def _damped_step(
     stiffness, inertia = free.matrix(at.tangent), free.matrix(mass)
     damping = 0.0 if damping < LEAST_DAMPING else damping / DAMPING_STEP
     while damping < MOST_DAMPING:
-        factor = positive_factor(sp.csr_array(stiffness + damping * inertia))
+        damped = stiffness if damping == 0.0 else sp.csr_array(stiffness + damping * inertia)
+        factor = positive_factor(damped)
         if factor is not None:
             q = free.spread(-factor.solve(free.part(at.gradient)))
             if deformation(model, config, q, mass) < LONGEST_STEP:

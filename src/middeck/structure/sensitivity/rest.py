@@ -166,7 +166,17 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 
 
 def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
-    """The derivative of the rest state, with the patches that it came from."""
+    """The derivative of the rest state, with the patches that it came from; the last is kept with the state.
+
+    A refinement, what is found of it and what is predicted from it ask for the same one after the other.
+    """
+    known = vars(rest).get("moved")
+    if known is None or known[0] != tuple(parameters):
+        known = vars(rest)["moved"] = tuple(parameters), _move_rest(rest, parameters)
+    return known[1]
+
+
+def _move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     check_beside_devices(rest, "derivatives of the rest state")
     if np.any(rest.loads.push[:, 3:]):
         raise NumericalError(
@@ -187,7 +197,10 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     still = tuple((at, assemble(at.raft.model, at.config, at.loads)) for at in rafts)
     explicit = spread_gradients(rest.model, patches, [(at, total.gradient) for at, total in still])
     links = Tied.at(rest.model, rest.config, static_coordinates(rest.model))
-    held = links.multipliers(energy_gradient(rest.model, rest.config, rest.loads, NO_LOAD))
+    bare = at.gradient
+    if rest.model.links is not None:
+        bare = energy_gradient(rest.model, rest.config, rest.loads, NO_LOAD)
+    held = links.multipliers(bare)
     here = np.zeros(rest.model.tree.size)
     before = [
         tie.change(rest.config, here, load.gravity, held + 0j) for tie, load in zip(tied, loads, strict=True)

@@ -16,6 +16,7 @@ from middeck.updating.refinement.other_frequencies import other_frequencies
 from middeck.updating.refinement.other_pairs import other_pairs
 from middeck.updating.refinement.problem import MODAL, MODES, STATIC
 from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
+from middeck.updating.refinement.repeated_tests import repeated_tests
 from middeck.updating.refinement.wrong_channels import wrong_channels
 from middeck.updating.refinement.wrong_readings import wrong_readings
 from middeck.updating.residuals.damping import log_std, shifted_by_losses
@@ -69,6 +70,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
             for said in doubt_survey_units(c.modes, c.survey.measured)
         ),
         *_of_the_search(refined),
+        *repeated_tests([c.survey for c in refined.compared], [c.test for c in refined.statics]),
         *_of_contradictions(refined),
         *_of_unknowns(refined),
         *_of_the_model(refined),
@@ -145,11 +147,14 @@ def _of_contradictions(refined: Refined) -> Iterator[str]:
     """Surveys whose deviations `refine` widened, and by what each is off the article of all."""
     by = max((float(c.std[0] / c.survey.std[c.pairs[0, 1]]) for c in refined.compared), default=1.0)
     if by > CONTRADICT:
+        bare = any(not c.survey.measured.node for c in refined.compared)
+        pairing = ", or were modes taken for others, which shapes would tell" if bare else ""
         means = [f"{name} by {100.0 * off:+.2g} %" for name, off in off_the_rest(refined)]
         yield (
             "the surveys contradict one another: their frequencies differ from those of any one article by "
             f"{by:.1f} times their standard deviations, on average {', '.join(means)}; these were widened by "
-            "this factor. Did the article change between the tests, is a set-up not as stated, a clock off?"
+            "this factor. Did the article change between the tests, is a set-up not as stated, a clock off"
+            f"{pairing}?"
         )
 
 
@@ -192,7 +197,7 @@ def _of_the_model(refined: Refined) -> Iterator[str]:
             sort, size = MODES[k], tau[k]
             if size > ABOVE * noise:
                 yield (
-                    f"no unknowns fit the {sort} modes better than {100.0 * size:.2g} %,"
+                    f"no unknowns near their priors fit the {sort} modes better than {100.0 * size:.2g} %,"
                     " where the test states "
                     f"{100.0 * stated:.2g} %: a model error, which the predicted intervals include"
                 )

@@ -1,22 +1,18 @@
 """Refine an article on tests on the ground, of modes and of sag: the most probable unknowns, what stays open.
 
-Gauss-Newton on analytic slopes, the model's own errors found anew at every step
-(`bayesian_estimate`): far from the answer they are large, which keeps the steps small.
+How the most probable ones are looked for is in `search`.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from middeck.errors import ConfigError, NumericalError
+from middeck.errors import ConfigError
 from middeck.structure.model.article import Structure
-from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.damped_modes import DampedModes
 from middeck.updating.refinement.bayesian_estimate import (
     USUAL,
     Estimate,
@@ -24,36 +20,23 @@ from middeck.updating.refinement.bayesian_estimate import (
     cut_below,
     unseen_deviations,
 )
-from middeck.updating.refinement.contradictions import Tests, estimate_of
 from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.problem import MODAL, linear_problem, sort_names, zeros_of
-from middeck.updating.residuals.damping import (
-    ComparedDamping,
-    compare_with_damping,
-    moves_losses,
-    solve_damped_near,
-    states_damping,
-)
+from middeck.updating.refinement.repeated_tests import refuse_repeated
+from middeck.updating.refinement.search import Prior, find_most_probable, place_tests
+from middeck.updating.residuals.damping import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
     ComparedStatic,
     ErrorFields,
-    Loaded,
-    StaticSetUp,
     StaticTest,
-    compare_statics,
-    set_up_statics,
-    solve_statics,
 )
 from middeck.updating.residuals.surveys import (
     Compared,
-    SetUp,
     Survey,
-    compare,
-    compare_measured_response,
     set_up,
 )
-from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, LOOP, Unknown, loop_slopes
+from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, LOOP, Unknown
 from middeck.values import record
 
 # What begins so is no parameter of the article.
@@ -62,14 +45,6 @@ ELSEWHERE = (ENVIRONMENT, LOOP, FRICTION)
 USUAL_STATIC, OF_READING = 0.02, 0.25
 # Usual error of ln zeta that loss factors and dampers give a mode.
 USUAL_DAMPING = 0.2
-STEPS = 12
-# A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
-SMALL = 0.2
-# No step moves an unknown by more than this many of its prior deviations.
-LARGEST = 2.0
-HALVINGS = 6
-# Steps back that are not this much smaller than the last swing about the answer.
-SHRINKS = 0.7
 
 
 @record(kw_only=True)
@@ -214,51 +189,32 @@ def refine(
     one, whatever its numbers, ``static_error`` what its members yield, ``damping_error`` its damping ratios
     (these where an unknown moves them): what the tests show takes their place, the less the fewer there are.
 
-    Raises `ConfigError` for no test, an unknown that no test has, names given twice, or a survey without
-    any mode in common, and as `compare_with_damping`; `NumericalError` where the article has no rest state at
-    the mean of the prior.
+    Raises `ConfigError` for no test, an unknown that no test has, names or measurements given twice, or a
+    survey without any mode in common, and as `compare_with_damping`; `NumericalError` where the article has
+    no rest state at the mean of the prior.
     """
     _check_names(surveys, statics, unknowns)
-    places = _places(structure, surveys, statics, unknowns)
-    mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
-    lossy = places.moves_damping
+    places = place_tests(structure, surveys, statics, unknowns)
+    refuse_repeated(surveys)
     sizes = [model_error] * MODAL + [static_error, OF_READING * static_error] * bool(statics)
-    usual = np.array(sizes + [damping_error] * lossy)
-    x, history, pace, last = mean.copy(), [], 1.0, np.zeros(len(mean))
-    at, first = places.solve(x, lossy), ()
-    # Responses and damping are nearly linear in what is left when the modes have settled, and not before.
-    settled, open_x = False, np.diag(spread)
-    measured = lossy or any(s.response is not None for s in surveys)
-    while True:
-        tests = places.compare(at, statics, settled)
-        first = first or (tests.compared, at.loaded)
-        heard = places.hear(tests.compared, x, open_x) if settled else ()
-        fields = ErrorFields.of(at.loaded) if at.loaded else None
-        tests, problem, found = estimate_of(tests._replace(heard=heard), fields, x - mean, spread, usual)
-        step = mean + found.x - x
-        history.append(float(np.max(np.abs(step) / found.x_std, initial=0.0)))
-        if history[-1] < SMALL or len(history) >= STEPS * (1 + settled):
-            if settled or not measured:
-                break
-            settled, pace, last, open_x = True, 1.0, np.zeros(len(mean)), found.root[: len(x)]
-            continue
-        size, pace = step / spread, _pace(pace, step / spread, last)
-        x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))), lossy)
-        last = size
+    usual = np.array(sizes + [damping_error] * places.moves_damping)
+    mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
+    found = find_most_probable(places, statics, Prior(mean, spread, usual))
+    tests, first = found.tests, found.first
     return Refined(
         structure=structure,
         unknowns=tuple(unknowns),
         compared=tests.compared,
         statics=tests.statics,
-        linear_at=x,
-        estimate=found,
-        before_hz=tuple(_before(*both) for both in zip(first[0], tests.compared, strict=True)),
-        before=tuple(tuple(old.value(t.gauges).tolist()) for old, t in zip(first[1], statics, strict=True)),
-        history=tuple(history),
-        converged=history[-1] < SMALL,
-        fields=fields,
-        unseen=unseen_deviations(problem, found.tau, usual[: problem.sorts]),
-        responses=heard,
+        linear_at=found.x,
+        estimate=found.estimate,
+        before_hz=tuple(_before(*both) for both in zip(first.compared, tests.compared, strict=True)),
+        before=tuple(tuple(old.value.tolist()) for old in first.statics),
+        history=found.history,
+        converged=found.converged,
+        fields=found.fields,
+        unseen=unseen_deviations(found.problem, found.estimate.tau, usual[: found.problem.sorts]),
+        responses=tests.heard,
         damped=tests.damped,
     )
 
@@ -271,7 +227,8 @@ def compare_at_first(
 ) -> tuple[Compared | ComparedResponse | ComparedDamping | ComparedStatic, ...]:
     """Every test beside the model at the mean of the prior. Raises `ConfigError` as `refine`."""
     _check_names(surveys, statics, unknowns)
-    places = _places(structure, surveys, statics, unknowns)
+    places = place_tests(structure, surveys, statics, unknowns)
+    refuse_repeated(surveys)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     tests = places.compare(places.solve(mean, places.moves_damping), statics, True)
     return tests._replace(heard=places.hear(tests.compared, mean, np.diag(spread))).every
@@ -281,129 +238,6 @@ def _before(old: Compared, new: Compared) -> tuple[float, ...]:
     """Frequencies, before the refinement, of the modes paired with the measured ones; NaN without a pair."""
     hz = {j: float(old.modes.frequency_hz[i]) for i, j in old.pairs.tolist()}
     return tuple(hz.get(j, np.nan) for j in new.pairs[:, 1].tolist())
-
-
-class _At(NamedTuple):
-    """The article as every test had it, at the unknowns ``x``; complex modes where damping is refined."""
-
-    x: np.ndarray
-    modes: list[Modes]
-    loaded: list[Loaded]
-    damped: list[DampedModes | None]
-
-
-class _Places(NamedTuple):
-    """The set-ups of the surveys and of the static tests."""
-
-    surveyed: list[SetUp]
-    loaded: list[StaticSetUp]
-    surveys: tuple[Survey, ...]
-
-    @property
-    def moves_damping(self) -> bool:
-        """Whether an unknown does. Raises `ConfigError` where no survey has anything to tell of it."""
-        both = zip(self.surveys, self.surveyed, strict=True)
-        if not any(moves_losses(survey, place.bound) for survey, place in both):
-            return False
-        if not any(states_damping(s) or s.friction or s.response is not None for s in self.surveys):
-            raise ConfigError(
-                "an unknown moves damping, and no survey states a damping ratio",
-                where="refinement",
-                hint="damping with the modes of a survey, or no unknown of damping",
-            )
-        return True
-
-    def solve(self, x: np.ndarray, lossy: bool) -> _At:
-        """Every set-up at the unknowns ``x``, its complex modes too where ``lossy``."""
-        modes = [place.solve(x) for place in self.surveyed]
-        damped = [
-            solve_damped_near(m, s) if lossy and (states_damping(s) or s.friction) else None
-            for m, s in zip(modes, self.surveys, strict=True)
-        ]
-        return _At(x, modes, solve_statics(self.loaded, x), damped)
-
-    def compare(self, at: _At, statics: Sequence[StaticTest], settled: bool) -> Tests:
-        """Damping, as far as ``at`` has any, where the modes have ``settled``."""
-        compared: list[Compared] = []
-        lossy: list[ComparedDamping] = []
-        for place, survey, modes, damped in zip(
-            self.surveyed, self.surveys, at.modes, at.damped, strict=True
-        ):
-            if damped is None or not (settled or survey.friction):
-                compared.append(compare(modes, survey, place.bound))
-            else:
-                frequencies, ratios = compare_with_damping(modes, damped, survey, place.bound, at.x)
-                compared.append(frequencies)
-                lossy.append(ratios)
-        return Tests(tuple(compared), (), tuple(lossy), compare_statics(at.loaded, statics, self.loaded))
-
-    def hear(
-        self, compared: Sequence[Compared], x: np.ndarray, open_x: np.ndarray
-    ) -> tuple[ComparedResponse, ...]:
-        """Responses beside the model at the unknowns ``x``, of whose covariance ``open_x`` is a root."""
-        return tuple(
-            compare_measured_response(c, place.bound, x, open_x)
-            for c, place in zip(compared, self.surveyed, strict=True)
-            if c.survey.response is not None
-        )
-
-
-def _places(
-    structure: Structure,
-    surveys: Sequence[Survey],
-    statics: Sequence[StaticTest],
-    unknowns: Sequence[Unknown],
-) -> _Places:
-    surveyed = [set_up(structure, s.environment, s.settings, unknowns) for s in surveys]
-    loaded = set_up_statics(structure, statics, unknowns)
-    stated: dict[str, tuple[float, float]] = {}
-    for friction in (f for s in surveys for f in s.friction):
-        sizes = friction.slip_torque, friction.slip_angle
-        if stated.setdefault(friction.joint, sizes) != sizes:
-            raise ConfigError(
-                f"surveys state two slip torques or slip angles of joint {friction.joint!r}",
-                where="friction",
-                hint="one joint has one; what it may be is the spread of an unknown",
-            )
-    for k, unknown in enumerate(unknowns):
-        heard = [s.response.ports for s in surveys if s.response is not None]
-        rubbed = [f for s in surveys for f in s.friction]
-        elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard) or any(
-            np.any(friction.moved_by([unknown.parameters])) for friction in rubbed
-        )
-        places = (*surveyed, *(place.loaded for place in loaded))
-        if not elsewhere and not any(place.bound[k].parameters for place in places):
-            raise ConfigError(
-                f"no article, environment or loop under test has a parameter {', '.join(unknown.parameters)}",
-                where=f"unknown {unknown.name!r}",
-                hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response, "
-                "those of friction a survey that states a joint's friction and amplitudes",
-            )
-    return _Places(surveyed, loaded, tuple(surveys))
-
-
-def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
-    """Half of it for steps that swing, twice of it, up to one, for others.
-
-    Both in deviations of the prior: those of the answer shrink with the model's errors on the way there.
-    """
-    swings = step @ last < 0.0 and np.linalg.norm(step) > SHRINKS * np.linalg.norm(last)
-    return 0.5 * pace if swings else min(1.0, 2.0 * pace)
-
-
-def _moved(places: _Places, x: np.ndarray, step: np.ndarray, lossy: bool) -> tuple[np.ndarray, _At]:
-    """A step, shorter where the article has no rest state at its end, or damping ratios that cannot be."""
-    why = ""
-    for _ in range(HALVINGS):
-        try:
-            return x + step, places.solve(x + step, lossy)
-        except (ConfigError, NumericalError) as error:
-            step, why = 0.5 * step, error.what
-    raise NumericalError(
-        f"there is no such article at the values towards which the refinement moves the unknowns: {why}",
-        where="refinement",
-        hint="narrower spreads, or fewer unknowns",
-    )
 
 
 def problem_of(

@@ -75,10 +75,9 @@ def read_assembly(
         joined = _joined(card, number, joins, part, places, near, units)
         apart = part.positions - units.length * np.array([places.grids[grid] for grid in joined.values()])
         at_most = max(near, *(_tolerance(part, units, join) for join in joins)) if joins else near
-        part = parts[f"{name}-se{number}.npz"] = _fixed(part, joined, apart, at_most, units)
-        bulk.notes.extend(
-            (*_scaled(part, units), *_moved(part, apart, at_most, units), *_bridged(part, units))
-        )
+        by = _moved_by(apart, at_most * units.length)
+        part = parts[f"{name}-se{number}.npz"] = _fixed(part, joined, apart + by, at_most, units)
+        bulk.notes.extend((*_scaled(part, units), *_moved(part, by, units), *_bridged(part, units)))
     if not parts:
         raise ConfigError(
             "no SEBULK in the bulk data", where=str(path), hint="does all of it stand behind BEGIN BULK?"
@@ -102,17 +101,22 @@ def _fixed(
 
     Grids that stand elsewhere are left to the checks of the article.
     """
-    apart = apart - apart.mean(axis=0)  # a component may have axes of its own
     far = float(np.linalg.norm(apart, axis=1).max())
     offsets = apart if SAME * np.abs(part.positions).max() < far <= near * units.length else None
     return dataclasses.replace(part, frames=tuple(f"g{grid}" for grid in joined.values()), offsets=offsets)
 
 
-def _moved(part: Component, apart: np.ndarray, near: float, units: Units) -> Iterator[str]:
+def _moved_by(apart: np.ndarray, near: float) -> np.ndarray:
+    """How far a component that may have axes of its own goes to its grids, unless all are ``near`` [m]."""
+    stays = np.linalg.norm(apart, axis=1).max() <= near
+    return np.zeros(3) if stays else -apart.mean(axis=0)
+
+
+def _moved(part: Component, by: np.ndarray, units: Units) -> Iterator[str]:
     """A note on a component that all its grids take elsewhere."""
-    by = -apart.mean(axis=0) / units.length
-    if np.linalg.norm(by) > near:
-        said = ", ".join(f"{x:.6g}" for x in np.where(np.abs(by) > near, by, 0.0))
+    if np.any(by):
+        rounding = NEAR * max(np.abs(by).max(), np.abs(part.positions).max())
+        said = ", ".join(f"{x:.6g}" for x in np.where(np.abs(by) > rounding, by, 0.0) / units.length)
         yield f"{part.name} is moved by ({said}) ({units.name}) to the grids that it is joined to"
 
 

@@ -29,6 +29,8 @@ NARROW = [_columns(8, min(ROW, (length - 1) // 8)) for length in range(81)]
 WIDE = [_columns(16, count) for count in range(ROW // 2 + 1)]
 MARKS = "+*"
 BREAK = "break it with a continuation"
+SKIPS = "a tab behind a full field, to which the next field is blank"
+BLANK = "blanks or commas in place of the tabs of this line"
 SEQUENCE = "numbers of lines must stand on all without commas, and rise"
 
 
@@ -66,7 +68,11 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
                 faults.append(row)
                 continue
         else:
-            text = (text.expandtabs(8) if tabs else text).rstrip()
+            if tabs and "\t" in text:
+                if _skips(text):
+                    faults.append(_fault(line, SKIPS, BLANK))
+                text = text.expandtabs(8)
+            text = text.rstrip()
             if len(text) > 80:
                 faults += [_beyond(line, part) for part in text[80:].split() if _is_number(part)]
             head = text[:8].strip()
@@ -162,6 +168,19 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
         ):
             faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
     return faults
+
+
+def _skips(text: str) -> bool:
+    """Whether a tab follows a field that fills its columns: the value behind it is one field further on."""
+    *parts, _ = text.rstrip().split("\t")
+    width = 16 if "*" in text[:8] else 8
+    column = 0
+    for part in parts:
+        column += len(part)
+        if part.strip() and column >= 8 and (column - 8) % width == 0:
+            return True
+        column += 8 - column % 8
+    return False
 
 
 def _is_full(row: Row) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from middeck.files.nastran.constraints.rigid_links import expand
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
-from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.toml.faults import Fault
 
 SPRINGS = ("CELAS1", "CELAS2", "CELAS3", "CELAS4")
@@ -152,10 +152,10 @@ def read_elements(
             continue
         try:
             ends = ends_of(entry)
-            _check_ends(ends, points, places)
+            _check_ends(entry, ends, points, places)
             value = _value(entry, values)
         except ValueError as error:
-            faults.append(entry.fault(str(error)))
+            add_fault(faults, error, entry)
             continue
         free = [
             (point, component)
@@ -167,14 +167,18 @@ def read_elements(
     return found
 
 
-def _check_ends(ends: list[End], points: Container[int], places: Places) -> None:
-    for point, component in ends:
+def _check_ends(entry: Entry, ends: list[End], points: Container[int], places: Places) -> None:
+    keys = [f"g{i}" for i in "12" if entry[f"g{i}"]]
+    for key, (point, component) in zip(keys, ends, strict=True):
         if point in points and component:
-            raise ValueError(f"scalar point {point} has no component {component}: 0 or a blank")
-        if point in places.grids and not component:
-            raise ValueError(f"grid {point} has components, 1 to 6: which? only scalar points have none")
-        if point not in points and point not in places.grids:
-            raise ValueError(f"there is no grid {point}; a scalar point has no component")
+            what = f"scalar point {point} has no component {component}: 0 or a blank"
+        elif point in places.grids and not component:
+            what = f"grid {point} has components, 1 to 6: which? only scalar points have none"
+        elif point not in points and point not in places.grids:
+            what = f"there is no grid {point}; a scalar point has no component"
+        else:
+            continue
+        raise CardError(entry.fault(what, key))
 
 
 def _value(entry: Entry, values: Mapping[str, Mapping[int, float]]) -> float:
@@ -184,7 +188,7 @@ def _value(entry: Entry, values: Mapping[str, Mapping[int, float]]) -> float:
     else:
         pid = entry.id if entry["pid"] is None else entry["pid"]
         if pid not in values[kind]:
-            raise ValueError(f"there is no {kind} {pid}")
+            raise CardError(entry.fault(f"there is no {kind} {pid}", "pid"))
         value = values[kind][pid]
     if value < 0.0:
         raise ValueError(f"a negative {'mass' if kind == 'PMASS' else 'stiffness'} is not converted")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.files.nastran.deck.coordinates import Places
-from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.nastran.members.members import own_axes
@@ -19,6 +19,7 @@ from middeck.files.toml.faults import Fault
 
 ROW = 8
 APART = 1e-9  # of a length, and the sine between directions that are one
+BASIC_AXES = "0 for the basic axes"
 ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 
 
@@ -52,16 +53,17 @@ def read_ties(
             else:
                 tie = _spring(entry, properties, places, held)
         except ValueError as error:
-            faults.append(entry.fault(str(error)))
+            add_fault(faults, error, entry)
             continue
         if tie is not None and np.any(tie.stiffness):
             found.append(tie)
     return found
 
 
-def _place(grid: int, places: Places) -> np.ndarray:
+def _place(entry: Entry, key: str, places: Places) -> np.ndarray:
+    grid = entry[key]
     if grid not in places.grids:
-        raise ValueError(f"there is no grid {grid}")
+        raise CardError(entry.fault(f"there is no grid {grid}", key))
     return places.grids[grid]
 
 
@@ -69,21 +71,23 @@ def _property(entry: Entry, properties: dict[int, Entry], name: str) -> Entry:
     pid = entry.id if entry["pid"] is None else entry["pid"]
     found = properties.get(pid)
     if found is None or found.name != name:
-        raise ValueError(f"there is no {name} {pid}")
+        raise CardError(entry.fault(f"there is no {name} {pid}", "pid"))
     return found
 
 
 def _spring(
     entry: Entry, properties: dict[int, Entry], places: Places, held: Mapping[int, str]
 ) -> Tie | None:
-    k = (_property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry)["k"]
-    ends = ends_of(entry)
-    whole = [grid for grid, component in ends if not component]
-    if whole:
-        raise ValueError(f"grid {whole[0]} has components, 1 to 6: which? only scalar points have none")
+    card = _property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry
+    k, ends = card["k"], ends_of(entry)
+    keys = [f"{i}" for i in "12" if entry[f"g{i}"]]
+    for i, (grid, component) in zip(keys, ends, strict=True):
+        if not component:
+            what = f"grid {grid} has components, 1 to 6: which? only scalar points have none"
+            raise CardError(entry.fault(what, f"c{i}"))
     if k < 0.0:
-        raise ValueError("a negative stiffness is not converted")
-    points = [_place(grid, places) for grid, _ in ends]
+        raise CardError(card.fault("a negative stiffness is not converted", "k"))
+    points = [_place(entry, f"g{i}", places) for i in keys]
     moving = [i for i, (grid, component) in enumerate(ends) if f"{component}" not in held.get(grid, "")]
     if not moving:
         return None
@@ -112,18 +116,20 @@ def _spring(
 
 def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
     stiffness = _stiffness(_property(entry, properties, "PBUSH"))
-    a = _place(entry["ga"], places)
+    a = _place(entry, "ga", places)
     if entry["gb"] is None:
         if entry["cid"] is None:
-            raise ValueError("a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank")
+            what = "a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank"
+            raise CardError(entry.fault(what, "cid"))
         point = a if entry["ocid"] == -1 else _offset(entry, a, places)
         return Tie(entry, (entry["ga"],), (point,), _axes(entry, a, a, stiffness, places), np.diag(stiffness))
-    b = _place(entry["gb"], places)
+    b = _place(entry, "gb", places)
     grids = (entry["ga"], entry["gb"])
     if grids[0] == grids[1]:
-        raise ValueError("it joins a grid to itself")
+        raise CardError(entry.fault("it joins a grid to itself", "gb"))
     if entry["ocid"] == -1 and not 0.0 <= entry["s"] <= 1.0:
-        raise ValueError(f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids")
+        what = f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids"
+        raise CardError(entry.fault(what, "s"))
     point = a + entry["s"] * (b - a) if entry["ocid"] == -1 else _offset(entry, a, places)
     return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), np.diag(stiffness))
 
@@ -136,7 +142,7 @@ def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
     """
     system = places.systems.get(entry["ocid"])
     if system is None:
-        raise ValueError(f"there is no coordinate system {entry['ocid']} (OCID)")
+        raise CardError(entry.fault(f"there is no coordinate system {entry['ocid']} (OCID)", "ocid"))
     apart = float(np.linalg.norm(system.origin - a))
     if system.kind != "R" or apart > ALONG * max(np.linalg.norm(a), np.linalg.norm(system.origin)):
         raise ValueError(
@@ -149,23 +155,24 @@ def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
 def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: Places) -> np.ndarray:
     if entry["cid"] is not None:
         if entry["cid"] not in places.systems:
-            raise ValueError(f"there is no coordinate system {entry['cid']}")
+            raise CardError(entry.fault(f"there is no coordinate system {entry['cid']}", "cid"))
         return places.systems[entry["cid"]].axes_at(a)
     length = float(np.linalg.norm(b - a))
     if length <= APART * max(np.linalg.norm(a), np.linalg.norm(b)):
-        raise ValueError("a bushing between grids in one place needs a CID")
+        raise CardError(entry.fault("a bushing between grids in one place needs a CID", "cid", BASIC_AXES))
     x = (b - a) / length
     given = [entry[key] for key in ("x1", "x2", "x3")]
     if type(given[0]) is int:
-        up = _place(given[0], places) - a
+        up = _place(entry, "x1", places) - a
     elif any(value is not None for value in given):
         up = places.displacement_axes(entry["ga"]) @ np.array([value or 0.0 for value in given])
     elif np.any(stiffness[[1, 2, 4, 5]]):
-        raise ValueError("neither a CID nor an orientation: only K1 and K4 could be given then")
+        what = "neither a CID nor an orientation: only K1 and K4 could be given then"
+        raise CardError(entry.fault(what, "cid", BASIC_AXES))
     else:
         up = np.eye(3)[np.argmin(np.abs(x))]
     if not np.linalg.norm(np.cross(x, up)) > ALONG * np.linalg.norm(up):
-        raise ValueError("its orientation vector is zero or along it")
+        raise CardError(entry.fault("its orientation vector is zero or along it", "x1"))
     return own_axes(x, up)
 
 
@@ -177,16 +184,15 @@ def _stiffness(entry: Entry) -> np.ndarray:
         early, kind, values = *[*texts[i : i + 2], ""][:2], texts[i + 2 : i + ROW]
         numbers = [real(text) if text else 0.0 for text in values]
         if early:
-            raise ValueError(
-                f"PBUSH {entry.id} has {early} in field 2 of a continuation: its place is field 3"
-            )
+            what = f"PBUSH {entry.id} has {early} in field 2 of a continuation: its place is field 3"
+            raise CardError(entry.fault_at(i, what))
         if kind in ("B", "GE", "RCV", "T", "A") or not any((kind, *values)):
             continue
         if kind != "K" or None in numbers:
-            raise ValueError(
-                f"PBUSH {entry.id} has {kind or 'a line without a name'} {values}: not converted yet"
-            )
+            what = f"PBUSH {entry.id} has {kind or 'a line without a name'} {values}: not converted yet"
+            raise CardError(entry.fault_at(i + 1, what))
         found[: len(numbers)] = numbers
-    if np.any(found < 0.0):
-        raise ValueError(f"PBUSH {entry.id} has a negative stiffness")
+        if np.any(found < 0.0):
+            place = i + 2 + int(np.argmax(found < 0.0))
+            raise CardError(entry.fault_at(place, f"PBUSH {entry.id} has a negative stiffness"))
     return found

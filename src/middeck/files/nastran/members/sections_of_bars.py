@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.deck.cards_read import PLACES
+from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.nastran.members.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
 from middeck.files.toml.faults import Fault
 
@@ -94,21 +95,17 @@ class Sections:
             except FieldError as error:
                 self.faults.append(entry.fault_at(error.place, str(error)))
             except ValueError as error:
-                self.faults.append(entry.fault(str(error), "dims" if entry.name.endswith("L") else ""))
+                add_fault(self.faults, error, entry, "dims" if entry.name.endswith("L") else "")
         return self.done[key]
 
     def _section(self, entry: Entry) -> BarSection:
         stations = _stations(entry)
         if min(stations.k1, stations.k2) < 0.0:
-            raise ValueError("a negative shear factor")
+            key = "k1" if stations.k1 < 0.0 else "k2"
+            raise CardError(entry.fault("a negative shear factor", key if entry.name == "PBAR" else ""))
         for at, cut in stations.cuts:
             where = f" at X/XB = {at:g}" if len(stations.cuts) > 1 else ""
-            if not cut.area > 0.0:
-                raise ValueError(f"a member without area is not converted{where}")
-            if min(cut.nsm, cut.nsi, cut.j) < 0.0:
-                raise ValueError(f"a negative mass or torsion constant{where}")
-            if min(cut.i1, cut.i2) < 0.0 or (cut.i12 != 0.0 and not cut.i1 * cut.i2 > cut.i12**2):
-                raise ValueError(f"second moments that no section has: I1 I2 > I12^2, none < 0{where}")
+            _check(entry, at, cut, where)
         material, angle = self._material(entry), principal_angle(stations)
         cuts = tuple((at, turned(cut, angle)) for at, cut in stations.cuts)
         if (
@@ -122,21 +119,39 @@ class Sections:
     def _material(self, entry: Entry) -> Material:
         card = self.materials.get(entry["mid"])
         if card is None:
-            raise ValueError(f"there is no MAT1 {entry['mid']}")
+            raise CardError(entry.fault(f"there is no MAT1 {entry['mid']}", "mid"))
         return read_material(card)
+
+
+def _check(entry: Entry, at: float, cut: Cut, where: str) -> None:
+    """Refuse a cross-section that none has, by its field where it is the one at end A of a PBAR or PBEAM."""
+    negative = next((key for key in ("nsm", "nsi", "j") if getattr(cut, key) < 0.0), "")
+    if not cut.area > 0.0:
+        key, what = "a", "a member without area is not converted"
+    elif negative:
+        key, what = negative, "a negative mass or torsion constant"
+    elif min(cut.i1, cut.i2) < 0.0 or (cut.i12 != 0.0 and not cut.i1 * cut.i2 > cut.i12**2):
+        key = "i1" if cut.i1 < 0.0 else "i2" if cut.i2 < 0.0 else "i12"
+        what = "second moments that no section has: I1 I2 > I12^2, none < 0"
+    else:
+        return
+    own = PLACES[entry.name]
+    raise CardError(entry.fault(what + where, "" if at else key if key in own else "dims" * ("dims" in own)))
 
 
 def read_material(card: Entry) -> Material:
     """Moduli of a MAT1, one of which may follow from others; raises `ValueError` for those of no solid."""
     young, shear, nu = card["e"], card["g"], card["nu"]
     if nu is not None and not -1.0 < nu <= 0.5:
-        raise ValueError(f"MAT1 {card.id} has Poisson's ratio {nu}; must be > -1 and <= 0.5")
+        what = f"MAT1 {card.id} has Poisson's ratio {nu}; must be > -1 and <= 0.5"
+        raise CardError(card.fault(what, "nu"))
     if young is None and shear is not None and nu is not None:
         young = 2.0 * (1.0 + nu) * shear
     if shear is None:
         shear = 0.0 if nu is None else (young or 0.0) / (2.0 * (1.0 + nu))
     if young is None or not young > 0.0 or shear < 0.0 or card["rho"] < 0.0:
-        raise ValueError(f"MAT1 {card.id} has E {young}, G {shear} and rho {card['rho']}: no solid has them")
+        what = f"MAT1 {card.id} has E {young}, G {shear} and rho {card['rho']}: no solid has them"
+        raise CardError(card.fault(what, "rho" if card["rho"] < 0.0 else "g" if shear < 0.0 else "e"))
     return Material(young, shear, card["rho"])
 
 

@@ -1,0 +1,60 @@
+"""Tests that seem to be one given twice, which would count as two.
+
+Two measurements of one mode agree to a digit below their standard deviation once in some thirty times.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from middeck.errors import ConfigError
+from middeck.updating.residuals.static_tests import StaticTest
+from middeck.updating.residuals.surveys import Survey
+
+# So many frequencies that agree to such digits are no chance.
+NO_CHANCE = 3
+CURE = (
+    "leave one of them out: one measurement counted twice looks more certain than it is. A test that was "
+    "repeated differs in the last digits: state these"
+)
+
+
+def refuse_repeated(surveys: Sequence[Survey]) -> None:
+    """Raise `ConfigError` for surveys that share frequencies to digits that no two tests share."""
+    for one, other in itertools.combinations(surveys, 2):
+        shared = _shared(one, other)
+        if np.sum(_fine(one) & shared) >= NO_CHANCE:
+            raise ConfigError(
+                f"surveys {one.name!r} and {other.name!r} state {np.sum(shared)} frequencies that are "
+                "the same to every digit: one measurement given twice",
+                where="survey",
+                hint=CURE,
+            )
+
+
+def repeated_tests(surveys: Sequence[Survey], statics: Sequence[StaticTest]) -> Iterator[str]:
+    """A sentence for each two tests that may be one, as everything in one of them is in the other."""
+    for one, other in itertools.combinations(surveys, 2):
+        if np.all(_shared(one, other)) or np.all(_shared(other, one)):
+            yield f"surveys {one.name!r} and {other.name!r} state the same frequencies to every digit: {CURE}"
+    for first, second in itertools.combinations(statics, 2):
+        if (
+            [g.name for g in first.gauges] == [g.name for g in second.gauges]
+            and np.array_equal(first.value, second.value)
+            and np.any(first.value)
+        ):
+            yield f"static tests {first.name!r} and {second.name!r} state the same readings: {CURE}"
+
+
+def _shared(one: Survey, other: Survey) -> np.ndarray:
+    return np.isin(one.measured.frequency_hz, other.measured.frequency_hz)
+
+
+def _fine(survey: Survey) -> np.ndarray:
+    """Whether each frequency is stated to digits below its standard deviation."""
+    hz = survey.measured.frequency_hz
+    last = np.floor(np.log10(survey.std * hz)).astype(int)
+    return np.array([round(f, -int(k)) != f for f, k in zip(hz.tolist(), last, strict=True)], dtype=bool)

@@ -1,0 +1,55 @@
+"""Lines just beyond a sharp edge of the drive are leakage: no local model knows the response there."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from struck_plant import response, shaken
+
+from middeck.errors import FitError
+from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.spectra.estimate import estimate_response
+from middeck.systems.plants.response import FrequencyResponse
+from repeats import repeats
+
+PLANT = (np.array([4.9, 8.7, 13.6]), np.array([0.014, 0.02, 0.028]), [600.0, -1500.0, 4000.0], 0.011)
+
+
+@pytest.mark.parametrize("seed", repeats([0, 3, 2, 1]))
+def test_a_clean_record_of_band_limited_noise_is_fitted_without_a_word(seed: int) -> None:
+    record = shaken(PLANT, 2048, 100.0, (2.0, 25.0), noise=1e-3, seed=seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        measured = estimate_response(record)
+        fitted = fit_response(measured)
+    assert fitted.warnings == ()
+    f = measured.frequency_hz
+    assert measured.variance is not None
+    deviation = np.sqrt(measured.variance[:, 0, 0])
+    truth = response(*PLANT, 2j * np.pi * f)
+    # Those of lines beyond the edge were 30 times the largest response, and so were their errors.
+    assert deviation.max() < 0.01 * np.abs(truth).max()
+    assert np.abs(measured.H[:, 0, 0] - truth).max() < 0.01 * np.abs(truth).max()
+    # All but two of the driven lines are there.
+    driven = np.arange(np.ceil(2.0 * 20.48), np.floor(25.0 * 20.48) + 1.0) / 20.48
+    assert np.isin(np.round(driven * 20.48), np.round(f * 20.48)).sum() >= len(driven) - 2
+    np.testing.assert_allclose(np.sort(natural_hz(fitted.model)), PLANT[0], rtol=1e-3)
+
+
+def test_some_lines_of_no_use_do_not_make_all_of_them_noise() -> None:
+    rng = np.random.default_rng(4)
+    f = np.linspace(0.5, 30.0, 200)
+    truth = response(*PLANT, 2j * np.pi * f)[:, None, None]
+    variance = np.full(truth.shape, (0.01 * np.abs(truth).max()) ** 2)
+    variance[-4:] *= 1e6
+    error = rng.standard_normal((2, *truth.shape))
+    H = truth + np.sqrt(0.5 * variance) * (error[0] + 1j * error[1])
+    ports = shaken(PLANT, 64, 100.0, (1.0, 38.0), noise=0.0)
+    given = {"frequency_hz": f, "inputs": ports.inputs, "outputs": ports.outputs, "variance": variance}
+    fitted = fit_response(FrequencyResponse(H=H, **given), states=6)
+    np.testing.assert_allclose(np.sort(natural_hz(fitted.model)), PLANT[0], rtol=2e-2)
+    with pytest.raises(FitError, match="all lines are noise"):
+        fit_response(FrequencyResponse(H=H - truth, **given), states=6)
