@@ -262,7 +262,8 @@ TRIPS: dict[str, tuple[str, ...]] = {
     "crew STOP": ("stop",), "supervisor silent": ("heartbeat",), "rig silent once": ("no answer",),
     "rig silent for long": ("no answer",), "rig dies": ("rig dead",), "sensor nan": ("not finite",),
     "sensor nan for long": ("not finite",), "sensor inf": ("not finite",), "sensor out of range": ("range",),
-    "sensor stuck": ("stuck",), "sensor dead": ("stuck",), "sensor spike": ("envelope", "band power"),
+    "sensor stuck": ("stuck",), "sensor dead": ("stuck", "band power"),
+    "sensor spike": ("envelope", "band power"),
     **dict.fromkeys(LATE, ("lateness",)), **dict.fromkeys(DESTROYS, OF_A_LAW),
 }  # fmt: skip
 """What must trip an engine that is not in SAFE yet, and by which of these. In SAFE nothing engages, and while
