@@ -4,18 +4,19 @@ refined on some of what was measured, against the rest.
     python benchmarks/prediction.py [--data FOLDER] [--only CASES] [--made DATE]
         [--ledgers FOLDER] [--workers N]
 
-CASES, of sheet, five, response, rig, promise, coverage, slip, frontier, multimodel, motors, Sag and Torsion,
-are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU seconds of one process with
-one BLAS thread. Sheet and five are refined on modal surveys of the truth, response on its responses too, rig
-on records of it, which take an hour. The cases "frontier", "motors" and "slip" take hours: with a folder they
-keep the outcome of each truth there, and go on where they were cut off; a folder holds for one state of the
-code.
+CASES, of sheet, five, response, rig, promise, coverage, slip, frontier, multimodel, motors, Sag, Torsion,
+update and chain, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU
+seconds of one process with one BLAS thread. Sheet and five are refined on modal surveys of the truth,
+response on its responses too, rig on records of it, which take an hour. The cases "frontier", "motors" and
+"slip" take hours: with a folder they keep the outcome of each truth there, and go on where they were cut off;
+a folder holds for one state of the code.
 """
 
 from __future__ import annotations
 
 from measured import (
     all_motors,
+    chain_times,
     coverage,
     garteur_promise,
     multimodel_bound,
@@ -41,6 +42,8 @@ CASES = {
     "motors": all_motors.rows,
     "Sag": lambda o: pazy_promise.rows(o.data),
     "Torsion": lambda o: garteur_promise.rows(o.data),
+    "update": lambda _: chain_times.update_rows(),
+    "chain": lambda _: chain_times.chain_rows(),
 }
 
 
