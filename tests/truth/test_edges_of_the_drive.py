@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 
 import numpy as np
@@ -48,8 +49,10 @@ def test_some_lines_of_no_use_do_not_make_all_of_them_noise() -> None:
     error = rng.standard_normal((2, *truth.shape))
     H = truth + np.sqrt(0.5 * variance) * (error[0] + 1j * error[1])
     ports = shaken(PLANT, 64, 100.0, (1.0, 38.0), noise=0.0)
-    given = {"frequency_hz": f, "inputs": ports.inputs, "outputs": ports.outputs, "variance": variance}
-    fitted = fit_response(FrequencyResponse(H=H, **given), states=6)
+    measured = FrequencyResponse(
+        frequency_hz=f, H=H, inputs=ports.inputs, outputs=ports.outputs, variance=variance
+    )
+    fitted = fit_response(measured, states=6)
     np.testing.assert_allclose(np.sort(natural_hz(fitted.model)), PLANT[0], rtol=2e-2)
     with pytest.raises(FitError, match="all lines are noise"):
-        fit_response(FrequencyResponse(H=H - truth, **given), states=6)
+        fit_response(dataclasses.replace(measured, H=H - truth), states=6)

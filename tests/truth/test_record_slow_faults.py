@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 from scipy.signal import chirp, fftconvolve, lfilter
+from struck_plant import shaken
 
 from middeck.identification.faults.detect import detect_faults
+from middeck.identification.faults.stuck_and_gain_drift import find_gain_drift
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from repeats import repeats
 
 Rng = np.random.Generator
 Campaign = Callable[..., range]
@@ -180,3 +185,23 @@ def test_two_sensors_of_one_mode_without_noise_are_a_note() -> None:
         )
     assert [(f.kind, f.severity) for f in found[0.0]] == [("duplicate", "note")]
     assert [(f.kind, f.severity) for f in found[1e-3]] == [("duplicate", "serious")]
+
+
+@pytest.mark.parametrize("seed", repeats([2, 0, 1]))
+@pytest.mark.parametrize("parts", [1.5e-4, -4e-4])
+def test_two_clocks_are_named(seed: int, parts: float) -> None:
+    """An output sampled by a clock that runs fast or slow was called a gain that changes by up to 130 %."""
+    plant = ([2.9, 8.4, 17.0], [0.006, 0.02, 0.01], [300.0, -2000.0, 9000.0], 0.008)
+    one = shaken(plant, COUNT + 40, HZ, (0.4, 38.0), noise=2e-3, seed=seed)
+    time = np.arange(COUNT + 40) / HZ
+    y = make_interp_spline(time, one.y[0, 0, :, 0], 5)(time[20:-20] * (1.0 + parts))
+    record = dataclasses.replace(one, u=one.u[:, :, 20:-20], y=y[None, None, :, None])
+    (told,) = find_gain_drift(record)
+    ((way, ms),) = re.findall(r"ever (\w+), by some ([\d.]+) ms", told.what)
+    assert way == ("earlier" if parts > 0.0 else "later")
+    assert float(ms) == pytest.approx(1e3 * COUNT / HZ * abs(parts), rel=0.4)
+    ends = 1.0 + np.linspace(-0.1, 0.1, COUNT)
+    gain = dataclasses.replace(one, u=record.u, y=one.y[:, :, 20:-20] * ends[:, None])
+    (told,) = find_gain_drift(gain)
+    assert "gain to the inputs that changes by +" in told.what
+    assert find_gain_drift(one) == []
