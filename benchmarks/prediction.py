@@ -5,7 +5,7 @@ refined on some of what was measured, against the rest.
         [--ledgers FOLDER] [--workers N]
 
 CASES, of sheet, five, response, rig, promise, coverage, slip, frontier, multimodel, motors, Sag, Torsion,
-update and chain, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU
+update, chain and verdicts, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU
 seconds of one process with one BLAS thread. Sheet and five are refined on modal surveys of the truth,
 response on its responses too, rig on records of it, which take an hour. The cases "frontier", "motors" and
 "slip" take hours: with a folder they keep the outcome of each truth there, and go on where they were cut off;
@@ -44,6 +44,7 @@ CASES = {
     "Torsion": lambda o: garteur_promise.rows(o.data),
     "update": lambda _: chain_times.update_rows(),
     "chain": lambda _: chain_times.chain_rows(),
+    "verdicts": lambda _: chain_times.verdict_rows(),
 }
 
 
