@@ -34,7 +34,7 @@ def clamped_frequencies(
     free = np.setdiff1d(np.arange(size), (6 * held[:, None] + np.arange(6)).ravel())
     K, M = (sp.csc_array(part[free][:, free]) for part in (stiffness, mass))
     factor = spla.splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    inverse = spla.LinearOperator(K.shape, matvec=factor.solve, dtype=float)
+    inverse = spla.LinearOperator(K.shape, matvec=factor.solve, dtype=float)  # ty: ignore
     lam = spla.eigsh(K, count, M, sigma=0.0, OPinv=inverse, return_eigenvectors=False)
     return np.sort(np.sqrt(lam)) / (2.0 * np.pi)
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import NumericalError
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig
@@ -47,12 +48,13 @@ def take_modal_test(
     settings: RigSettings,
     test: ModalTest,
     rng: np.random.Generator,
+    inner: PDLoops | None = None,
 ) -> Record:
-    """The record of all experiments on the rig of ``article``.
+    """The record of all experiments on the rig of ``article``, held by its analogue loops ``inner``.
 
     Raises `NumericalError` where an experiment is stopped.
     """
-    rig = build_article_rig(article, settings, inputs=test.inputs, outputs=test.outputs)
+    rig = build_article_rig(article, settings, inputs=test.inputs, outputs=test.outputs, inner=inner)
     limits = [Limits(rms=float(rms)) for rms in test.torque_nm]
     drives = design_multisine(
         test.band_hz, test.period_s, settings.sample_hz, limits, rng, inputs=len(test.inputs)
