@@ -144,9 +144,11 @@ WRITES = {
     ("generate", "--output"): (".mdk", ".json", ".c", ".h"),
     ("gate", "--output"): (".json",),
     ("gate", "--blacklist"): (".json",),
+    ("gate", "--log"): (".jsonl",),
 }
 ENDINGS = (
     ".json",
+    ".jsonl",
     ".mat",
     ".c",
     ".svg",

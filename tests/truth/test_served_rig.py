@@ -534,9 +534,13 @@ def test_a_rig_with_its_own_time_takes_the_outputs_of_a_killed_engine_to_zero():
         Supervisor(plain_settings(), there, real_time=True) as engine,
     ):
         assert engine.load(static_package(gain)).done
-        assert engine.reset().done
-        assert engine.command("engage", values=[1.0]).done
-        driven = wait_until(lambda: rig.told and rig.told[-1] == [0.2, 0.2])
+
+        def drives() -> bool:  # a busy machine trips the engine as late, maybe before the law engages
+            engine.reset()
+            engine.command("engage", values=[1.0])
+            return wait_until(lambda: rig.told and rig.told[-1] == [0.2, 0.2], longest_s=2.0)
+
+        driven = wait_until(drives)
         os.kill(int(engine.file.status["pid"]), signal.SIGKILL)
         at_zero = wait_until(lambda: rig.told[-1] == [0.0, 0.0])
         more = len(rig.told) + 5

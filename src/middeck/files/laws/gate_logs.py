@@ -130,7 +130,7 @@ def _sealed_lines(path: str | Path) -> list[dict[str, Any]]:
         kept.append(line)
         torn = 0
     if not kept:
-        raise DataError("no log of the gate", where=str(path), hint="a file of middeck gate --log")
+        raise DataError("no log of the gate", where=str(path), hint="a log that the gate wrote, which ends in .jsonl")
     return kept
 
 
