@@ -130,7 +130,9 @@ def _sealed_lines(path: str | Path) -> list[dict[str, Any]]:
         kept.append(line)
         torn = 0
     if not kept:
-        raise DataError("no log of the gate", where=str(path), hint="a log that the gate wrote, which ends in .jsonl")
+        raise DataError(
+            "no log of the gate", where=str(path), hint="a log that the gate wrote, which ends in .jsonl"
+        )
     return kept
 
 
