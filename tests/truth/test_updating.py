@@ -44,6 +44,7 @@ from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings, together, unseen
 from middeck.updating.refinement.fixed_inertias import fixed_inertias
 from middeck.updating.refinement.refine import Refined, off_the_rest, refine
+from middeck.updating.refinement.repeated_tests import refuse_repeated
 from middeck.updating.residuals.surveys import Survey, compare, set_up
 from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats
@@ -727,6 +728,26 @@ def test_one_survey_given_twice_is_refused_and_a_repeated_one_is_not():
     short = np.array([float(f"{f:.3g}") for f in hz])
     found = refine(mast(), [stated(seen, "one", short), stated(seen, "two", short)], [MODULUS])
     assert any("surveys 'one' and 'two' state the same" in line for line in findings(found))
+
+
+@pytest.mark.parametrize(("step_hz", "decimals"), [(0.0625, 4), (1.0 / 20.48, 12), (1.0 / 20.48, 3)])
+def test_peaks_read_off_at_the_lines_of_a_spectrum_are_no_copy(step_hz: float, decimals: int):
+    """Two tests of one article read the same lines, in digits below the deviation of a line's width."""
+    true = modes_of(mast(), clamped())
+    read = []
+    for seed in (0, 1):
+        seen = survey_of(true, MeasurementNoise(2e-4, 0.02), seed)
+        hz = np.round(np.round(seen.measured.frequency_hz / step_hz) * step_hz, decimals)
+        std = np.full(len(hz), step_hz / np.sqrt(12.0))
+        measured = dataclasses.replace(seen.measured, frequency_hz=hz, frequency_std_hz=std)
+        read.append(dataclasses.replace(seen, name=f"test {seed}", measured=measured))
+    assert np.isin(read[0].measured.frequency_hz, read[1].measured.frequency_hz).sum() >= 3
+    refuse_repeated(read)
+    # Beside the lines it is one measurement given twice.
+    hz = np.round(read[0].measured.frequency_hz + np.array([0.011, 0.002, 0.0, 0.013, 0.017, 0.005]), 6)
+    off = dataclasses.replace(read[0], measured=dataclasses.replace(read[0].measured, frequency_hz=hz))
+    with pytest.raises(ConfigError, match="one measurement given twice"):
+        refuse_repeated([off, dataclasses.replace(off, name="copy")])
 
 
 @pytest.mark.parametrize("first", repeats([0, 10, 20], 1))

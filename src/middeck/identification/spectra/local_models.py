@@ -68,6 +68,9 @@ def scatter_of_local_models(
         # Line k of a period is line k stride of all periods together.
         wanted &= excited[numbers // stride]
     lines = np.flatnonzero(wanted)
+    if excited is None:
+        # Whole periods have no leakage.
+        lines = lines[_between_driven(U, lines, narrowest.half)]
     lines = lines[_excited(U, lines, narrowest.half, frequency, band_hz)]
     models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
     # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
@@ -130,8 +133,8 @@ def _excited(
     window = np.moveaxis(U[rows], 1, 3)
     rough = local_fit.beside(Q, window.reshape(len(lines), -1, 2 * half + 1)).reshape(window.shape)
     power = np.linalg.eigvalsh(np.sum(rough @ rough.conj().mT, axis=1))
-    raw = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
-    excited = (power[:, -1] > FAINTEST**2 * raw.max()) & _between_driven(U, lines, half)
+    raw = np.convolve(np.sum(np.abs(U) ** 2, axis=(1, 2)), np.ones(2 * half + 1), mode="valid")
+    excited = power[:, -1] > FAINTEST**2 * raw.max()
     if not excited.any():
         raise DataError(
             "the inputs' spectra are as smooth as a transient: no local model can tell the two apart",
@@ -147,16 +150,19 @@ def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndar
 
     A window that is driven on one side only says nothing of the line in its middle.
     """
+    # What leaks into a band may stand beyond it.
+    places = np.union1d(lines, np.arange(0, len(U), half))
     sides: list[np.ndarray] = []
-    for start in (lines - half, lines):
+    for start in (places - half, places):
         first = np.clip(start, 0, len(U) - half - 1)
         rows = first[:, None] + np.arange(half + 1)
-        Q = local_fit.transient_basis((rows - lines[:, None]) / half, lines - first, None)
-        window = np.moveaxis(U[rows], 1, 3).reshape(len(lines), -1, half + 1)
+        Q = local_fit.transient_basis((rows - places[:, None]) / half, places - first, None)
+        window = np.moveaxis(U[rows], 1, 3).reshape(len(places), -1, half + 1)
         sides.append(np.sum(np.abs(local_fit.beside(Q, window)) ** 2, axis=(1, 2)))
-    weaker, stronger = np.minimum(*sides), np.maximum(*sides)
+    weaker, stronger = np.zeros(len(U)), np.zeros(len(U))
+    weaker[places], stronger[places] = np.minimum(*sides), np.maximum(*sides)
     leaked = [maximum_filter1d(stronger, 2 * halves * half + 1) / halves**6 for halves in range(1, REACH + 1)]
-    return weaker > EDGE**2 * np.max(leaked, axis=0)
+    return weaker[lines] > EDGE**2 * np.max(leaked, axis=0)[lines]
 
 
 def _choice(

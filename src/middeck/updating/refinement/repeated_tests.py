@@ -5,6 +5,7 @@ Two measurements of one mode agree to a digit below their standard deviation onc
 
 from __future__ import annotations
 
+import decimal
 import itertools
 from collections.abc import Iterator, Sequence
 
@@ -16,6 +17,8 @@ from middeck.updating.residuals.surveys import Survey
 
 # So many frequencies that agree to such digits are no chance.
 NO_CHANCE = 3
+# The most lines of a spectrum up to the highest mode that are tried.
+MOST_LINES = 100_000
 CURE = (
     "leave one of them out: one measurement counted twice looks more certain than it is. A test that was "
     "repeated differs in the last digits: state these"
@@ -26,7 +29,7 @@ def refuse_repeated(surveys: Sequence[Survey]) -> None:
     """Raise `ConfigError` for surveys that share frequencies to digits that no two tests share."""
     for one, other in itertools.combinations(surveys, 2):
         shared = _shared(one, other)
-        if np.sum(_fine(one) & shared) >= NO_CHANCE:
+        if np.sum(_fine(one) & shared) >= NO_CHANCE and not _on_lines(one):
             raise ConfigError(
                 f"surveys {one.name!r} and {other.name!r} state {np.sum(shared)} frequencies that are "
                 "the same to every digit: one measurement given twice",
@@ -58,3 +61,16 @@ def _fine(survey: Survey) -> np.ndarray:
     hz = survey.measured.frequency_hz
     last = np.floor(np.log10(survey.std * hz)).astype(int)
     return np.array([round(f, -int(k)) != f for f, k in zip(hz.tolist(), last, strict=True)], dtype=bool)
+
+
+def _on_lines(survey: Survey) -> bool:
+    """Whether all frequencies may be lines of one spectrum, a standard deviation or more apart.
+
+    Peaks read off at its lines are the same ones in most repeated tests, to every digit.
+    """
+    hz = survey.measured.frequency_hz
+    last = min(decimal.Decimal(repr(f)).normalize().as_tuple().exponent for f in hz.tolist())
+    rounding = 0.5 * 10.0 ** float(last) + 1e-12 * hz
+    count = min(int(hz.max() / np.min(survey.std * hz)), MOST_LINES)
+    step = hz.max() / np.arange(1, count + 1)[:, None]
+    return bool(np.any(np.all(np.abs(hz - step * np.round(hz / step)) <= rounding, axis=1)))
