@@ -47,6 +47,8 @@ def bound_peaks(
     if len(F) == 0:
         return total
     rest_of = _bound_rest(F, H)
+    if most == 0:
+        return total + rest_of(G)
     rows, power = np.empty((BLOCK, *H.shape)), H
     for k in range(BLOCK):
         rows[k], power = power, power @ F
