@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import resource
 import shutil
 import signal
 import struct
@@ -20,7 +21,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.laws.blacklists import load_blacklist, write_blacklist
-from middeck.files.laws.gate_logs import load_gate_log
+from middeck.files.laws.gate_logs import GateLog, load_gate_log
 from middeck.files.laws.packages import load_package, write_package
 from middeck.files.laws.verdicts import load_verdicts
 from middeck.files.measured.models import write_model
@@ -28,6 +29,7 @@ from middeck.identification.model.plant_model import model_of_plant
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.served_rig import ServedRig
+from middeck.realtime.gate.steps_on_paper import GateStep
 from middeck.realtime.package.package_bytes import encode_package, hash_package
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.vectors import add_test_vectors
@@ -378,3 +380,40 @@ def test_each_way_to_break_a_package_reaches_the_user_by_a_reason_of_its_own(fil
         fits_others = name in ("another rate", "another name", "another unit")
         assert generated.code == (0 if fits_others else 4), (name, generated)
         assert fits_others == Path("other.mdk").exists() == (words not in generated.err)
+
+
+def test_a_gate_that_dies_within_a_line_spoils_no_line_of_another_on_its_log(files):
+    """Two at once; also where the one that died had just begun the file."""
+    package, steps = load_package(files[0]), [GateStep(name=name, passed=True, said="") for name in "abc"]
+    with GateLog("two.jsonl", package, ["swing"]) as dying, GateLog("two.jsonl", package, ["swing"]) as log:
+        dying(steps[0])
+        log(steps[0])
+        with open("two.jsonl", "ab") as file:
+            file.write(Path("two.jsonl").read_bytes()[:100])
+        log(steps[1])
+        log(steps[2])
+    assert [one.steps for one in load_gate_log("two.jsonl")] == [tuple(steps[:1]), tuple(steps)]
+    for length in (1, 20, 100):
+        Path("one.jsonl").write_bytes(Path("two.jsonl").read_bytes()[:length])
+        with GateLog("one.jsonl", package, ["swing"]) as log:
+            log(steps[0])
+        assert [one.steps for one in load_gate_log("one.jsonl")] == [tuple(steps[:1])]
+
+
+def test_a_log_that_takes_half_a_line_stops_the_gate(files):
+    """As a full disk does; what was whole stays, and the next gate goes on behind it."""
+    package, step = load_package(files[0]), GateStep(name="a", passed=True, said="")
+    before, ignored = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with GateLog("full.jsonl", package, ["swing"]) as log:
+        log(step)
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (Path("full.jsonl").stat().st_size + 50, before[1]))
+            for _ in range(2):
+                with pytest.raises(DataError, match="cannot be written"):
+                    log(step)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+            signal.signal(signal.SIGXFSZ, ignored)
+    with GateLog("full.jsonl", package, ["swing"]) as log:
+        log(step)
+    assert [(one.steps, one.passed) for one in load_gate_log("full.jsonl")] == [((step,), None)] * 2

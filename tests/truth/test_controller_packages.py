@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tracemalloc
 from fractions import Fraction
 
 import numpy as np
@@ -276,6 +277,10 @@ def test_peaks_are_bounded_from_above_and_closely():
     block = 0.9 * np.eye(12) + np.eye(12, k=1)  # a Jordan block: the sum of its powers is known
     known = sum(10.0 ** (j + 1) for j in range(12))
     assert known <= bound_peaks(block, np.eye(12)[:, -1:], np.ones((1, 12)), np.zeros((1, 1)))[0, 0]
+    line, into, out = np.eye(150, k=-1), np.eye(150)[:, :1], np.ones((1, 150))  # 150 delays: a FIR law
+    assert 150.0 <= float(bound_peaks(line, into, out, np.zeros((1, 1)))[0, 0]) < 200.0
+    line[0, -1] = 0.5  # fed back: each of 150 samples once, and half of them again
+    assert 300.0 <= float(bound_peaks(line, into, out, np.zeros((1, 1)))[0, 0]) < 1000.0
     slow = np.array([[0.99999]])
     assert 1e5 <= float(bound_peaks(slow, np.eye(1), np.eye(1), np.zeros((1, 1)))[0, 0]) < 1.1e5
 
@@ -517,6 +522,47 @@ def largest_operand(package, y, applied):
         found = np.concatenate([found, np.abs(law.wanted), np.abs(law.next)]).max(keepdims=True)
         law.commit(u if np.isnan(other) else np.array([other]))
     return float(found[0])
+
+
+def test_a_bound_that_adds_up_no_samples_keeps_none():
+    """For 200 states they were 40 MB, for the largest law 2 GB."""
+    F = 0.9 * np.linalg.qr(np.random.default_rng(0).standard_normal((200, 200)))[0]
+    tracemalloc.start()
+    bound = bound_peaks(F, np.eye(200)[:, :1], np.tile(np.eye(200), (2, 1)), np.zeros((400, 1)), most=0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6
+    impulse, truth = np.eye(200)[:, 0], np.zeros(200)
+    for _ in range(400):
+        truth, impulse = truth + np.abs(impulse), F @ impulse
+    assert np.all(bound[:200, 0] >= truth)
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_nothing_overflows_in_a_law_of_long_delays(single):
+    """A mean of 100 samples: no eigenvectors, and its states contract only all together."""
+    B, C = np.eye(100)[:, :1], np.full((1, 100), 0.01)
+    mean = SampledStateSpace(np.eye(100, k=-1), B, C, [[0.0]], period_s=0.01)
+    package = package_law(Compensator(mean, *ports(1, 1, 1)), "mean", input_range=2.0, limit=3.0)
+    package = to_single(package) if single else package
+    assert check_error_bound(package).passed
+    given = np.full((120, 1), 2.0)
+    error = max(abs(float(out) - min(k, 100) / 50.0) for k, out in enumerate(run(package, given).ravel()))
+    assert error <= (float(package.error_bound[0]) if single else 1e-14)
+
+
+def test_a_slew_limit_in_single_precision_is_refused_whoever_states_a_bound():
+    """Its steps round alike: what a package without it states is exceeded four times."""
+    lag = SampledStateSpace([[0.5]], [[1.0]], [[0.1]], [[0.0]], period_s=0.01)
+    single = to_single(package_law(Compensator(lag, *ports(1, 1, 1)), "lag", input_range=1.0, limit=5.0))
+    assert check_error_bound(single).passed
+    slow = dataclasses.replace(single, slew=np.array([float(np.float32(1e-4))]), vectors=None)
+    double = dataclasses.replace(slow, single=False, error_bound=None)
+    y = np.ones((1500, 1))
+    assert np.abs(run(slow, y) - run(double, y)).max() > 4.0 * single.error_bound[0]
+    step = check_error_bound(slow)
+    assert not step.passed
+    assert step.said.startswith("a slew limit in single precision")
 
 
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])

@@ -18,6 +18,7 @@ from middeck.realtime.package.package_bytes import hash_law, hash_package
 from middeck.values import record
 
 GATE_LOG = "middeck.gate-log/1"
+HEAD = f'{{"schema": "{GATE_LOG}"'.encode()
 
 
 @record(kw_only=True)
@@ -42,18 +43,18 @@ class GateLog:
     """Appends the steps of one gate to a file, each as it ends: what `examine_package` takes as ``log``.
 
     Every line is a sealed document with the package's SHA-256, and is on the disk when the call returns.
-    Several gates may write to one file at once. Raises `DataError` where ``path`` is another file.
+    Several gates may write to one file at once. Raises `DataError` where ``path`` is another file, or takes
+    no more: a line that could not be written whole is as torn as that of a gate that was killed.
 
     >>> with GateLog("gate.jsonl", package, models) as log:  # doctest: +SKIP
     ...     log.end(examine_package(package, models, log=log))
     """
 
     def __init__(self, path: str | Path, package: ControllerPackage, models: Iterable[str]) -> None:
-        torn = _ends_torn(path)
+        _ends_torn(path)
+        self._path = path
         self._about = {"schema": GATE_LOG, "gate": secrets.token_hex(8), "package": hash_package(package)}
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        if torn:  # what another one was writing when it died stays a line of its own
-            os.write(self._file, b"\n")
         self._lines = 0
         self._write({"law": hash_law(package), "begins": list(models)})
 
@@ -77,15 +78,25 @@ class GateLog:
         self._lines += 1
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
         line = json.dumps(seal({**self._about, "line": self._lines, "utc": now, **what})) + "\n"
-        os.write(self._file, line.encode())
-        os.fsync(self._file)
+        # What another gate was writing when it died stays a line of its own.
+        data = b"\n" * _ends_torn(self._path) + line.encode()
+        try:
+            written = os.write(self._file, data)
+            os.fsync(self._file)
+        except OSError as error:
+            raise self._stuck(error.strerror) from None
+        if written < len(data):
+            raise self._stuck("no more room on the disk")
+
+    def _stuck(self, why: str | None) -> DataError:
+        return DataError(f"cannot be written: {why}", where=str(self._path), hint="free the disk")
 
 
 def load_gate_log(path: str | Path) -> tuple[LoggedGate, ...]:
     """The gates in the log ``path``, in the order in which they began.
 
-    A line that was being written when its gate died is left out. Raises `DataError` for another file, and
-    for a line that was changed or taken out.
+    A line that was being written when its gate died is left out: nothing of that gate may follow. Raises
+    `DataError` for another file, and for a line that was changed or taken out.
     """
     gates: dict[str, list[dict[str, Any]]] = {}
     for line in _sealed_lines(path):
@@ -112,14 +123,10 @@ def _sealed_lines(path: str | Path) -> list[dict[str, Any]]:
         raise DataError(f"cannot be read: {error.strerror}", where=str(path), hint="check the path") from None
     taken: dict[str, int] = {}
     kept: list[dict[str, Any]] = []
-    torn = 0  # the line that is no document, and may only be followed by a gate's beginning
     for number, row in enumerate(filter(None, rows), 1):
         line = _parsed(row)
-        if line is None and not torn:
-            torn = number
+        if line is None:  # torn: of a gate that wrote no more, or its next line has a number too many
             continue
-        if line is None or (torn and "begins" not in line):
-            raise _changed(path, torn or number)
         inside = {key: value for key, value in line.items() if key != SEAL}
         if line.get("schema") != GATE_LOG or seal(inside) != line:
             raise _changed(path, number)
@@ -128,7 +135,6 @@ def _sealed_lines(path: str | Path) -> list[dict[str, Any]]:
             raise _changed(path, number)
         taken[line["gate"]] = before + 1
         kept.append(line)
-        torn = 0
     if not kept:
         raise DataError(
             "no log of the gate", where=str(path), hint="a log that the gate wrote, which ends in .jsonl"
@@ -153,8 +159,8 @@ def _ends_torn(path: str | Path) -> bool:
     if not os.path.lexists(path) or os.path.getsize(path) == 0:
         return False
     with open(path, "rb") as file:
-        first = _parsed(file.readline())
-        if first is None or first.get("schema") != GATE_LOG:
+        first = file.readline().rstrip(b"\n")  # which may be torn itself
+        if not first or first[: len(HEAD)] != HEAD[: len(first)]:
             raise DataError("is no log of the gate", where=str(path), hint="a new file, or one that it wrote")
         file.seek(-1, os.SEEK_END)
         return file.read(1) != b"\n"

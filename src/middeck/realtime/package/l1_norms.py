@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -18,6 +19,8 @@ MOST = 1 << 13
 """Most samples that are added up; the rest is bounded, however much it is."""
 CONDITION = 1e8
 """Of the eigenvectors, up to which their modes bound the rest: to eight digits."""
+DOUBLINGS = 24
+"""Of the power of F that is tried to contract: up to 2^23 samples."""
 NO_NORM = "no norm is found in which the system contracts: no peak is bounded"
 
 Array = np.ndarray
@@ -44,6 +47,8 @@ def bound_peaks(
     if len(F) == 0:
         return total
     rest_of = _bound_rest(F, H)
+    if most == 0:
+        return total + rest_of(G)
     rows, power = np.empty((BLOCK, *H.shape)), H
     for k in range(BLOCK):
         rows[k], power = power, power @ F
@@ -69,7 +74,10 @@ def _bound_rest(F: Array, H: Array) -> Callable[[Array], Array]:
     if np.linalg.cond(vectors) < CONDITION:
         seen, inverse = np.abs(H @ vectors) / (1.0 - np.abs(poles)), np.linalg.inv(vectors)
         return lambda x: seen @ np.abs(inverse @ x)
-    return _bound_in_norm(F, H, radius)
+    try:
+        return _bound_in_norm(F, H, radius)
+    except NumericalError:
+        return _bound_by_powers(F, H)
 
 
 def _bound_in_norm(F: Array, H: Array, radius: float) -> Callable[[Array], Array]:
@@ -77,7 +85,9 @@ def _bound_in_norm(F: Array, H: Array, radius: float) -> Callable[[Array], Array
     balanced, scale = balance(F)
     wanted = 0.5 * (1.0 + radius)
     try:
-        root = np.linalg.cholesky(sla.solve_discrete_lyapunov((balanced / wanted).T, np.eye(len(F)))).T
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # what it gives is measured
+            form = sla.solve_discrete_lyapunov((balanced / wanted).T, np.eye(len(F)))
+        root = np.linalg.cholesky(form).T
         found = float(np.linalg.norm(sla.solve_triangular(root, (root @ balanced).T, trans=1), 2))
     except (np.linalg.LinAlgError, ValueError):
         raise NumericalError(NO_NORM, hint="a modal form") from None
@@ -85,3 +95,21 @@ def _bound_in_norm(F: Array, H: Array, radius: float) -> Callable[[Array], Array
         raise NumericalError(NO_NORM, hint="a modal form")
     norms = np.linalg.norm(sla.solve_triangular(root, (H * scale).T, trans=1), axis=0) / (1.0 - found)
     return lambda x: norms[:, None] * np.linalg.norm(root @ (x / scale[:, None]), axis=0)
+
+
+def _bound_by_powers(F: Array, H: Array) -> Callable[[Array], Array]:
+    """The same for what hardly contracts within a sample, as long delays do: by a power of F that does."""
+    power, scale = balance(F)
+    seen, lost = np.abs(H * scale), np.zeros_like(F)
+    for _ in range(DOUBLINGS):
+        size = np.abs(power) + lost  # of F^(2^k), with what rounding took from it
+        q = float(size.sum(axis=1).max())
+        if q < 0.5:
+            whole = seen.sum(axis=1, keepdims=True) / (1.0 - q)
+            return lambda x: whole * np.abs(x / scale[:, None]).max(axis=0)
+        seen = seen + seen @ size
+        rounding = len(F) * np.finfo(float).eps * np.abs(power) @ np.abs(power)
+        power, lost = power @ power, size @ lost + lost @ np.abs(power) + rounding
+        if not np.isfinite(lost).all():
+            break
+    raise NumericalError(NO_NORM, hint="a modal form")

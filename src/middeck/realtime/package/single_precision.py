@@ -46,7 +46,6 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     """
     if package.single:
         raise ConfigError("the package is in single precision already", hint="leave it as it is")
-    _require_bounded(package)
     core = package.core
     modal = to_modal(core) if core.pairs is None else core
     exact = dataclasses.replace(package, core=modal or core, vectors=None)
@@ -84,6 +83,7 @@ class ErrorBound(NamedTuple):
 
 def bound_error(package: ControllerPackage) -> ErrorBound:
     """The bound whatever is applied within the limits; where none is found, that for its own commands."""
+    _require_bounded(package)
     limits = np.maximum(np.abs(package.lower), np.abs(package.upper))
     if package.core.drives and not np.isfinite(limits).all():
         raise ConfigError("what is applied has no limit: its error has no bound", hint="limits of outputs")
