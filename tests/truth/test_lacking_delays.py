@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from middeck import FrequencyResponse, Port, Record, fit_record, fit_response
-from middeck.identification.model.measurement_model import damping_ratio, natural_hz
+from middeck.errors import FitError
+from middeck.identification.model.measurement_model import damping_ratio, natural_hz, path_delay
 from repeats import repeats
 
 RATE, SAMPLES = 100.0, 500
@@ -132,3 +133,31 @@ def test_only_modes_that_the_delay_moves_are_doubted():
             assert abs(zeta[m] - 0.015) < 4.0 * std.damping[m]
             sound += 1
     assert sound >= 6
+
+
+UNORDERED = {
+    "response": lambda seed, late_s: fit_response(_measured(seed, late_s, noise=0.05)),
+    "record": lambda seed, late_s: fit_record(_record(seed, late_s)),
+}
+PATHS_S = ((0.0, 0.031), (0.062, 0.012))
+UNASKED = [
+    ("record", 1, PATHS_S),
+    *repeats([("response", 1, ((0.0, 0.006), (0.004, 0.001))), ("record", 2, ((0.0, 0.04),) * 2)]),
+]
+
+
+@pytest.mark.parametrize(("route", "seed", "late"), UNASKED)
+def test_delays_of_paths_are_found_without_being_asked_for(route, seed, late):
+    """One delay of each output would need tens of modes to follow them, or lead its input."""
+    late_s = np.array(late)
+    fit = UNORDERED[route](seed, late_s)
+    assert fit.warnings == ()
+    assert "each path has a delay of its own" in fit.order_reason
+    np.testing.assert_allclose(natural_hz(fit.model), HZ, rtol=1e-3)
+    np.testing.assert_allclose(path_delay(fit.model), DELAY_S[:, None] + late_s, atol=2e-4)
+
+
+def test_a_lead_for_want_of_delays_of_paths_is_told_so():
+    with pytest.raises(FitError) as told:
+        fit_response(_measured(1, np.array(PATHS_S) - 0.05), states=4, delay="output")
+    assert "delay='path'" in str(told.value)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from middeck.errors import FitError
+from middeck.errors import DataError, FitError
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.mode_trust import (
@@ -23,8 +24,15 @@ from middeck.identification.fit.mode_trust import (
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
-from middeck.identification.fit.unneeded_modes import parted, tidied
-from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
+from middeck.identification.fit.unneeded_modes import length_of, parted, tidied
+from middeck.identification.model.fit_options import (
+    OF_PATHS,
+    Constants,
+    Delay,
+    FitOptions,
+    decided,
+    may_be_of_paths,
+)
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.model.refused_data import check_logarithms, check_response, check_word
 from middeck.identification.model.steady_simulation import folded_modes, folded_response
@@ -130,7 +138,8 @@ def fit_response(
             "complex": any residue; the default where the unit of an output is that of a rate or an
             acceleration, and all there is for a sampled model.
         delay: Whether each "output" (or True), each "path" or all of them in "common" have a delay; by
-            default each output, with real constants only. Complex constants take up a short delay themselves,
+            default each output, with real constants only, or each path where no order is given either and
+            that describes the data in fewer words. Complex constants take up a short delay themselves,
             so that the two are confounded: the result then warns.
         direct: Whether there is a constant term, which also stands for modes above the band; by default with
             complex constants, or where the recommended order would else have poles outside the band.
@@ -238,6 +247,8 @@ def _searched(
     data = data_of(measured, spread)
     if states is None:
         best, reason = choose_order(measured, data, spread, options, asked)
+        if may_be_of_paths(options, asked) and len(measured.inputs) > 1 and not leaves_noise(best, spread):
+            best, reason = _shorter(measured, data, spread, options, asked, (best, reason))
     else:
         best, reason = _of_order(data, near, spread, options), f"{states} states were asked for"
     followed = spread_to_follow(best, spread)
@@ -259,6 +270,23 @@ def _searched(
         reason=reason,
         cost=cost,
     )
+
+
+def _shorter(
+    measured: FrequencyResponse,
+    data: Data,
+    spread: Spread,
+    options: FitOptions,
+    asked: FitOptions,
+    one: tuple[Polished, str],
+) -> tuple[Polished, str]:
+    """The fit with a delay of each path, where that describes the response in fewer words."""
+    with contextlib.suppress(DataError, FitError):
+        by_paths = dataclasses.replace(options, delay="path")
+        best, reason = choose_order(measured, data, spread, by_paths, asked)
+        if length_of(data, best, spread) < length_of(data, one[0], spread):
+            return best, f"{reason}; {OF_PATHS}"
+    return one
 
 
 def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOptions) -> Polished:

@@ -84,7 +84,7 @@ def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | Non
     two = polish(data, with_split(run.start, m), spread, steps=2 * STEPS, rounds=3, share=run.share)
     if two is None or not leaves_noise(two, spread):
         return None
-    return two if _length(data, two, spread) + CLEARLY < _length(data, run, spread) else None
+    return two if length_of(data, two, spread) + CLEARLY < length_of(data, run, spread) else None
 
 
 def own_lines(data: Data, pole: complex) -> Bool[np.ndarray, " line"]:
@@ -138,12 +138,13 @@ def _without(
     """Refined without some modes, if its description is no longer."""
     start = without_modes(best.start, dropped)
     fewer = polish(data, start, spread, steps=STEPS, rounds=2, share=best.share)
-    if fewer is None or _length(data, fewer, spread) > _length(data, best, spread):
+    if fewer is None or length_of(data, fewer, spread) > length_of(data, best, spread):
         return None
     return fewer
 
 
-def _length(data: Data, run: Polished, spread: Spread) -> float:
+def length_of(data: Data, run: Polished, spread: Spread) -> float:
+    """Description length of a response by a run."""
     return description_length(run.likelihood, run.layout.unknowns, 2 * data.H.size, spread.alike)
 
 

@@ -112,6 +112,15 @@ def decided(measured: FrequencyResponse, asked: FitOptions) -> FitOptions:
     )
 
 
+# Why a fit has a delay of each path where nothing was asked for.
+OF_PATHS = "each path has a delay of its own, as one of each output describes the data in more words"
+
+
+def may_be_of_paths(options: FitOptions, asked: FitOptions) -> bool:
+    """Whether a delay of each path may be tried: neither delays nor an order were asked for."""
+    return asked.delay is None and asked.states is None and options.delay_of == "output"
+
+
 def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constants:
     """Real ones of relative degree two, but for a sampled model and for rates and accelerations.
 

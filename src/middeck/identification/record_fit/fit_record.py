@@ -27,7 +27,15 @@ from middeck.identification.fit.mode_trust import (
     standing_of_delays,
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
-from middeck.identification.model.fit_options import Constants, Delay, FitOptions, decided
+from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
+from middeck.identification.model.fit_options import (
+    OF_PATHS,
+    Constants,
+    Delay,
+    FitOptions,
+    decided,
+    may_be_of_paths,
+)
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.refused_data import check_record, check_word
 from middeck.identification.model.steady_simulation import folded_modes, folded_response
@@ -39,7 +47,7 @@ from middeck.identification.record_fit import folded_blows, residual_growth, res
 from middeck.identification.record_fit.continuous_fit import fit_continuous
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
-from middeck.identification.record_fit.record_order import choose_record
+from middeck.identification.record_fit.record_order import choose_record, record_length
 from middeck.identification.record_fit.record_spectra import (
     record_data,
     with_one_input,
@@ -215,16 +223,53 @@ def _fit(
                 record, options, band_hz, states=states, weighting=weighting, tell=tell
             )
         else:
-            local = functools.partial(_local_fit, record, lines, asked)
-            data, run, reason = fit_continuous(
-                record, data, options, local, states=states, weighting=weighting, tell=tell
+            chosen = functools.partial(
+                _continuous, record, data, lines, asked, weighting=weighting, tell=tell
             )
+            data, run, reason = chosen(options)
+            if may_be_of_paths(options, asked) and len(record.inputs) > 1 and _lacks(record, data, run):
+                tell("a delay of each path")
+                data, run, reason = _shorter((data, run, reason), chosen, options)
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
         both = (data, run), (fitted.data, fitted.run)
         heard = [residual_tests.heard_of(record, *of, input_noise) for of in both]
         grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
         return _result(measured, record, fitted, reason, score, heard[1], input_noise)
+
+
+def _continuous(
+    record: Record,
+    data: Data,
+    lines: FrequencyResponse,
+    asked: FitOptions,
+    options: FitOptions,
+    *,
+    weighting: Weighting | None,
+    tell: Callable[[str], None],
+) -> tuple[Data, RecordRun, str]:
+    local = functools.partial(_local_fit, record, lines, dataclasses.replace(asked, delay=options.delay))
+    return fit_continuous(record, data, options, local, states=asked.states, weighting=weighting, tell=tell)
+
+
+def _lacks(record: Record, data: Data, run: RecordRun) -> bool:
+    """Whether a continuous model lacks a delay or a filter, or has modes that may be noise in its place."""
+    covariance = record_covariance(run, data, model_of(run, record.inputs, record.outputs))[0]
+    spent = mode_significance(covariance).min(initial=np.inf) < DOUBTFUL
+    return bool(spent or record_lacks(run, data, covariance).said)
+
+
+def _shorter(
+    one: tuple[Data, RecordRun, str],
+    chosen: Callable[[FitOptions], tuple[Data, RecordRun, str]],
+    options: FitOptions,
+) -> tuple[Data, RecordRun, str]:
+    """The fit with a delay of each path, where that describes the record in fewer words."""
+    with contextlib.suppress(FitError):
+        data, run, reason = chosen(dataclasses.replace(options, delay="path"))
+        if record_length(data, run) < record_length(*one[:2]):
+            return data, run, f"{reason}; {OF_PATHS}"
+    return one
 
 
 def _folded_outputs(first: FitResult, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:

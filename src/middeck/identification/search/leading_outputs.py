@@ -17,6 +17,7 @@ BY_CHANCE = 3.0
 LEAD_COST = 2.0
 CHECK = "check which channel is the input, and that the period is long enough"
 TAKE_MORE = "the band is too narrow to tell a delay from modes outside it: take a wider one, or delay=False"
+PATHS = "where the inputs have delays of their own, fit one of each path (--delay path, delay='path')"
 BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
 
 
@@ -31,7 +32,7 @@ def causal_delay(
             raise FitError(
                 f"the output leads its input by {-tau:.6g} s",
                 where=f"output {name}",
-                hint=f"{TAKE_MORE if is_narrow(measured) else CHECK}; {BEYOND}",
+                hint=_hint(measured, CHECK),
             )
         if leads(tau, uncertainty.delay_s[o]):
             warnings.append(
@@ -39,6 +40,11 @@ def causal_delay(
                 " its delay is set to zero"
             )
     return np.maximum(delay_s, 0.0), warnings
+
+
+def _hint(measured: FrequencyResponse, usual: str) -> str:
+    first = TAKE_MORE if is_narrow(measured) else usual
+    return "; ".join([first, *([PATHS] if len(measured.inputs) > 1 else []), BEYOND])
 
 
 def leads(delay_s: float, deviation_s: float) -> bool:
@@ -64,7 +70,7 @@ def refuse_a_lead(measured: FrequencyResponse, found: MeasurementModel, model: M
         raise FitError(
             f"the output leads its input by {-found.delay_s[o]:.6g} s, and no model follows without",
             where=f"output {measured.outputs[o].name}",
-            hint=f"{TAKE_MORE if is_narrow(measured) else 'leave the output out'}; {BEYOND}",
+            hint=_hint(measured, "leave the output out"),
         )
 
 
