@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from middeck.control.law.compensator import Compensator
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest
 from middeck.realtime.engine.process.launch import DriverRig
 from middeck.realtime.engine.rigs.engine_rig import EngineRig
@@ -26,6 +26,7 @@ from middeck.realtime.gate.steps_on_rig import (
     package_settings,
 )
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
+from middeck.realtime.package.package_bytes import hash_law
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.signals.ports import Port
@@ -102,6 +103,24 @@ def test_a_trip_when_engaged_goes_on_the_blacklist_for_good():
     other = examine_package(damper(4.9), models, MARGINS, blacklist=blacklist)
     assert other.passed
     assert other.left_out == ("dry run", "shadow run", "engagement")
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_law_that_trips_is_blamed_before_its_step_is_logged():
+    """A log that is full, or a gate that is killed there, would leave it off the blacklist."""
+    rig, blamed = bench(swing(sign=-1.0), envelope=0.02), {}
+
+    def full(step):
+        if step.name == "engagement":
+            raise DataError("no space left")
+
+    with pytest.raises(DataError, match="no space left"):
+        examine_package(
+            damper(), {"swing": swing()}, MARGINS, trials=TRIALS, rig=rig, log=full,
+            on_trip=blamed.__setitem__,
+        )  # fmt: skip
+    assert list(blamed) == [hash_law(damper())]
+    assert blamed[hash_law(damper())].startswith("envelope way at")
 
 
 @pytest.mark.usefixtures("compiler")

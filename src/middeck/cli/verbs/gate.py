@@ -175,10 +175,15 @@ def verb(
     rig = _rig(package, engine, given["rig_port"], given["driver"], given["paper"])
     if log_file is None and verdict_file is not None:
         log_file = str(Path(verdict_file).with_suffix(".jsonl"))
+
+    def blame(law: str, trip: str) -> None:
+        if blacklist_file is not None:
+            md.files.add_to_blacklist(blacklist_file, {law: trip})
+
     with nullcontext() if log_file is None else md.files.GateLog(log_file, package, models) as log:
         verdict = md.examine_package(
             package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
-            engaged=engaged, log=log,
+            engaged=engaged, log=log, on_trip=blame,
         )  # fmt: skip
         if log is not None:
             log.end(verdict)
@@ -188,8 +193,6 @@ def verb(
     }
     if verdict_file is not None:
         write_json(verdict_file, seal(document))
-    if blacklist_file is not None and verdict.tripped:
-        md.files.add_to_blacklist(blacklist_file, {verdict.law: verdict.tripped})
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)

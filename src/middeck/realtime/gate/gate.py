@@ -97,6 +97,7 @@ def examine_package(
     settings: EngineSettings | None = None,
     engaged: ControllerPackage | None = None,
     log: Callable[[GateStep], object] | None = None,
+    on_trip: Callable[[str, str], object] | None = None,
 ) -> GateVerdict:
     """Blacklist, interface, poles, test vectors, bound of the error; the loop with each model; then runs.
 
@@ -118,6 +119,8 @@ def examine_package(
             one from the hold alone always is. With a ``gain`` it is refused: of two laws at once none is
             proved.
         log: Told of each step as it ends, before the next begins (`files.GateLog`).
+        on_trip: Told of the law (`hash_law`) that is to blame for a trip, and of the trip, before its step is
+            logged: what stops the gate then leaves the law on a blacklist.
 
     Raises `ConfigError` without a model, as a package that was tried on nothing has passed nothing, and for
     a rig whose engine has another hold than ``settings``.
@@ -163,6 +166,8 @@ def examine_package(
             steps += [check_shadow_run(package, rig, trials)]
             if steps.good:
                 engagement, tripped = check_engagement(package, rig, trials)
+                if tripped and on_trip is not None:
+                    on_trip(hash_law(package), tripped)
                 steps += [engagement]
     left_out = ("dry run", "shadow run", "engagement")[0 if trials is None else 1 if rig is None else 3 :]
     return GateVerdict(
