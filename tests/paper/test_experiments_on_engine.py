@@ -226,19 +226,28 @@ def test_a_law_of_figure_7_beyond_23_db_is_refused_undeclared_and_judged_when_it
 ANY = GateMargins(gain_db=0.0, phase_deg=0.0)
 
 
-@pytest.mark.parametrize(("log10_authority", "proved"), repeats([(2.5, True), (3.0, True), (4.5, False)]))
+@pytest.mark.parametrize(
+    ("log10_authority", "proved"),
+    repeats([(2.5, True), (2.0, True), (3.0, True), (3.5, False), (4.5, False)]),
+)
 def test_a_law_of_figure_7_beyond_23_db_passes_in_orbit_with_a_proof_of_recovery(
     sheet, log10_authority, proved
 ):
-    """And not without: five motors, 92 states. `make test-all` takes every step; some last seconds."""
-    _, plants, _ = sheet
+    """And not without: five motors, 92 states. `make test-all` takes every step; some last seconds.
+
+    The one next below is stable by itself: it passes without the proof, which there is of it too.
+    """
+    _, plants, decibels = sheet
     package = sheet_law(sheet, log10_authority, unstable=True)
+    assert package.unstable == (decibels[log10_authority] > 23.0)
     assert (why_unproved(package, plants["orbit"], required=True) == "") == proved
     if LONG:
         verdict = examine_package(package, {"orbit": plants["orbit"]}, ANY)
-        assert verdict.passed == proved
+        assert verdict.passed == (proved or not package.unstable)
         assert verdict.steps[-1].name == "recovery orbit"
-        word = "proved for limits that come and go" if proved else "not proved to recover: no multipliers"
+        word = "not proved to recover: no multipliers" if package.unstable else "; not proved for limits"
+        if proved and package.unstable:
+            word = "; proved for limits that come and go"
         assert word in verdict.steps[-1].said
 
 
