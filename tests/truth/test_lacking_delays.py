@@ -140,10 +140,7 @@ UNORDERED = {
     "record": lambda seed, late_s: fit_record(_record(seed, late_s)),
 }
 PATHS_S = ((0.0, 0.031), (0.062, 0.012))
-UNASKED = [
-    ("record", 1, PATHS_S),
-    *repeats([("response", 1, ((0.0, 0.006), (0.004, 0.001))), ("record", 2, ((0.0, 0.04),) * 2)]),
-]
+UNASKED = repeats([("record", 1, PATHS_S), ("response", 1, ((0.0, 0.006), (0.004, 0.001)))])
 
 
 @pytest.mark.parametrize(("route", "seed", "late"), UNASKED)
