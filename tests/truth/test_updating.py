@@ -730,6 +730,18 @@ def test_one_survey_given_twice_is_refused_and_a_repeated_one_is_not():
     assert any("surveys 'one' and 'two' state the same" in line for line in findings(found))
 
 
+def test_a_copy_that_went_through_a_file_of_fewer_digits_is_refused():
+    """Single precision, and the six digits of a universal file: counted twice in silence."""
+    seen = survey_of(modes_of(mast(), clamped()), MeasurementNoise(1e-3, 0.02))
+    hz = seen.measured.frequency_hz
+    for rounded in (hz.astype(np.float32).astype(float), np.array([float(f"{f:.5e}") for f in hz])):
+        assert np.any(rounded != hz)
+        with pytest.raises(ConfigError, match="one measurement given twice"):
+            refuse_repeated([stated(seen, "one", hz), stated(seen, "two", rounded)])
+    # A repeated test that agrees to a thirtieth of a deviation is none.
+    refuse_repeated([stated(seen, "one", hz), stated(seen, "two", hz * (1.0 + 3e-5))])
+
+
 @pytest.mark.parametrize(("step_hz", "decimals"), [(0.0625, 4), (1.0 / 20.48, 12), (1.0 / 20.48, 3)])
 def test_peaks_read_off_at_the_lines_of_a_spectrum_are_no_copy(step_hz: float, decimals: int):
     """Two tests of one article read the same lines, in digits below the deviation of a line's width."""

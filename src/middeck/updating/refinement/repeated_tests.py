@@ -17,6 +17,9 @@ from middeck.updating.residuals.surveys import Survey
 
 # So many frequencies that agree to such digits are no chance.
 NO_CHANCE = 3
+# A file of universal format keeps six digits; and parts of a deviation within which three modes of two tests
+# agree by chance once in a hundred thousand times (twenty modes).
+ROUNDING, MUCH_CLOSER = 5e-6, 3e-3
 # The most lines of a spectrum up to the highest mode that are tried.
 MOST_LINES = 100_000
 CURE = (
@@ -32,7 +35,7 @@ def refuse_repeated(surveys: Sequence[Survey]) -> None:
         if np.sum(_fine(one) & shared) >= NO_CHANCE and not _on_lines(one):
             raise ConfigError(
                 f"surveys {one.name!r} and {other.name!r} state {np.sum(shared)} frequencies that are "
-                "the same to every digit: one measurement given twice",
+                "the same to every digit, or but for rounding: one measurement given twice",
                 where="survey",
                 hint=CURE,
             )
@@ -53,7 +56,10 @@ def repeated_tests(surveys: Sequence[Survey], statics: Sequence[StaticTest]) -> 
 
 
 def _shared(one: Survey, other: Survey) -> np.ndarray:
-    return np.isin(one.measured.frequency_hz, other.measured.frequency_hz)
+    """Whether each frequency of ``one`` is among those of ``other``, but for rounding."""
+    hz = one.measured.frequency_hz
+    near = hz * np.minimum(ROUNDING, MUCH_CLOSER * one.std)
+    return np.any(np.abs(hz[:, None] - other.measured.frequency_hz) <= near[:, None], axis=1)
 
 
 def _fine(survey: Survey) -> np.ndarray:
