@@ -38,7 +38,7 @@ class LoadSets:
         for entry in self.entries:
             self.direct.setdefault(entry.id, []).append(entry)
         self.sums = deck.entries.numbered("LOAD")
-        self.chosen = deck.selection.sets.get("LOAD")
+        self.selection, self.chosen = deck.selection, deck.selection.sets.get("LOAD")
         self.refused: list[tuple[str, int, str]] = []
         self.gravity: dict[int, np.ndarray] = {}  # acceleration by set, zero in one of forces alone
 
@@ -52,10 +52,8 @@ class LoadSets:
         found: list[dict[str, Any]] = []
         there = {*self.direct, *self.sums}
         chosen = None if self.chosen is None else self.chosen & there
-        lost = sorted(self.chosen - there) if self.chosen else []
-        self.refused += [
-            (f"load set {sid}", 0, "case control selects it, and no load has it") for sid in lost
-        ]
+        what = "there is no load of this number"
+        faults += [self.selection.fault("LOAD", sid, what) for sid in sorted((self.chosen or there) - there)]
         summed = {integer(text) for sid in (chosen or self.sums) for text in self._terms(sid)[1::2]}
         for sid in sorted(there):
             if chosen is not None and sid not in chosen:

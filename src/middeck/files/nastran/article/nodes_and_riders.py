@@ -101,14 +101,13 @@ def _check(
 ) -> None:
     faults: list[Fault] = []
     left_out += _idle(basis, parts.constraints, tied, carriers)
-    if basis.deck.selection.sets.get("NSM"):
-        _, file, line = basis.deck.selection.lines["NSM"]
-        faults.append(Fault(file=file, line=line, key="NSM", message="NSM sets are not converted yet"))
-    if basis.deck.selection.sets.get("TEMPERATURE") and basis.entries.idle["MATT1"]:
-        _, file, line = basis.deck.selection.lines["TEMPERATURE"]
+    selection = basis.deck.selection
+    for number in selection.sets.get("NSM", ()):
+        faults.append(selection.fault("NSM", number, "NSM sets are not converted yet"))
+    for number in selection.sets.get("TEMPERATURE", ()) if basis.entries.idle["MATT1"] else ():
         what = "sets the moduli of materials by MATT1, which is not converted: the modes would be others"
         hint = "write the moduli at this temperature in MAT1, and leave MATT1 out"
-        faults.append(Fault(file=file, line=line, key="TEMPERATURE", message=what, hint=hint))
+        faults.append(selection.fault("TEMPERATURE", number, what, hint))
     grid = basis.entries.numbered("GRID")
     faults += [
         grid[rider].fault(

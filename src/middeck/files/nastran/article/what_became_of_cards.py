@@ -31,6 +31,8 @@ ELSEWHERE = {
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): DAMPS,
     ("NSM", "BGSET", "BCTABLE", "BCONP"): NOT_SELECTED,
 }
+# Commands whose sets an article has no part for: one that lacks is told.
+HINTS = {**dict.fromkeys(("METHOD", "METH"), ("EIGR", "EIGRL")), "SUPORT1": ("SUPORT1",)}
 DIVIDES = "which superelement something is in: the article is not divided"
 
 
@@ -102,14 +104,9 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
     if deck.unended:
         _, file, line = deck.unended
         notes.append(f"no ENDDATA: {deck.cards} cards to the last line, {file}:{line}; are these all?")
-    for command, names in (("SPC", ("SPC", "SPC1", "SPCADD")), ("MPC", ("MPC", "MPCADD"))):
-        chosen = selection.sets.get(command, frozenset())
-        absent = chosen - {e.id for e in entries.of(*names)}
+    for command, names in HINTS.items() if not entries.idle["EIGB"] else ():
+        absent = selection.sets.get(command, frozenset()) - {e.id for e in entries.of(*names)}
         notes += [f"case control selects {command} {n}, which is not there" for n in sorted(absent)]
-        single = {e.id for e in entries.of(*names[:-1])}
-        for union in (e for e in entries.of(names[-1]) if e.id in chosen):
-            lacks = sorted({n for n in union["sets"] if n} - single)
-            notes += [f"{union.label} names {command} {n}, which is not there" for n in lacks]
     matrices = {e["name"] for e in entries.of("DMIG")}
     for command, names in damping_names(deck).items():
         absent = sorted({*names} - matrices)

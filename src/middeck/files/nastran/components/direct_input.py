@@ -130,6 +130,4 @@ def _is_skew(deck: Deck, name: str) -> bool:
 
 
 def _fault(deck: Deck, command: str, message: str, hint: str) -> Fault:
-    _, file, line = deck.selection.lines[command]
-    value = deck.selection.matrices[command]
-    return Fault(file=file, line=line, key=command, message=message, value=value, hint=hint)
+    return deck.selection.fault(command, deck.selection.matrices[command], message, hint)

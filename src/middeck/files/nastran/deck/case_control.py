@@ -24,16 +24,22 @@ _OTHERS = frozenset(("STATSUB", "TFL", "BGSET", "BCONTACT"))
 
 
 class Selection(NamedTuple):
-    """Numbers of sets by command, names of matrices by command, the line of each, and lines with PARAM."""
+    """Numbers of sets by command, names of matrices by command, the first line of each command and number or
+    name, and lines with PARAM."""
 
     sets: dict[str, frozenset[int]]
     matrices: dict[str, str]
-    lines: dict[str, Line]
+    lines: dict[tuple[str, int | str], Line]
     params: tuple[Line, ...]
 
     def selects(self, command: str, number: int) -> bool:
         """Whether any subcase selects this set."""
         return number in self.sets.get(command, ())
+
+    def fault(self, command: str, value: int | str, message: str, hint: str = "") -> Fault:
+        """A complaint about the line that selects ``value`` by ``command``."""
+        _, file, line = self.lines[command, value]
+        return Fault(file=file, line=line, key=command, message=message, value=f"{value}", hint=hint)
 
 
 class _Choice(NamedTuple):
@@ -46,9 +52,9 @@ class _Choice(NamedTuple):
 def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selection:
     """The commands of case control that modes depend on; all others are passed over.
 
-    Those of ``subcase``, or of all where they agree but for loads. Raises `ConfigError` for a set that is no
-    number, a preload (STATSUB), a transfer function (TFL), glue or contact (BGSET, BCONTACT), a subcase that
-    is not there, and subcases that differ.
+    Those of ``subcase``, or of all where they agree but for loads; set 0 is none. Raises `ConfigError` for a
+    set that is no number, a preload (STATSUB), a transfer function (TFL), glue or contact (BGSET, BCONTACT), a
+    subcase that is not there, and subcases that differ.
     """
     parts = _parts(lines)
     common, own = parts.pop(None), parts
@@ -61,12 +67,13 @@ def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selecti
     defaults = _choices(common, faults)
     cases = {name: defaults | _choices(some, faults) for name, some in kept.items()} or {0: defaults}
     raise_faults(faults)
+    cases = {name: {c: v for c, v in case.items() if v.value != 0} for name, case in cases.items()}
     raise_faults(_unlike(cases))
     sets: dict[str, frozenset[int]] = {}
     matrices: dict[str, str] = {}
-    where: dict[str, Line] = {}
+    where: dict[tuple[str, int | str], Line] = {}
     for command, (line, value) in (item for case in cases.values() for item in case.items()):
-        where.setdefault(command, line)
+        where.setdefault((command, value), line)
         if isinstance(value, int):
             sets[command] = sets.get(command, frozenset()) | {value}
         else:

@@ -42,12 +42,36 @@ class Deck(NamedTuple):
     unended: Line | None
 
     def selected(self, command: str) -> list[Entry]:
-        """The constraints that case control selects by SPC or MPC, unions (SPCADD, MPCADD) resolved."""
-        wanted = set(self.selection.sets.get(command, ()))
-        for union in self.entries.of(f"{command}ADD"):
-            if union.id in wanted:
-                wanted |= {number for number in union["sets"] if number}
+        """The constraints that case control selects by SPC or MPC, unions (SPCADD, MPCADD) resolved.
+
+        A union goes before constraints of its own number, and names no other union.
+        """
+        unions = self.entries.numbered(f"{command}ADD")
+        wanted: set[int] = set()
+        for number in self.selection.sets.get(command, ()):
+            union = unions.get(number)
+            wanted |= {number} if union is None else {n for n in union["sets"] if n}
         return [entry for entry in self.entries.of(*CHOSEN[command]) if entry.id in wanted]
+
+    def lacking(self) -> Iterator[Fault]:
+        """A complaint about each set of constraints that is selected, or that a selected union names, and
+        that no card has.
+
+        Nastran stops there (user fatal messages 2047, 2053); with superelements, each of which may have the
+        set, it warns.
+        """
+        for command, names in CHOSEN.items():
+            single = {entry.id for entry in self.entries.of(*names)}
+            unions = self.entries.numbered(f"{command}ADD")
+            for number in sorted(self.selection.sets.get(command, ())):
+                if number in unions:
+                    for i, n in enumerate(unions[number]["sets"], 1):
+                        if n and n not in single:
+                            other = "; a union names no union" if n in unions else ""
+                            yield unions[number].fault_at(i, f"there is no {command} {n}{other}")
+                elif number not in single:
+                    what = f"there is no {' or '.join(names)} of this number"
+                    yield self.selection.fault(command, number, what)
 
 
 def read_deck(path: str | Path, subcase: int | None = None) -> Deck:

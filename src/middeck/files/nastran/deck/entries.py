@@ -53,6 +53,8 @@ SPACES = {
             "EIGR",
             "SUPORT1",
             "LOAD",
+            "SPCADD",
+            "MPCADD",
         ]
     },
 }
