@@ -12,7 +12,7 @@ from middeck.files.nastran.members.section_shapes import section_shape
 from middeck.files.setups import load_structure
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.summary.summary import summarise
-from nastran_decks import NU, RHO, E, card, skew, turned
+from nastran_decks import NU, RHO, E, card, local_matrices, skew, turned
 from structure_builders import clamped_matrices
 
 G = E / (2.0 * (1.0 + NU))
@@ -327,3 +327,39 @@ def test_a_pbeaml_is_the_pbeam_of_its_shapes(tmp_path):
     ends = [found[f"pbeam1_{k}"]["centroid_m"] for k in (1, len(found))]
     assert ends[0][1] > ends[1][1] > 0.0
     assert abs(ends[0][0]) < 1e-12
+
+
+def two_lines(count, nsm, m1, m2):
+    """Lowest frequencies of a cantilever of ``count`` bars, each with a massless one rigidly beside it."""
+    size = 6 * (count + 1)
+    K, M = np.zeros((2, size, size))
+    own = {"A": 3e-4, "I1": 4e-8, "I2": 6e-8, "I12": 0.0, "J": 9e-8, "nsm": 0.0}
+    aside = np.eye(6)
+    aside[:3, 3:] = -skew(np.array([0.0, m1, m2]))
+    T = np.kron(np.eye(2), aside)
+    for i in range(count):
+        at = np.ix_(*2 * [np.arange(6 * i, 6 * i + 12)])
+        k, m = local_matrices(own, 1.0 / count, "coupled")
+        _, beside = local_matrices(own | {"A": 0.0, "nsm": nsm}, 1.0 / count, "coupled")
+        K[at] += k
+        M[at] += m + T.T @ beside @ T
+    return 1.0 / np.sqrt(scipy.linalg.eigh(M[6:, 6:], K[6:, 6:], eigvals_only=True)[::-1][:4])
+
+
+def test_coupled_mass_on_two_lines_tends_to_that_of_two_bars(tmp_path):
+    """Turns carry the mass beside the axis by the slope of the beam there, not by those of its ends."""
+    off = []
+    for count in (4, 8, 16):
+        grids = "".join(f"GRID,{i + 1},,{i / count}\n" for i in range(count + 1))
+        beams = "".join(f"CBEAM,{i + 1},7,{i + 1},{i + 2},0.,1.,0.\n" for i in range(count))
+        text = (
+            f"CEND\nBEGIN BULK\n{grids}{beams}MAT1,3,7.+10,,.3,2700.\n"
+            "PBEAM,7,3,3.-4,4.-8,6.-8,,9.-8,.5\n,,,,,,,,\n,0.,0.\n,.02\nENDDATA\n"
+        )
+        structure, _ = article(tmp_path, text, "coupled")
+        K, M, _ = clamped_matrices(mesh_structure(structure))
+        found = 1.0 / np.sqrt(scipy.linalg.eigh(M, K, eigvals_only=True)[::-1][:4])
+        off.append(np.abs(found / two_lines(count, 0.5, 0.02, 0.0) - 1.0))
+    np.testing.assert_array_less(off[0], [1e-5, 1e-5, 2e-4, 1e-4])
+    np.testing.assert_array_less(off[1], 0.3 * off[0])
+    np.testing.assert_array_less(off[2], 0.3 * off[1])
