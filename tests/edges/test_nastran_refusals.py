@@ -1,8 +1,9 @@
 """What a deck may not hold or what cannot be converted: named and located, and nothing is written."""
 
+import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import ROOT, middeck
 from middeck.errors import ConfigError, MiddeckError
 from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
@@ -585,6 +586,36 @@ def test_json_and_settings(capfd, tmp_path):
         parse_units("")
 
 
+def test_reals_in_single_precision(capfd, tmp_path):
+    """Of fields, lists (PBARL) and parameters; not of matrices, and none that single precision lacks."""
+    bulk = PLAIN + "GRID,8,,.1\nMAT1,8,7.1+10,,.3,2701.\nPBARL,8,8,,BAR\n,.1,.3\nCBAR,8,8,1,8,0.,1.,0.\n"
+    bulk += "PARAM,WTMASS,.7\nDMIG,K,0,6,2,0\nDMIG,K,8,1,,8,1,100.1\n"
+    path = tmp_path / "a.dat"
+    path.write_text(f"CEND\nK2GG=K\nBEGIN BULK\n{bulk}ENDDATA\n")
+    kept, cut = (convert_deck(read_deck(path, single=s), SI, "consistent", "a") for s in (False, True))
+
+    def numbers(made):
+        section, (tie,) = made.document["section"]["pbar8"], made.environment["bushing"]
+        place = next(node["x_m"] for node in made.document["node"] if node["name"] == "g8")
+        return [place, section["EA_n"], section["rho_A_kg_per_m"], tie["stiffness"][0]]
+
+    np.testing.assert_allclose(
+        numbers(kept), [0.1, 7.1e10 * 0.1 * 0.3, 0.7 * 2701.0 * 0.03, 100.1], rtol=1e-15
+    )
+    x, E, b, h, w = (float(np.float32(v)) for v in (0.1, 7.1e10, 0.1, 0.3, 0.7))
+    np.testing.assert_allclose(numbers(cut), [x, E * b * h, w * 2701.0 * b * h, 100.1], rtol=1e-15)
+    ask = ("convert", path, "--units", "m-kg-s-N", "--json")
+    assert '"reals": "single"' in middeck(capfd, *ask, "--reals", "single").out
+    path.write_text(f"BEGIN BULK\n{PLAIN}MAT1,9,7.+10,,.3,,1.+39\nENDDATA\n")
+    assert middeck(capfd, *ask).code == 0
+    ended = middeck(capfd, *ask, "--set", "reals=single")
+    assert ended.code == 2
+    assert "MAT1 9: a number that single precision has no place for" in ended.err
+    super_deck = ROOT / "data/nastran-superelement/assemble.dat"
+    ended = middeck(capfd, "convert", super_deck, "--units", "mm-kg-s-mN", "--reals", "single")
+    assert "in the precision of their files" in ended.err
+
+
 def test_the_superelement_of_a_grid_is_listed(tmp_path):
     bar = "CBAR,20,1,4,9,0.,1.,0."
     made = convert(write(tmp_path, "GRID,9,,3.,,,,,5", bar))
@@ -720,7 +751,9 @@ def test_a_selected_set_that_is_not_there_is_refused(tmp_path, case, bulk, said)
         convert_deck(read_deck(path), SI, "consistent", "a")
     none = "SPC=0\nMPC=0\nLOAD=0\nMETHOD=0\n"
     if "second" not in said:
-        path.write_text(f"SOL 103\nCEND\n{none}SUBCASE 1\nSUBCASE 2\nSPC=0\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
+        path.write_text(
+            f"SOL 103\nCEND\n{none}SUBCASE 1\nSUBCASE 2\nSPC=0\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n"
+        )
         made = convert_deck(read_deck(path), SI, "consistent", "a")
         assert not made.holds
         assert not [note for note in made.notes if "not there" in note]
@@ -738,7 +771,14 @@ def test_a_hint_that_is_not_there_is_told(tmp_path, bulk, told):
 def test_a_union_goes_before_constraints_of_its_own_number(tmp_path, order):
     """MSC Nastran, Quick Reference Guide, SPCADD, remark 3, and MPCADD: only the union is used."""
     path = tmp_path / "a.dat"
-    bulk = ["SPCADD,1,8", "SPC1,8,12,1", "SPC1,1,456,1", "MPCADD,1,8", "MPC,8,2,1,1.,1,2,1.", "MPC,1,2,3,1.,1,3,1."]
+    bulk = [
+        "SPCADD,1,8",
+        "SPC1,8,12,1",
+        "SPC1,1,456,1",
+        "MPCADD,1,8",
+        "MPC,8,2,1,1.,1,2,1.",
+        "MPC,1,2,3,1.,1,3,1.",
+    ]
     cards = "\n".join(bulk[::order])
     path.write_text(f"SOL 103\nCEND\nSPC=1\nMPC=1\nBEGIN BULK\n{PLAIN}{cards}\nENDDATA\n")
     made = convert_deck(read_deck(path), SI, "consistent", "a")

@@ -58,6 +58,7 @@ class ConvertSettings(Form):
     units: str | None = None
     mass_formulation: Literal["consistent", "coupled", "lumped", "deck"] = "consistent"
     subcase: Annotated[int, whole(1, 99_999_999)] | None = None
+    reals: Literal["double", "single"] = "double"
 
 
 class ImpactSettings(Form):

@@ -17,6 +17,7 @@ from middeck.cli.shown.screen import Table, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
+    from middeck.cli.given.checked_options import ConvertSettings
     from middeck.files.nastran.article.convert import Conversion
     from middeck.files.nastran.deck.deck import Deck
     from middeck.files.nastran.deck.units import Units
@@ -48,6 +49,12 @@ EXAMPLES = """\
     metavar="NUMBER",
     help="Subcase of case control; needed if subcases differ in more than loads.",
 )
+@click.option(
+    "--reals",
+    type=click.Choice(("double", "single")),
+    help="Precision of the deck's numbers: double, as written; single, as Nastran's tables of 32-bit words "
+    "hold them.  [default: double]",
+)
 @options.output("target", options.ARTICLES, "Write the article.", "ARTICLE")
 @options.written(
     "--environment",
@@ -62,6 +69,7 @@ def verb(
     units: str | None,
     mass_formulation: str | None,
     subcase: int | None,
+    reals: str | None,
     target: str | None,
     held_target: str | None,
     overrides: tuple[str, ...],
@@ -74,7 +82,7 @@ def verb(
     that do not affect the modes are left out, listed and counted. A card that affects them and cannot be
     converted is an error with file, line, card and field. Superelements whose matrices are in OUTPUT4 or
     punched DMIG become components, in NPZ files beside the article. Without --units the command names the
-    likeliest set and writes nothing. --set takes units, mass_formulation and subcase.
+    likeliest set and writes nothing. --set takes units, mass_formulation, subcase and reals.
     """
     from middeck.cli.given.checked_options import ConvertSettings, settle
     from middeck.cli.shown.mass_and_attitude import (
@@ -87,9 +95,9 @@ def verb(
     from middeck.files.nastran.article.convert import convert_deck
     from middeck.files.nastran.deck.deck import asked_formulation
 
-    given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase}
+    given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase, "reals": reals}
     chosen = settle(ConvertSettings, given, overrides)
-    source, known, name, parts = _read(deck, chosen.units, chosen.subcase, target)
+    source, known, name, parts = _read(deck, chosen, target)
     asked = chosen.mass_formulation
     formulation = asked_formulation(source) if asked == "deck" else asked
     made = convert_deck(source, known, formulation, name, parts)
@@ -107,6 +115,7 @@ def verb(
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": formulation,
         "subcase": chosen.subcase,
+        "reals": chosen.reals,
         "cards": source.cards,
         "read": made.read,
         "converted": made.converted,
@@ -121,15 +130,19 @@ def verb(
 
 
 def _read(
-    deck: str, units: str | None, subcase: int | None, target: str | None
+    deck: str, chosen: ConvertSettings, target: str | None
 ) -> tuple[Deck, Units, str, dict[str, md.structure.Component]]:
     """The deck, its units, the name of the article, and the components of its superelements."""
     from middeck.files.nastran.components.assembly import has_superelements, read_assembly
     from middeck.files.nastran.deck.deck import read_deck
     from middeck.files.nastran.deck.units import parse_units
 
-    name = article_name(deck)
+    name, units, subcase = article_name(deck), chosen.units, chosen.subcase
+    single = chosen.reals == "single"
     if has_superelements(deck):
+        if single:
+            what = "the matrices of superelements are in the precision of their files"
+            raise ConfigError(what, where=deck, hint="leave out --reals")
         if units is None:
             raise _no_units_of_superelements(deck)
         known = parse_units(units)
@@ -137,7 +150,7 @@ def _read(
         name = name if target is None else Path(target).stem
         source, parts = read_assembly(deck, known, name, subcase)
         return source, known, name, parts
-    source = read_deck(deck, subcase)
+    source = read_deck(deck, subcase, single=single)
     if units is None:
         raise _no_units(source)
     return source, parse_units(units), name, {}
@@ -238,6 +251,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"deck         {document['deck']}, {document['cards']} cards",
         f"units        {document['units']['name']}",
         f"mass         {document['mass_formulation']} (of the members)",
+        *(["reals        single precision"] if document["reals"] == "single" else []),
         f"read         {', '.join(f'{n} {card}' for card, n in document['read'].items())}",
         Table("converted", ["", "number"], [[c, str(n)] for c, n in document["converted"].items()]),
     ]

@@ -53,8 +53,8 @@ def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selecti
     """The commands of case control that modes depend on; all others are passed over.
 
     Those of ``subcase``, or of all where they agree but for loads; set 0 is none. Raises `ConfigError` for a
-    set that is no number, a preload (STATSUB), a transfer function (TFL), glue or contact (BGSET, BCONTACT), a
-    subcase that is not there, and subcases that differ.
+    set that is no number, a preload (STATSUB), a transfer function (TFL), glue or contact (BGSET, BCONTACT),
+    a subcase that is not there, and subcases that differ.
     """
     parts = _parts(lines)
     common, own = parts.pop(None), parts

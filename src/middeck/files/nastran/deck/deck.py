@@ -13,7 +13,7 @@ from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.numbers import in_single, integer, real
 from middeck.files.toml.faults import Fault
 
 # New objects that are worth to be made old at once.
@@ -74,10 +74,11 @@ class Deck(NamedTuple):
                     yield self.selection.fault(command, number, what)
 
 
-def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
+def read_deck(path: str | Path, subcase: int | None = None, *, single: bool = False) -> Deck:
     """Read a Nastran deck with all that it includes, as case control has it in one ``subcase``, or in all.
 
-    Raises `ConfigError` with what is wrong, by file, line, card and field.
+    ``single`` rounds its reals to single precision, as Nastran's tables of 32-bit words hold them. Raises
+    `ConfigError` with what is wrong, by file, line, card and field.
     """
     kind = looks_like(path)
     if kind in (EMPTY, BINARY) or kind in NO_DECK:
@@ -87,6 +88,7 @@ def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
         sections = read_sections(path)
         cards = join_cards(sections.bulk)
         entries = read_entries(cards)
+    entries = _in_single(entries) if single else entries
     return Deck(
         str(path),
         read_selection(sections.case, subcase),
@@ -96,6 +98,24 @@ def read_deck(path: str | Path, subcase: int | None = None) -> Deck:
         len(cards),
         sections.unended,
     )
+
+
+def _in_single(entries: Entries) -> Entries:
+    """All entries with their reals in single precision but DMIG, which has a precision of its own."""
+    faults: list[Fault] = []
+
+    def rounded(entry: Entry) -> Entry:
+        try:
+            return entry._replace(values=tuple(map(in_single, entry.values)))
+        except OverflowError:
+            faults.append(entry.fault("a number that single precision has no place for"))
+            return entry
+
+    kept = {
+        name: found if name == "DMIG" else [*map(rounded, found)] for name, found in entries.by_name.items()
+    }
+    raise_some(faults)
+    return entries._replace(by_name=kept)
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 import math
 import re
+import struct
+from typing import Any
 
 _REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d{1,4})|[ED](\d{1,4}))?", re.ASCII)
 _MANTISSA = re.compile(r"[+-]?(\d*)\.(\d*)", re.ASCII)
@@ -24,6 +26,21 @@ def real(text: str) -> float | None:
     exponent = signed or plain
     value = float(f"{mantissa}E{exponent}" if exponent else mantissa)
     return value if math.isfinite(value) else None
+
+
+def in_single(value: Any) -> Any:
+    """A value of a field with its reals in single precision; raises `OverflowError` for one beyond that.
+
+    >>> in_single(12.566), in_single(["12.566", "BAR", None]), in_single(3)
+    (12.565999984741211, ['1.25659999847412109E+01', 'BAR', None], 3)
+    """
+    if isinstance(value, list):
+        return [in_single(text) for text in value]
+    number = real(value) if isinstance(value, str) else value
+    if not isinstance(number, float):
+        return value
+    (single,) = struct.unpack("<f", struct.pack("<f", number))
+    return f"{single:.17E}" if isinstance(value, str) else single
 
 
 def integer(text: str) -> int | None:
