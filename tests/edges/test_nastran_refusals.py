@@ -700,9 +700,13 @@ PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
         (
             "",
             "GRDSET,,,,,,,126\nGRDSET,,,,,,,12\n",
-            r":10: GRDSET: a second GRDSET with .* is GRDSET at .*:9",
+            r":10: GRDSET field 8 \(PS\) = 12: a second GRDSET with .* is GRDSET at .*:9",
         ),
-        ("", "BAROR,,,,,0.,1.,0.\nBAROR,,,,,0.,0.,1.\n", r":10: BAROR: a second BAROR with other content"),
+        (
+            "",
+            "BAROR,,,,,0.,1.,0.\nBAROR,,,,,0.,0.,1.\n",
+            r":10: BAROR field 7 \(X2\) = 0.: a second BAROR with other content",
+        ),
         ("K2GG=K\n", "DMIG,K,0,6,2,0\nDMIG,K,1,1,,1,1,A\n", r"a.dat:11: DMIG K: no grid, component and real"),
         ("K2GG=K\nM2GG=K\n", "DMIG,K,0,6,2,0\nDMIG,K,1,1,,1,1,A\n", r"a.dat:12: DMIG K: no grid, component"),
         ("", "PARAM,CK1,2.\n", r"PARAM CK1 field 3 \(V1\) = 2.: scales matrices or loads"),
@@ -732,6 +736,32 @@ LACKS = "SPC1,8,123,1\nSPCADD,7,8\nSPCADD,1,8,9,7\nMPCADD,2,3\nFORCE,4,1,,1.,1.\
 
 
 @pytest.mark.parametrize(
+    ("bulk", "said"),
+    [
+        ("GRID,8,,1.\nGRID,8,,1.,2.\n", r"a.dat:10: GRID 8 field 5 \(X2\) = 2.: a second grid 8 with"),
+        ("PBAR,8,1,1.\nPROD,8,1,1.\n", r"PROD 8 field 2 \(PID\) = 8: a second property 8 with"),
+        ("MPCADD,8,1,2\nMPCADD,8,1,2,3\n", r"MPCADD 8 field 5 \(SETS\) = 3: a second MPCADD 8"),
+        ("MPCADD,8,1,2,3\nMPCADD,8,1,2\n", r"MPCADD 8 field 5 \(SETS\): a second MPCADD 8"),
+        ("PELAS,7,1.,,,8,2.\nPELAS,8,3.\n", r":10: PELAS 8 field 3 \(K\) = 3.: a second property 8"),
+        ("+A,1.\n", r":9: field 1 = \+A: a continuation 'A' of no card"),
+        ("GRID,8\n+A,1.\nGRID,9\n+A,2.\n", r":12: field 1 = \+A: a second continuation 'A'"),
+        ("PBAR,8,1,1.,,,,,,+A\n", r":9: PBAR 8 field 10 = \+A: the continuation '\+A' is missing"),
+        ("PBAR,8,1,1.,,,,,,7.\n", r":9: PBAR 8 field 10 = 7.: a number, 7., where the mark"),
+        (
+            "PBAR,8,1,1.,,,,,,+A\nPBAR,9,1,1.,,,,,,+A\nGRID,9\n+A,1.\n",
+            r":10: PBAR 9 field 10 = \+A: a second card",
+        ),
+        ("PBAR,8,1,1.,,,,,,,3.\n", r":9: PBAR 8 field 10: more than 8 fields in one line"),
+    ],
+)
+def test_second_numbers_and_lost_continuations_name_their_field(tmp_path, bulk, said):
+    path = tmp_path / "a.dat"
+    path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
+    with pytest.raises(ConfigError, match=said):
+        read_deck(path)
+
+
+@pytest.mark.parametrize(
     ("case", "bulk", "said"),
     [
         ("SPC=99\n", "", r"a.dat:3: SPC = 99: there is no SPC or SPC1 of this number"),
@@ -740,7 +770,11 @@ LACKS = "SPC1,8,123,1\nSPCADD,7,8\nSPCADD,1,8,9,7\nMPCADD,2,3\nFORCE,4,1,,1.,1.\
         ("SPC=1\n", LACKS, r"SPCADD 1 field 4 \(SETS\) = 9: there is no SPC 9\n"),
         ("SPC=1\n", LACKS, r"SPCADD 1 field 5 \(SETS\) = 7: there is no SPC 7; a union names no union"),
         ("MPC=2\n", LACKS, r"MPCADD 2 field 3 \(SETS\) = 3: there is no MPC 3"),
-        ("", "SPCADD,7,8\nSPCADD,7,9\n", r"SPCADD 7: a second SPCADD 7 with other content"),
+        (
+            "",
+            "SPCADD,7,8\nSPCADD,7,9\n",
+            r"SPCADD 7 field 3 \(SETS\) = 9: a second SPCADD 7 with other content",
+        ),
     ],
 )
 def test_a_selected_set_that_is_not_there_is_refused(tmp_path, case, bulk, said):

@@ -31,6 +31,7 @@ MARKS = "+*"
 BREAK = "break it with a continuation"
 SKIPS = "a tab behind a full field, to which the next field is blank"
 BLANK = "blanks or commas in place of the tabs of this line"
+FIRST = "field 1"
 SEQUENCE = "numbers of lines must stand on all without commas, and rise"
 
 
@@ -70,7 +71,7 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
         else:
             if tabs and "\t" in text:
                 if _skips(text):
-                    faults.append(_fault(line, SKIPS, BLANK))
+                    faults.append(_fault(line, SKIPS, hint=BLANK))
                 text = text.expandtabs(8)
             text = text.rstrip()
             if len(text) > 80:
@@ -92,7 +93,7 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
             continue
         mark = _mark(head)
         if not group:
-            faults.append(_fault(line, "a continuation of nothing"))
+            faults.append(_fault(line, "a continuation of nothing", FIRST, head))
         elif not mark or mark in (_mark(group[-1][TAIL]), _mark(group[-1][TAIL][1:])):  # column 73 is any
             group.append(row)
         else:
@@ -128,19 +129,22 @@ def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
     for group in apart:
         waiting.setdefault(_mark(group[0][HEAD]), []).append(group)
     for mark, found in waiting.items():
-        faults += [_fault(g[0][LINE], f"a second continuation {mark!r}") for g in found[1:]]
+        faults += [
+            _fault(g[0][LINE], f"a second continuation {mark!r}", FIRST, g[0][HEAD]) for g in found[1:]
+        ]
     asked: dict[str, Line] = {}
     for group in groups:
         mark = _mark(group[-1][TAIL])
         while mark in waiting:
             if mark in asked:
-                faults.append(_fault(group[-1][LINE], f"a second card that goes on at {mark!r}"))
+                what = f"a second card that goes on at {mark!r}"
+                faults.append(_fault(group[-1][LINE], what, _tenth(group), group[-1][TAIL]))
                 break
             asked[mark] = group[-1][LINE]
             group += waiting[mark][0]
             mark = _mark(group[-1][TAIL])
     faults += [
-        _fault(g[0][LINE], f"a continuation {mark!r} of no card")
+        _fault(g[0][LINE], f"a continuation {mark!r} of no card", FIRST, g[0][HEAD])
         for mark, (g, *_) in waiting.items()
         if mark not in asked
     ]
@@ -162,11 +166,12 @@ def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
         if tail[0] in MARKS:
             if after is None:
                 hint = "is the deck whole? if the card ends here, clear its tenth field"
-                faults.append(_fault(row[LINE], f"the continuation {tail!r} is missing", hint))
+                what = f"the continuation {tail!r} is missing"
+                faults.append(_fault(row[LINE], what, _tenth(group), tail, hint))
         elif is_free or not (
             counted or (after is not None and not _is_full(row) and integer(tail) is not None)
         ):
-            faults += [_no_mark(row[LINE], tail)] if _is_number(tail) else []
+            faults += [_no_mark(group, row[LINE], tail)] if _is_number(tail) else []
     return faults
 
 
@@ -193,12 +198,13 @@ def _is_number(text: str) -> bool:
     return real(text) is not None or integer(text) is not None
 
 
-def _no_mark(line: Line, tail: str) -> Fault:
-    return _fault(line, f"a number, {tail}, where the mark of a continuation stands", f"{BREAK}; {SEQUENCE}")
+def _no_mark(group: list[Row], line: Line, tail: str) -> Fault:
+    what = f"a number, {tail}, where the mark of a continuation stands"
+    return _fault(line, what, _tenth(group), tail, f"{BREAK}; {SEQUENCE}")
 
 
 def _beyond(line: Line, number: str) -> Fault:
-    return _fault(line, f"a number, {number}, behind column 80, where no field is", BREAK)
+    return _fault(line, f"a number, {number}, behind column 80, where no field is", hint=BREAK)
 
 
 def _are_counted(groups: list[list[Row]]) -> bool:
@@ -210,9 +216,18 @@ def _are_counted(groups: list[list[Row]]) -> bool:
     return 2 <= len(known) == len(tails) and rise
 
 
-def _fault(line: Line, message: str, hint: str = "is the deck whole?") -> Fault:
+def _tenth(group: list[Row]) -> str:
+    """The field of the mark at the end of a card's line."""
+    return " ".join([group[0][HEAD], *filter(None, group[0][FIELDS][:1]), "field 10"])
+
+
+def _fault(
+    line: Line, message: str, key: str = "", value: str = "", hint: str = "is the deck whole?"
+) -> Fault:
     text, file, number = line
-    return Fault(file=file, line=number, key="", message=message, value=text.strip()[:40], hint=hint)
+    return Fault(
+        file=file, line=number, key=key, message=message, value=value if key else text.strip()[:40], hint=hint
+    )
 
 
 def _joined(group: list[Row]) -> Card:
@@ -256,6 +271,8 @@ def _cut_free(text: str, line: Line) -> Row | Fault:
     if len(fields) <= room and not large:
         return head or "+", tuple(fields), "", False, line
     if any(fields[room + 1 :]):
-        return _fault(line, f"more than {room} fields in one line", BREAK)
+        return _fault(
+            line, f"more than {room} fields in one line", f"{head} {fields[0]} field {room + 2}", hint=BREAK
+        )
     tail = fields[room] if len(fields) > room else ""
     return _large(head) if large else head or "+", tuple(fields[:room]), tail, large, line

@@ -109,7 +109,7 @@ class Entry(NamedTuple):
         return Fault(
             file=file,
             line=number,
-            key=f"{self.name} {fields[0] if fields else ''} field {_number(place)}{named}",
+            key=f"{' '.join([self.name, *filter(None, fields[:1])])} field {_number(place)}{named}",
             message=message,
             value=value,
             hint=hint or (SHIFTED if " " in value else ""),
@@ -331,12 +331,20 @@ def _twice(entry: Entry, other: Entry, space: str, blank: Sequence[Any]) -> list
         return []
     line = other.card.line()
     number = "" if entry.id is None else f" {entry.id}"
-    return [
-        entry.fault(
-            f"a second {space}{number} with other content; the first is {other.label} at {line[1]}:{line[2]}",
-            hint="leave one of them out",
-        )
-    ]
+    what = f"a second {space}{number} with other content; the first is {other.label} at {line[1]}:{line[2]}"
+    return [entry.fault_at(_place_of_difference(entry, other, one, two), what, "leave one of them out")]
+
+
+def _place_of_difference(entry: Entry, other: Entry, one: list[Any], two: list[Any]) -> int:
+    """The first field of ``entry`` that ``other`` has otherwise; that of its number where names differ."""
+    if entry.name != other.name:
+        return 0
+    place = next(i for i, (a, b) in enumerate(zip_longest(one, two)) if a != b)
+    layout = PARSED[entry.name]
+    if place < len(layout.fields):
+        return place
+    texts = (e.card.fields[place:] for e in (entry, other))
+    return place + next((i for i, (a, b) in enumerate(zip_longest(*texts)) if a != b), 0)
 
 
 # What blank fields of a GRID mean without GRDSET; its number is not blank.
