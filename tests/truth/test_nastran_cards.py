@@ -182,6 +182,7 @@ CONTINUED = {
     "plus": "PBAR,1,2,3.,4.,5.,6.\n+\n+,.5,.6",
     "named": "PBAR,1,2,3.,4.,5.,6.,,,+A\n+A,,,,,,,,,+B\n+B,.5,.6",
     "out of order": "PBAR,1,2,3.,4.,5.,6.,,,+A\n+B,.5,.6\nMAT1,2,7.+10\n+A,,,,,,,,,+B",
+    "before all cards": "+B,.5,.6\n+A,,,,,,,,,+B\nMAT1,2,7.+10\nPBAR,1,2,3.,4.,5.,6.,,,+A",
     "small and named": "PBAR           1       2      3.      4.      5.      6.                +A\n"
                        "+A                                                                      +B\n"
                        "+B            .5      .6",
@@ -205,7 +206,8 @@ def test_continuations(name):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("+A,1.\nGRID,1", "a continuation of nothing"),
+        (",1.\nGRID,1", "a continuation of nothing"),
+        ("+A,1.\nGRID,1", "a continuation 'A' of no card"),
         ("PBAR,1,2,3.\nGRID,1\n+A,1.", "a continuation 'A' of no card"),
         ("PBAR,1,2,3.,,,,,,+A\nGRID,1", "the continuation '+A' is missing"),
         ("PBAR,1,2,3.,,,,,,+\nGRID,1", "the continuation '+' is missing"),

@@ -92,9 +92,11 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
             groups.append(group)
             continue
         mark = _mark(head)
-        if not group:
+        if not group and not mark:
             faults.append(_fault(line, "a continuation of nothing", FIRST, head))
-        elif not mark or mark in (_mark(group[-1][TAIL]), _mark(group[-1][TAIL][1:])):  # column 73 is any
+        elif group and (
+            not mark or mark in (_mark(group[-1][TAIL]), _mark(group[-1][TAIL][1:]))
+        ):  # column 73 is any
             group.append(row)
         else:
             group = [row]
