@@ -95,7 +95,8 @@ def test_gravity_of_each_subcase_counts_though_another_sums_it(tmp_path, other):
         ),
         ("MOMENT2,40,3,2.,1,2,3,3", r"a.dat:24: MOMENT2 40 field 8 \(G4\) = 3: its direction is zero: two"),
         ("MOMENT2,40,3,2.,1,2,3", r"a.dat:24: MOMENT2 40 field 8 \(G4\): missing"),
-        ("LOAD,30,1.,1.,11", r"a.dat:24: LOAD 30: a second LOAD 30 with other content"),
+        ("LOAD,30,1.,1.,11", r"a.dat:24: LOAD 30 field \d+ .*: a second LOAD 30 with other content"),
+        ("FORCE,30,3,,2.,1.", r": LOAD 30 field 2 \(SID\) = 30: FORCE 30 has the same number: which of them"),
     ],
 )
 def test_loads_that_say_nothing_or_two_things_are_refused(tmp_path, card, said):

@@ -18,7 +18,6 @@ from middeck.files.nastran.article.what_became_of_cards import account_left_out,
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
 from middeck.files.nastran.deck.deck import Deck, reference_grid, weight_factor
-from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.members.sections_of_bars import read_material
 from middeck.structure.model.component import Component
@@ -80,9 +79,8 @@ def convert_deck(
     member. Raises `ConfigError` with all that cannot be represented and would change the modes.
     """
     lacking = list(deck.lacking())
-    raise_some([] if components else lacking)
     basis = set_out(deck, units, formulation)
-    parts = read_parts(basis)
+    parts = read_parts(basis, [] if components else lacking)
     direct = {} if parts.direct is None else {f"{name}-{NAME}.npz": parts.direct}
     components = {**(components or {}), **direct}
     left_out: list[LeftOut] = []

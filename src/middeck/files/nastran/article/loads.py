@@ -137,11 +137,17 @@ class LoadSets:
         return [] if entry is None else [text or "" for text in entry["rest"]]
 
     def _parts(self, sid: int, faults: list[Fault]) -> list[tuple[float, Entry]]:
-        """Factors and loads of a set: its own, and those that a LOAD of this number sums."""
+        """Factors and loads of a set: its own, or those that a LOAD of this number sums.
+
+        Of both, programs take one or the other (NASTRAN-95 its own): refused.
+        """
         parts = [(1.0, entry) for entry in self.direct.get(sid, ())]
         entry = self.sums.get(sid)
         if entry is None:
             return parts
+        if parts:
+            what = f"{parts[0][1].label} has the same number: which of them counts depends on the program"
+            faults.append(entry.fault(what, "sid", "a number of its own for the LOAD"))
         texts = self._terms(sid)
         for i in range(0, len(texts), 2):
             factor, number = real(texts[i]), integer("".join(texts[i + 1 : i + 2]))

@@ -79,10 +79,9 @@ def set_out(deck: Deck, units: Units, formulation: Formulation) -> Basis:
     return basis
 
 
-def read_parts(basis: Basis) -> Parts:
-    """Every part of the deck; raises `ConfigError` with all that is wrong in any."""
+def read_parts(basis: Basis, faults: list[Fault]) -> Parts:
+    """Every part of the deck; raises `ConfigError` with ``faults`` and all that is wrong in any."""
     deck, places, entries = basis.deck, basis.places, basis.entries
-    faults: list[Fault] = []
     bars = read_bars(entries, places, faults)
     masses = read_masses(entries, places, faults)
     points = scalar_points(entries, places, faults)
