@@ -184,8 +184,8 @@ def realise_residues(
     """Sum of R_k / s^k with the fewest states, all eigenvalues exactly zero.
 
     From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); omitting parts below
-    `RANK` changes no residue by more than that fraction of the largest of its row and column, or by more than
-    their ``errors``.
+    `RANK` changes no residue by more than that fraction of the largest of its row and column. Where ``errors``
+    are given, rows, columns and the unit of time make these alike, and parts below them are omitted, too.
 
     >>> len(realise_residues(np.array([[[0.0, 0.0]], [[1.0, 2.0]]])).A)     # one body that two forces push
     2
@@ -196,19 +196,15 @@ def realise_residues(
     )
     if not K:
         return empty
-    row = np.abs(residues).max(axis=(0, 2), initial=0.0)
-    scaled = residues / np.where(row > 0.0, row, 1.0)[None, :, None]
-    column = np.abs(scaled).max(axis=(0, 1), initial=0.0)
-    scaled = scaled / np.where(column > 0.0, column, 1.0)[None, None, :]
-    pace = _pace(scaled)
-    paced = pace ** np.arange(K)[:, None, None]
-    hankel, later = _hankel(scaled * paced)
+    alike = np.abs(residues) if errors is None else errors
+    row = _or_one(alike.max(axis=(0, 2), initial=0.0))[:, None]
+    column = _or_one((alike / row).max(axis=(0, 1), initial=0.0))
+    pace = _pace(alike / row / column)
+    unit = row * column / pace ** np.arange(K)[:, None, None]
+    hankel, later = _hankel(residues / unit)
     left, value, right = np.linalg.svd(hankel)
-    least = RANK * value.max(initial=0.0)
-    if errors is not None:
-        scale = np.where(row > 0.0, row, 1.0)[:, None] * np.where(column > 0.0, column, 1.0)
-        least = max(least, float(np.linalg.norm(_hankel(errors / scale * paced)[0], 2)))
-    rank = int(np.sum(value > least))
+    lost = 0.0 if errors is None else float(np.linalg.norm(_hankel(errors / unit)[0], 2))
+    rank = int(np.sum(value > max(lost, RANK * value.max(initial=0.0))))
     if not rank:
         return empty
     root = np.sqrt(value[:rank])
@@ -221,10 +217,14 @@ def realise_residues(
     into, seen = turn.T @ ((root**2)[:, None] * right[:inputs].T), (left[:outputs] * root**2) @ turn
     return StateSpace(
         strictly_upper(turn.T @ A @ turn, sizes) / pace,
-        into * np.where(column > 0.0, column, 1.0),
-        seen * np.where(row > 0.0, row, 1.0)[:, None],
+        into * column,
+        seen * row,
         empty.D,
     )
+
+
+def _or_one(sizes: np.ndarray) -> np.ndarray:
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def _hankel(residues: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
