@@ -23,10 +23,9 @@ from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
 
 Dynamics = ModalSystem | StateSpace | SampledStateSpace
-NOTHING = 1e-12, 3e-14
-"""R_1, and R_2 and later, below this fraction of their output's row and input's column (and the pace of the
-states) are rounding. Of mixed states R_1 comes from a difference; R_2 of a true zero stays below 4e-15, that
-of bodies seen through states of unlike size goes down to 1e-13 (1500 random mixtures each)."""
+KNOWN = 1e3
+"""Roundings of each entry by which residues may err: those of a plant whose states a matrix of condition 1e3
+has mixed."""
 RANK = 1e-10
 """Relative rank tolerance of residues scaled by rows and columns: omitted parts change no entry by more."""
 
@@ -36,7 +35,8 @@ class PartedSystem:
     """C (s I - A)^-1 B + D as the sum of R_k / s^k, k = 1, 2, ..., and of a part without pole at the origin.
 
     Attributes:
-        residues: R_1, R_2, ..., as many as the longest chain of integrators.
+        residues: R_1, R_2, ..., as many as the longest chain of integrators; zero where rounding may be all.
+        errors: What rounding may be of each.
         still: The integrators as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
         states: Orthonormal basis of the integrating states.
         leading: For each state of ``moving``, the system's state with the largest part in it.
@@ -44,6 +44,7 @@ class PartedSystem:
     """
 
     residues: Float[np.ndarray, "chain output input"]
+    errors: Float[np.ndarray, "chain output input"]
     still: StateSpace
     states: Float[np.ndarray, "state still"]
     leading: Int[np.ndarray, " moving"]
@@ -63,6 +64,7 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     if not len(system.A):
         return PartedSystem(
             residues=none,
+            errors=none,
             still=nothing,
             states=np.zeros((0, 0)),
             leading=np.zeros(0, dtype=int),
@@ -75,7 +77,12 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     if not n:
         every = np.arange(len(system.A))
         return PartedSystem(
-            residues=none, still=nothing, states=np.zeros((len(every), 0)), leading=every, moving=system
+            residues=none,
+            errors=none,
+            still=nothing,
+            states=np.zeros((len(every), 0)),
+            leading=every,
+            moving=system,
         )
     A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
     chain = strictly_upper(A[:n, :n], sizes)
@@ -84,17 +91,51 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
     into = B[:n] - mix @ B[n:]
     still = StateSpace(chain, into, C[:, :n], nothing.D)
-    seen, residues = C[:, :n], np.zeros((len(sizes), outputs, inputs))
-    # Rounding of a zero residue, relative to all that the output reads and the input drives.
-    floor = np.outer(np.linalg.norm(C, axis=1), np.linalg.norm(np.vstack([into, B]), axis=0))
-    pace = float(np.linalg.norm(balanced.A, 2))
+    known = _roundings(balanced, turn, n, mix)
+    residues = np.zeros((len(sizes), outputs, inputs))
+    errors = np.zeros_like(residues)
+    seen, lost = C[:, :n], known.seen
     for k in range(len(sizes)):
+        errors[k] = lost @ np.abs(into) + np.abs(seen) @ known.driven
         value = seen @ into
-        residues[k] = np.where(np.abs(value) > NOTHING[min(k, 1)] * floor, value, 0.0)
-        seen, floor = seen @ chain, floor * pace
+        residues[k] = np.where(np.abs(value) > errors[k], value, 0.0)
+        seen, lost = seen @ chain, lost @ np.abs(chain) + np.abs(seen) @ known.link
     basis, _ = np.linalg.qr(unit[:, None] * turn[:, :n])
     return PartedSystem(
-        residues=residues, still=still, states=basis, leading=_leading(turn[:, n:]), moving=moving
+        residues=residues,
+        errors=errors,
+        still=still,
+        states=basis,
+        leading=_leading(turn[:, n:]),
+        moving=moving,
+    )
+
+
+@record
+class _Roundings:
+    """Rounding of what outputs see of integrators, of what drives them, and of their links."""
+
+    seen: Float[np.ndarray, "output still"]
+    driven: Float[np.ndarray, "still input"]
+    link: Float[np.ndarray, "still still"]
+
+
+def _roundings(system: StateSpace, turn: np.ndarray, n: int, mix: np.ndarray) -> _Roundings:
+    """To first order, entry by entry: what rounding of A turns the integrators into the other states by goes
+    as these answer to it at rest."""
+    eps = KNOWN * float(np.finfo(float).eps)
+    A, B, C = (eps * np.abs(M) for M in (system.A, system.B, system.C))
+    right, left = turn[:, :n], np.eye(n, len(turn)) @ turn.T - mix @ turn[:, n:].T
+    others = turn[:, n:] + right @ mix
+    moving = turn[:, n:].T @ system.A @ turn[:, n:]
+    into = np.linalg.solve(moving, turn[:, n:].T @ system.B)
+    out = np.linalg.solve(moving.T, (system.C @ others).T).T
+    right, left, others = np.abs(right), np.abs(left), np.abs(others)
+    aside, along = np.abs(turn[:, n:].T) @ A @ right, left @ A @ others
+    return _Roundings(
+        seen=C @ right + np.abs(out) @ aside,
+        driven=left @ B + along @ np.abs(into),
+        link=left @ A @ right,
     )
 
 
@@ -129,16 +170,22 @@ def rest_once(dynamics: Dynamics) -> tuple[Dynamics, int]:
             return dynamics, 0
         return dataclasses.replace(dynamics, A=fewer.A + np.eye(len(fewer.A)), B=fewer.B, C=fewer.C), dropped
     parted = part_integrators(dynamics)
-    chain = realise_residues(parted.residues)
+    chain = realise_residues(parted.residues, parted.errors)
     count = parted.states.shape[1]
+    if len(chain.A) >= count:
+        chain = parted.still
     return (add(chain, parted.moving), count - len(chain.A)) if count else (dynamics, 0)
 
 
-def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> StateSpace:
+def realise_residues(
+    residues: Float[np.ndarray, "chain output input"],
+    errors: Float[np.ndarray, "chain output input"] | None = None,
+) -> StateSpace:
     """Sum of R_k / s^k with the fewest states, all eigenvalues exactly zero.
 
     From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); omitting parts below
-    `RANK` changes no residue by more than that fraction of the largest of its row and column.
+    `RANK` changes no residue by more than that fraction of the largest of its row and column. Where ``errors``
+    are given, rows, columns and the unit of time make these alike, and parts below them are omitted, too.
 
     >>> len(realise_residues(np.array([[[0.0, 0.0]], [[1.0, 2.0]]])).A)     # one body that two forces push
     2
@@ -149,18 +196,15 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     )
     if not K:
         return empty
-    row = np.abs(residues).max(axis=(0, 2), initial=0.0)
-    scaled = residues / np.where(row > 0.0, row, 1.0)[None, :, None]
-    column = np.abs(scaled).max(axis=(0, 1), initial=0.0)
-    scaled = scaled / np.where(column > 0.0, column, 1.0)[None, None, :]
-    pace = _pace(scaled)
-    scaled = scaled * pace ** np.arange(K)[:, None, None]
-    blocks = [*scaled, *(np.zeros((outputs, inputs)) for _ in range(K + 1))]
-    hankel, later = (
-        np.vstack([np.hstack(blocks[i + shift : i + shift + K]) for i in range(K)]) for shift in (0, 1)
-    )
+    alike = np.abs(residues) if errors is None else errors
+    row = _or_one(alike.max(axis=(0, 2), initial=0.0))[:, None]
+    column = _or_one((alike / row).max(axis=(0, 1), initial=0.0))
+    pace = _pace(alike / row / column)
+    unit = row * column / pace ** np.arange(K)[:, None, None]
+    hankel, later = _hankel(residues / unit)
     left, value, right = np.linalg.svd(hankel)
-    rank = int(np.sum(value > RANK * value.max(initial=0.0)))
+    lost = 0.0 if errors is None else float(np.linalg.norm(_hankel(errors / unit)[0], 2))
+    rank = int(np.sum(value > max(lost, RANK * value.max(initial=0.0))))
     if not rank:
         return empty
     root = np.sqrt(value[:rank])
@@ -173,10 +217,24 @@ def realise_residues(residues: Float[np.ndarray, "chain output input"]) -> State
     into, seen = turn.T @ ((root**2)[:, None] * right[:inputs].T), (left[:outputs] * root**2) @ turn
     return StateSpace(
         strictly_upper(turn.T @ A @ turn, sizes) / pace,
-        into * np.where(column > 0.0, column, 1.0),
-        seen * np.where(row > 0.0, row, 1.0)[:, None],
+        into * column,
+        seen * row,
         empty.D,
     )
+
+
+def _or_one(sizes: np.ndarray) -> np.ndarray:
+    return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def _hankel(residues: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The block Hankel matrix of residues, and that of the next ones."""
+    K = len(residues)
+    blocks = [*residues, *np.zeros((K + 1, *residues.shape[1:]))]
+    first, later = (
+        np.vstack([np.hstack(blocks[i + shift : i + shift + K]) for i in range(K)]) for shift in (0, 1)
+    )
+    return first, later
 
 
 def _pace(residues: np.ndarray) -> float:
