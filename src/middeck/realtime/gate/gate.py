@@ -9,7 +9,7 @@ from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, Proved
 from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
-from middeck.realtime.gate.gain_recovery import check_recovery_at_gains
+from middeck.realtime.gate.gain_recovery import check_recovery_at_gains, stable_at_every_gain
 from middeck.realtime.gate.package_with_hold import with_drives, with_hold
 from middeck.realtime.gate.steps_on_paper import (
     GateMargins,
@@ -34,7 +34,10 @@ from middeck.realtime.package.package_bytes import hash_law, hash_package
 from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
-ONE_GAIN = "the law is unstable by itself, and its recovery from limits is proved at one gain only"
+ONE_GAIN = (
+    "the law is unstable by itself, or not proved to be stable at every gain, and its recovery from limits "
+    "is proved at one gain only"
+)
 NO_HOLD = hashlib.sha256().hexdigest()
 
 
@@ -249,7 +252,9 @@ def _refuse_cross_fade(engaged: ControllerPackage) -> GateStep:
 
 
 def _check_gain(package: ControllerPackage, gain: AdaptiveGain) -> GateStep:
-    fault = misfit(package, gain) or (ONE_GAIN if package.unstable else "")
+    fault = misfit(package, gain)
+    if not fault and (package.unstable or not stable_at_every_gain(package, gain)):
+        fault = ONE_GAIN
     low, high = gain.band_hz
     watched = f"from {gain.minimum:g} to {gain.maximum:g} by {gain.sensor} from {low:g} to {high:g} Hz"
     return GateStep(name="adaptive gain", passed=not fault, said=fault or watched)
