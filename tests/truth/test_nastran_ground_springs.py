@@ -12,6 +12,7 @@ from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
 from middeck.structure.gravity.budget import build_budget
 from middeck.structure.plants.damping import estimate_damping
+from middeck.structure.rest.equilibrium import rest_warnings
 from nastran_decks import turned
 
 SI = parse_units("m-kg-s-N")
@@ -119,6 +120,24 @@ def test_a_held_grid_with_more_than_springs_stays_in_the_article(tmp_path, more)
     assert [row["name"] for row in made.environment["bushing"]] == ["bush32"]
     (note,) = [note for note in made.notes if "bush31" in note]
     assert "'bush31': SPC or PS hold grid '901', where more than springs stands" in note
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 2), (2, 1)])
+def test_axes_that_turn_with_the_first_grid_are_named(tmp_path, first, last):
+    """A body whose centre lies beside a soft hinge rolls over; the other grid is held, with a mass on it."""
+    cards = [
+        "GRID,1",
+        "GRID,2",
+        "CONM2,11,1,,1.,0.,.1,0.",
+        "CONM2,12,2,,1.",
+        "PBUSH,5,K,1.+5,1.+5,1.+5,.3,9.,9.",
+    ]
+    cards += [f"CBUSH,31,5,{first},{last},,,,0", "SPC1,1,123456,2", "GRAV,30,,9.81,0.,0.,-1."]
+    path = tmp_path / "a.dat"
+    path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
+    rest = md.solve_equilibrium(*setup(tmp_path, convert_deck(read_deck(path), SI, "consistent", "a")))
+    told = [text for text in rest_warnings(rest) if "turned with its first frame 'g1'" in text]
+    assert len(told) == (first == 1)
 
 
 def test_springs_that_alone_join_the_deck_stay_in_it(tmp_path):
