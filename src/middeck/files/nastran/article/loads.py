@@ -112,8 +112,10 @@ class LoadSets:
                 f"gravity is left out: [constants] of an environment gives it, load set {named} {given}"
             ]
         notes = [
-            f"the environment has the gravity of load set {named}, {given}: modes are those under it; those "
-            "of the deck's own program, without STATSUB, are those without [constants]"
+            f"the environment has the gravity of load set {named}, {given}"
+            + ", though case control selects no LOAD" * (self.chosen is None)
+            + ": modes are those under it; those of the deck's own program, without STATSUB, are those "
+            "without [constants]"
         ]
         others = [f"load{sid}" for sid in self.gravity if sid not in falling]
         if others:
