@@ -111,3 +111,38 @@ def test_a_deck_in_place_of_an_article_is_called_one(tmp_path: Path, capfd: pyte
     assert ended.code == 2
     assert "a Nastran deck" in ended.err
     assert f"middeck convert {deck}" in ended.err
+
+
+def test_points_that_strain_the_article_are_told_from_a_slack_cable(
+    tower: Path, capfd: pytest.CaptureFixture[str]
+):
+    """Three points within 0.2 mm of each other on one body, all held."""
+    near = TEXT.replace("[-0.2, 0.1, 0.1]", "[0.2, 0.1001, 0.0]").replace(
+        "[0.0, 0.3, 0.0]", "[0.2, 0.1002, 0.0]"
+    )
+    tower.write_text(near)
+    told = middeck(capfd, "modes", tower).err
+    assert "held, the points strain the article between them" in told
+
+
+def test_the_report_of_a_deck_names_defaults_and_whose_choice_they_are(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """Damping of an article without [damping]; gravity that no LOAD selects; which grids the size is of."""
+    cards = ["GRID,1", "GRID,2,,1.", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,1.-4,1.-8,2.-8,2.-8"]
+    cards += ["CBAR,1,1,1,2,0.,1.,0.", "SPC1,1,123456,1", "GRAV,3,,9.81,0.,0.,-1."]
+    for case, told in (([], True), (["LOAD = 3"], False)):
+        deck = tmp_path / "a.dat"
+        deck.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", *case, "BEGIN BULK", *cards, "ENDDATA", ""]))
+        out = middeck(capfd, "convert", deck, "--units", "m-kg-s-N").out
+        assert (
+            "load set '3', 9.81 m/s^2 along [0.0, 0.0, -1.0], though case control selects no LOAD" in out
+        ) == told
+        assert "damping      1% of strain, 3% of suspension and weight: defaults" in out
+        assert "size         1  0  0 m, box of nodes and boundary grids of components" in out
+    written = tmp_path / "a.toml"
+    middeck(
+        capfd, "convert", deck, "--units", "m-kg-s-N", "-o", written, "--environment", tmp_path / "e.toml"
+    )
+    damping = md.load_structure(written).damping
+    assert (damping.flexible, damping.suspension) == (0.01, 0.03)

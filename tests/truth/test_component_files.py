@@ -25,6 +25,7 @@ from middeck.files.promises.plans import load_plan
 from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.studies.documents import load_study
 from middeck.structure.model.component import NEGATIVE, component_faults, rigid_vectors
+from middeck.structure.summary.summary import summarise
 
 SI = parse_units("m-kg-s-N")
 DATA = Path("data/nastran-superelement").resolve()
@@ -285,6 +286,51 @@ def test_a_promise_and_a_study_name_the_files_of_components(tmp_path, component,
     with (tmp_path / "own/article.toml").open("a") as text:
         text.write('[[component]]\nname = "part"\nfile = "part.npz"\nnodes = { a = "n1", b = "n2" }\n')
     assert "part.npz" in dict(load_study(tmp_path / "own/study.toml").inputs)
+
+
+def panel(**keys):
+    """The outboard component of the truss on nodes of its own, by its table."""
+    table = {"name": "outboard", "file": f"{DATA}/outboard.op4", "cards": [f"{DATA}/outboard.pch"]}
+    places = {"g3": (0.0, 0.3), "g11": (0.3, 0.3), "g19": (0.3, 0.0), "g27": (0.0, 0.0)}
+    nodes = [{"name": name, "x_m": 0.6, "y_m": y, "z_m": z} for name, (y, z) in places.items()]
+    table |= {"units": "mm-kg-s-mN", "nodes": {"3": "g3", "11": "g11", "19": "g19", "27": "g27"}} | keys
+    return document_text({"schema": 1, "name": "panel", "node": nodes, "component": [table]}, "")
+
+
+def test_output4_without_cards_names_what_is_missing(tmp_path):
+    (tmp_path / "panel.toml").write_text(panel(cards=[]))
+    with pytest.raises(ConfigError, match="does not say which row is which") as caught:
+        md.load_structure(tmp_path / "panel.toml")
+    assert "component 'outboard'" in str(caught.value)
+    assert f'cards = ["{DATA}/outboard.pch"]' in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("units", "scale", "told"), [("mm-kg-s-mN", 1.0, 0), ("mm-t-s-N", 1.0, 1), ("m-kg-s-N", 1000.0, 1)]
+)
+def test_a_component_in_wrong_units_is_told(tmp_path, units, scale, told):
+    """1.59 kg of truss, 1.6 m long: as tonnes it is near to solid iron, and still as soft as a truss."""
+    text = panel(units=units)
+    for place in (0.6, 0.3):
+        text = text.replace(f"_m = {place}", f"_m = {place * scale}")
+    (tmp_path / "panel.toml").write_text(text)
+    found = summarise(md.load_structure(tmp_path / "panel.toml")).warnings
+    assert sum("'outboard'" in text and "are its units" in text for text in found) == told
+
+
+@pytest.mark.parametrize(("count", "hz", "told"), [(8, 3000.0, 0), (6, 5.0, 0), (8, 5.0, 1)])
+def test_blocks_of_steel_and_lumps_on_springs_are_no_wrong_units(tmp_path, count, hz, told):
+    """A cube of 0.4 m has its modes at kHz; one on springs has six slow ones; no cube has eight."""
+    mass, stiffness = np.zeros((2, 6 + count, 6 + count))
+    weight = 7850.0 * 0.4**3
+    mass[:6, :6] = weight * np.diag([1.0] * 3 + [0.4**2 / 6.0] * 3)
+    mass[6:, 6:], stiffness[6:, 6:] = np.eye(count), (2.0 * np.pi * hz) ** 2 * np.eye(count)
+    np.savez(tmp_path / "cube.npz", mass=mass, stiffness=stiffness, grids=["a"], positions=[[0.0, 0.0, 0.0]])
+    node, table = {"name": "n", "x_m": 0.0}, {"name": "cube", "file": "cube.npz", "nodes": {"a": "n"}}
+    document = {"schema": 1, "name": "cube", "node": [node], "component": [table]}
+    (tmp_path / "cube.toml").write_text(document_text(document, ""))
+    found = summarise(md.load_structure(tmp_path / "cube.toml")).warnings
+    assert sum("are its units" in text for text in found) == told
 
 
 def test_a_study_hashes_what_the_cards_of_a_component_include(tmp_path, component, capfd):

@@ -8,6 +8,8 @@ import pytest
 from reduced import bent_beam, with_component
 
 import middeck as md
+from middeck.cli.shown.component_doubts import without_stiffness
+from middeck.cli.shown.screen import Table
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads
@@ -25,7 +27,7 @@ from middeck.structure.model.component import (
     rigid_mass,
 )
 from middeck.structure.model.finer_mesh import refine_mesh
-from middeck.structure.modes.motions.left_out_stiffness import left_out
+from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness, left_out
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.sensitivity.rest import differentiate_rest
@@ -143,6 +145,22 @@ def test_weight_and_what_the_geometric_stiffness_costs(campaign):
         warned = any("no geometric stiffness" in w for w in modes.warnings)
         worst = int(np.argmax(error))
         assert error[worst] < 1e-3 or (warned and error[worst] < min(3.0 * cost.max(), 5.0 * cost[worst]))
+
+
+def test_rows_of_modes_without_geometric_stiffness_are_marked():
+    """The worst is that of the warning; in a table each mode has its own, and none where all are small."""
+    rng = np.random.default_rng(5)
+    whole, part = bent_beam(rng, 30.0)
+    modes = md.solve_modes(md.solve_equilibrium(with_component(whole, part, count=20), _environments(rng)))
+    felt = felt_stiffness(modes)
+    (warning,) = [text for text in modes.warnings if "no geometric stiffness" in text]
+    assert f"up to {100.0 * felt.max():.2g} %" in warning
+    assert f"mode {felt.argmax()} " in warning
+    assert np.any(felt == 0.0)
+    marked = without_stiffness(Table("", ["f"], [[f"{f:.1f}"] for f in modes.frequency_hz]), felt)
+    assert [row[1] != "" for row in marked.rows] == (felt > 1e-3).tolist()
+    plain = Table("", ["f"], [["1.0"]])
+    assert without_stiffness(plain, [0.0]) is plain
 
 
 def test_a_stiff_article_has_no_warning():

@@ -67,7 +67,7 @@ def about_lines(numbers: dict[str, Any]) -> list[str]:
 def measure_lines(numbers: dict[str, Any]) -> list[str]:
     """Size, scale of frequency and mesh."""
     bending, slim = numbers["bending_scale_hz"], numbers["element_slenderness"]
-    lines = [f"size         {_row(numbers['size_m'])} m"]
+    lines = [f"size         {_row(numbers['size_m'])} m, box of nodes and boundary grids of components"]
     if bending is not None:
         lines.append(f"bending      {bending:.2g} Hz as one free uniform beam: roughly, as a check of units")
     mesh = f"mesh         {numbers['degrees_of_freedom']} degrees of freedom"

@@ -8,6 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.component_doubts import WITHOUT, without_stiffness
 from middeck.cli.shown.screen import Table, show
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
     import numpy as np
 
     from middeck.cli.given.cases import both_sides
+    from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness
     from middeck.study.chapters.gravity_modes.numbers import figure_4, figure_5
 
     orbit, lab = comparison.orbit, comparison.lab
@@ -68,6 +70,7 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
         **figure_5(comparison),
         "unpaired": dict(zip(("orbit", "lab"), comparison.unpaired, strict=True)),
         "clamped": sorted({clamp.node for clamp in lab.equilibrium.environment.clamps}),
+        "left_out_stiffness": felt_stiffness(lab),
         "gravity_m_s2": float(np.linalg.norm(lab.equilibrium.environment.gravity)),
         "warnings": (*both_sides(orbit, lab), *comparison.warnings, *_without_flexible(comparison)),
     }
@@ -115,13 +118,15 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         for (i, j), ratio in zip(document["pairs"], document["ratio"], strict=True)
     ]
     titles = ["orbit", "Hz", environment, "Hz", "ratio", "cross-orthogonality", "MAC", "name in orbit"]
+    felt = [document["left_out_stiffness"][j] for _, j in document["pairs"]]
     angles = ", ".join(f"{a:.3f}" for a in document["subspace_angle_deg"]) or "none"
     return [
         f"article      {document['article']}",
         f"compared     orbit: free, no gravity; {_held(document)}",
         *(table for table in lists if table.rows),
-        Table("pairs of flexible modes", titles, pairs),
+        without_stiffness(Table("pairs of flexible modes", titles, pairs), felt),
         CROSS_NOTE,
+        *([WITHOUT] if any(felt) else []),
         *_unpaired(document),
         f"\nangles between the rigid-body and the suspension subspaces, deg: {angles}",
     ]

@@ -92,6 +92,7 @@ def verb(
         summary_lines,
         summary_numbers,
     )
+    from middeck.files.articles.form import DampingForm
     from middeck.files.nastran.article.convert import convert_deck
     from middeck.files.nastran.deck.deck import asked_formulation
 
@@ -103,6 +104,7 @@ def verb(
     made = convert_deck(source, known, formulation, name, parts)
     if target and made.holds and not held_target:
         raise _not_held(source.path)
+    damping = DampingForm()  # what an article without [damping] has
     summary = _written(made, source, known, formulation, target, held_target)
     numbers = summary_numbers(summary)
     about = None if made.reference is None else about_point(summary, *made.reference)
@@ -114,6 +116,7 @@ def verb(
         "components": list(made.components),
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": formulation,
+        "damping": {"flexible": damping.flexible, "suspension": damping.suspension},
         "subcase": chosen.subcase,
         "reals": chosen.reals,
         "cards": source.cards,
@@ -252,6 +255,8 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"units        {document['units']['name']}",
         f"mass         {document['mass_formulation']} (of the members)",
         *(["reals        single precision"] if document["reals"] == "single" else []),
+        "damping      {flexible:.0%} of strain, {suspension:.0%} of suspension and weight: defaults, which "
+        "[damping] of the article replaces".format(**document["damping"]),
         f"read         {', '.join(f'{n} {card}' for card, n in document['read'].items())}",
         Table("converted", ["", "number"], [[c, str(n)] for c, n in document["converted"].items()]),
     ]

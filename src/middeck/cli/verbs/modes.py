@@ -8,6 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
+from middeck.cli.shown.component_doubts import WITHOUT, without_stiffness
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
 from middeck.errors import ConfigError
@@ -24,7 +25,7 @@ EXAMPLES = """\
 # What the document says of modes one by one.
 OF_MODES = (
     *("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share", "most_strained"),
-    *("mesh_error", "mode_residual", "residual"),
+    *("mesh_error", "left_out_stiffness", "mode_residual", "residual"),
 )
 # What a joint of each state is held by at rest: `JointState`, which --help must not import.
 HELD_BY = {"free": "motor", "sprung": "spring", "locked": "lock", "driven": "servo"}
@@ -102,6 +103,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
     from middeck.cli.shown.mass_and_attitude import summary_numbers
     from middeck.files.json.results import mode_numbers, most_strained, rest_numbers
     from middeck.structure.modes.doubts.mesh_error import estimate_mesh_error
+    from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 
     zeta, said = _damping(modes, count)
@@ -119,6 +121,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
         "most_strained": most_strained(modes, count),
         "damping": zeta,
         "mesh_error": [e if np.isfinite(e) else None for e in estimate_mesh_error(modes, count).tolist()],
+        "left_out_stiffness": felt_stiffness(modes)[:count],
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
         "imbalance": rest_imbalance(rest)._asdict(),
@@ -190,6 +193,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         _modes_table(still),
         "\nrigid: share of kinetic energy in motions that do not strain the free article;"
         "\nstrain: share of strain energy in the potential energy",
+        *([WITHOUT] if any(still["left_out_stiffness"]) else []),
         _parts_table(still),
     ]
     if document["reactions_n"]:
@@ -264,7 +268,8 @@ def _modes_table(document: dict[str, Any]) -> Table:
         [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}"]
         for i, (f, z, k, n, r, s) in enumerate(zip(*(document[key] for key in keys), strict=True))
     ]
-    return Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows)
+    table = Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows)
+    return without_stiffness(table, document["left_out_stiffness"])
 
 
 def _parts_table(document: dict[str, Any]) -> Table:

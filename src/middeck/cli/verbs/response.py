@@ -68,9 +68,9 @@ def verb(
 ) -> None:
     """Frequency responses of ARTICLE between named ports.
 
-    From torques and forces to angles, rates and accelerations. Damping is the article's [damping]. --static
-    adds the residual flexibility of the modes beyond --count and prints its share of the gain at low
-    frequency.
+    From torques and forces to angles, displacements, their rates, and accelerations. Damping is the article's
+    [damping]. --static adds the residual flexibility of the modes beyond --count and prints its share of the
+    gain at low frequency.
     """
     import numpy as np
 

@@ -226,6 +226,13 @@ def _read(form: ComponentForm, folder: Path) -> Component:
         )
     # Cards alone may hold the matrices, punched.
     punched = path.suffix in PUNCHED
+    if not punched and not form.cards:
+        beside = Path(form.file).with_suffix(".pch").as_posix()
+        raise ConfigError(
+            f"no cards: OUTPUT4 ({form.file}) does not say which row is which grid or modal coordinate",
+            where=f"component {form.name!r}",
+            hint=f'the punched cards of the same superelement, such as cards = ["{beside}"]',
+        )
     cards = [*([path] if punched else []), *(folder / card for card in form.cards)]
     return read_external(
         cards, None if punched else path, parse_units(form.units), number=form.superelement, name=form.name

@@ -182,10 +182,21 @@ def component_faults(component: Component) -> Iterator[str]:
         yield f"{name}: {len(component.outputs)} outputs, a recovery of {len(component.recovery)} rows"
 
 
+def modal_hz(component: Component) -> Float[np.ndarray, " modal"]:
+    """Frequencies of its modal coordinates alone [Hz], ascending, but for those without mass."""
+    k, m = _modal_diagonals(component)
+    return np.sort(np.sqrt(np.maximum(k[m > 0.0], 0.0) / m[m > 0.0])) / (2.0 * np.pi)
+
+
+def _modal_diagonals(component: Component) -> tuple[np.ndarray, np.ndarray]:
+    first = 6 * len(component.grids)
+    return np.diagonal(component.stiffness)[first:], np.diagonal(component.mass)[first:]
+
+
 def component_doubts(component: Component) -> Iterator[str]:
     """Warnings for unusual components: a modal mass unlike the others, a frequency beyond all others."""
     first = 6 * len(component.grids)
-    k, m = (np.diagonal(matrix)[first:] for matrix in (component.stiffness, component.mass))
+    k, m = _modal_diagonals(component)
     usual = float(np.median(m)) if len(m) else 1.0  # one in units of the file
     off = np.flatnonzero((np.abs(m - usual) > BODY * usual) & (k > m))  # else the angle of a free joint
     if 0 < len(off) <= FEW * component.modal:

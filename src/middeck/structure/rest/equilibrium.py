@@ -320,12 +320,33 @@ def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
         for name, turn in turns
         if turn > HALF_ROUND and equilibrium.converged and not equilibrium.followed
     ]
+    found += _turned_axes(equilibrium)
     turned = {name: float(np.linalg.norm(v)) for name, v in rotations.items()}
     name = max(turned, key=lambda n: turned[n])
     if turned[name] > FAR_TURN and not _is_held(equilibrium):
         degrees = np.degrees(turned[name])
         found.append(f"the article turned by {degrees:.0f} deg from its drawn attitude (node {name!r})")
     return tuple(found)
+
+
+def _turned_axes(equilibrium: Equilibrium) -> list[str]:
+    """A sentence on bushings whose first frame turned by more than `FAR_TURN`, and whose second did not."""
+    model, poses = equilibrium.model, equilibrium.poses
+    frames = model.points.frame[model.bushing_ends]
+    turn = {
+        i: float(np.linalg.norm(rotation_log(poses.R[i] @ model.drawn.R[i].T))) for i in np.unique(frames)
+    }
+    far = [k for k, (a, b) in enumerate(frames) if turn[a] > FAR_TURN >= turn[b]]
+    if not far:
+        return []
+    k = max(far, key=lambda k: turn[frames[k, 0]])
+    first, second = (model.frames[i] for i in frames[k])
+    return [
+        f"the axes of bushing {model.structure.bushings[k].name!r} turned by "
+        f"{np.degrees(turn[frames[k, 0]]):.0f} deg with its first frame {first!r}, while its second, "
+        f"{second!r}, stayed" + (f" (and {len(far) - 1} more)" if far[1:] else "") + ": the frame that its "
+        "axes belong to, such as one that stands for the ground, must be its first"
+    ]
 
 
 def _is_held(equilibrium: Equilibrium) -> bool:

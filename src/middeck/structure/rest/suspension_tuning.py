@@ -24,6 +24,8 @@ from middeck.values import record
 
 LEAST_RISE = 1e-3
 """Cosine to the vertical below which a cable is level, and could carry a weight with no finite force."""
+STRAINED = 10.0
+"""Push of a pinned point, over all loads together, that comes of points that strain the article."""
 
 
 @record(kw_only=True)
@@ -76,10 +78,13 @@ def _tuned_forces(
 ) -> dict[str, float]:
     """Load of each tuned device by name: its share of the vertical reaction over its slope."""
     pull = dict(zip(_tuned_attach(tuned), support @ _up(environment), strict=True))
+    weight = float(np.real(sum(pull.values())))
     for name, value in pull.items():
         if np.real(value) <= 0.0:
+            strained = bool(-np.real(value) > STRAINED * abs(weight))
             raise EquilibriumError(
-                f"the cable at {name!r} would be slack: its pinned reaction is {np.real(value):.3f} N",
+                f"the cable at {name!r} would be slack: its pinned reaction is {np.real(value):.4g} N"
+                + (f" of {weight:.4g} N in all; held, the points strain the article between them" * strained),
                 where=f"suspension at {name!r}",
                 hint="move the attach points so that each carries load, or hang the article by fewer",
                 reactions_n={name: float(np.real(value)) for name, value in pull.items()},

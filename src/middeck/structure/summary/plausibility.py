@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from middeck.structure.model.article import Body, JointState, Node, Section, Structure
-from middeck.structure.model.component import component_doubts
+from middeck.structure.model.component import body_of, component_doubts, modal_hz
 from middeck.structure.model.connectivity import some_names
 
 BODY_DENSITY = (1e-3, 2.5e4)  # kg/m^3: from a solar sail with its box to solid osmium
@@ -19,6 +19,7 @@ WAVE_SPEED = (30.0, 3e4)  # m/s, sqrt(E/rho): rubber to diamond, with room
 FREQUENCY = (1e-3, 1e5)  # Hz
 LENGTH = (1e-3, 500.0)  # m: five times the largest station
 MASS = (1e-6, 1e6)  # kg: twice the largest station
+LUMP = 6  # modes of a rigid body on springs
 SLENDERNESS = (0.3, 1e4)  # length over radius of gyration: a disc, a cable
 STOUT = 3.0  # the same of the median member: a tube as long as it is wide
 DENSE, SLOW = 2500.0, 500.0  # kg/m^3, m/s: what is as dense as this is stiffer than lead (1200 m/s)
@@ -62,8 +63,33 @@ def doubt_measures(
         *_sections(structure, of, length),
         *_members(structure, length, radius),
         *_mesh(structure, of, length, elements),
+        *_components(structure),
         *(doubt for component in structure.components for doubt in component_doubts(component)),
     )
+
+
+def _components(structure: Structure) -> Iterator[str]:
+    """Components in the box of their inertia: too dense, too light, or as soft as no solid metal is.
+
+    A lump on springs is dense and slow, in six modes at most; it is the seventh that counts.
+    """
+    for part in structure.components:
+        whole = body_of(part)
+        sides = _equivalent_box(whole.mass, np.linalg.eigvalsh(whole.inertia))
+        longest = float(sides.max())
+        if not longest > 0.0:
+            continue  # a point
+        density = whole.mass / float(np.prod(np.maximum(sides, THICK * longest)))
+        hz = next(iter(modal_hz(part)[LUMP:].tolist()), np.inf)
+        soft = density > DENSE and 2.0 * longest * hz < SLOW
+        if soft or _outside(density, BODY_DENSITY):
+            box = " x ".join(f"{side:.3g}" for side in sides)
+            yield (
+                f"component {part.name!r} has {whole.mass:.4g} kg and the inertia of a box of {box} m, "
+                f"{density:.3g} kg/m^3"
+                + f", and yet {LUMP + 1} modes up to {hz:.3g} Hz" * soft
+                + ": are its units those of its matrices?"
+            )
 
 
 def _outside(value: float, limits: tuple[float, float]) -> bool:

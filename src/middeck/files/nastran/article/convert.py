@@ -7,6 +7,7 @@ import numpy as np
 
 from middeck.files.nastran.article.article_sections import Formulation
 from middeck.files.nastran.article.floating_parts import check_whole
+from middeck.files.nastran.article.ground_springs import ground_springs
 from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
 from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
@@ -86,7 +87,8 @@ def convert_deck(
     left_out: list[LeftOut] = []
     standing = find_standing(basis, parts, list(components.values()), left_out)
     check_whole(basis, parts, standing)
-    sets = LoadSets(basis, parts, standing)
+    parts, standing, ground, grounded = ground_springs(basis, parts, standing)
+    sets = LoadSets(basis, parts, standing, ground)
     cases = sets.cases(units)
 
     sections, struts, tapers = strut_tables(basis, parts, standing)
@@ -98,12 +100,17 @@ def convert_deck(
     loose, unheld = loose_clamps(basis, parts, standing)
     constants, gravity = sets.constants(bool(clamps or grounds or single.grounds))
 
-    idle = len(parts.held) - len(clamps)
+    idle = len(parts.held) - len(clamps) - len(ground)
     left_out += account_left_out(basis, parts, standing)
     left_out += [("SPC, PS", idle, "at grids without an element or a mass")] if idle else []
     left_out += sets.refused
     converted = count_converted(basis, parts, standing)
-    converted |= {"clamped grids": len(clamps), "load cases": len(cases), "gravity": min(len(constants), 1)}
+    converted |= {
+        "clamped grids": len(clamps),
+        "springs to the ground": len(grounds + single.grounds),
+        "load cases": len(cases),
+        "gravity": min(len(constants), 1),
+    }
     reference, lost = _reference(basis)
     coordinates = 6 * len(nodes + pinned) + len(single.nodes) + sum(c.modal for c in components.values())
     document = _head(name, deck) | {
@@ -125,6 +132,7 @@ def convert_deck(
         notes=(
             *(f"{fault.place}: {fault.what}" for fault in lacking),
             *note_doubts(basis, parts, coordinates),
+            *grounded,
             *tapers,
             *scalars,
             *unheld,

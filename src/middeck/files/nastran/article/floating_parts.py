@@ -10,11 +10,10 @@ from middeck.structure.model.connectivity import separate_parts, some_names
 def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
     """Raise `ConfigError` if the deck has no structure, or more than one."""
     single = {f"s{point}": element.entry for element in parts.scalars for point in element.points}
-    names = [f"{g}" for g in basis.places.grids if g in standing.kept]
-    if not names and not single:
+    separate = find_pieces(basis, parts, standing)
+    if not separate:
         message = "there is no bar, beam or rod in this deck, and no spring or mass"
         raise_some([Fault(file=basis.deck.path, line=0, key="", message=message)])
-    separate = separate_parts([*names, *single], _pairs(parts, standing))
     grid = basis.entries.numbered("GRID")
     raise_some(
         [
@@ -25,6 +24,13 @@ def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
             for part in separate[1:]
         ]
     )
+
+
+def find_pieces(basis: Basis, parts: Parts, standing: Standing) -> list[list[str]]:
+    """Names of the grids and scalar points of each piece of the deck, the largest first."""
+    names = [f"{g}" for g in basis.places.grids if g in standing.kept]
+    single = dict.fromkeys(f"s{point}" for element in parts.scalars for point in element.points)
+    return separate_parts([*names, *single], _pairs(parts, standing))
 
 
 def _pairs(parts: Parts, standing: Standing) -> list[tuple[str, str]]:

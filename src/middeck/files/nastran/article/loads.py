@@ -29,8 +29,10 @@ INSIDE = "how its member bends between its ends, which move and turn as under it
 class LoadSets:
     """The load sets of a deck; one is converted as a whole or not at all."""
 
-    def __init__(self, basis: Basis, parts: Parts, standing: Standing) -> None:
+    def __init__(self, basis: Basis, parts: Parts, standing: Standing, ground: frozenset[int]) -> None:
+        """Loads on grids that stand for the ``ground`` move nothing."""
         self.basis, self.standing, self.places = basis, standing, basis.places
+        self.ground = ground
         deck = basis.deck
         self.bars = {bar.entry.id: bar for bar in parts.bars}
         self.direct: dict[int, list[Entry]] = {}
@@ -76,8 +78,9 @@ class LoadSets:
                 continue
             if along:
                 self.refused.append((f"PLOAD1 of load set {sid}", len(along), INSIDE))
+            loads = [load for load in loads if load]
             if loads or not falls:
-                found.append({"name": f"load{sid}", "load": [load for load in loads if load]})
+                found.append({"name": f"load{sid}", "load": loads})
             if loads or chosen is not None or sid not in summed:
                 self.gravity[sid] = np.sum([np.zeros(3), *falls], axis=0) * units.length / units.time**2
         raise_some(faults)
@@ -107,8 +110,10 @@ class LoadSets:
                 f"gravity is left out: [constants] of an environment gives it, load set {named} {given}"
             ]
         notes = [
-            f"the environment has the gravity of load set {named}, {given}: modes are those under it; those "
-            "of the deck's own program, without STATSUB, are those without [constants]"
+            f"the environment has the gravity of load set {named}, {given}"
+            + ", though case control selects no LOAD" * (self.chosen is None)
+            + ": modes are those under it; those of the deck's own program, without STATSUB, are those "
+            "without [constants]"
         ]
         others = [f"load{sid}" for sid in self.gravity if sid not in falling]
         if others:
@@ -178,6 +183,8 @@ class LoadSets:
     def _load(self, factor: float, entry: Entry, units: Units, faults: list[Fault]) -> dict[str, Any]:
         grid = entry["g"]
         carrier = self.standing.carrier(grid)
+        if carrier in self.ground:
+            return {}
         if carrier not in self.standing.kept:
             faults.append(entry.fault(f"grid {grid} has no element or mass, or there is no such grid", "g"))
             return {}

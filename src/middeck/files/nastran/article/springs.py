@@ -20,7 +20,7 @@ def spring_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Table
     length, force = basis.units.length, basis.units.force
     unit = np.repeat([1.0 / length, 1.0], 3)
     for tie in parts.ties:
-        name = f"{'bush' if tie.entry.name == 'CBUSH' else 'spring'}{tie.entry.id}"
+        name = tie.name
         ends = [name + end for end in "ab"[: len(tie.grids)]]
         for end, grid, point in zip(ends, tie.grids, tie.points, strict=True):
             carrier = standing.carrier(grid)

@@ -38,7 +38,7 @@ def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
             coupling = lone.block(i, j)
             if not np.any(coupling):
                 continue
-            carried = _carried(places.grids[b] - places.grids[a])
+            carried = carried_motion(places.grids[b] - places.grids[a])
             K = -np.linalg.solve(carried.T, coupling)
             known = half * _sizes(lone, places, i, j)
             about = np.abs(np.linalg.inv(carried)).T @ known
@@ -111,7 +111,7 @@ def direct_masses(lone: Lone, places: Places, weight: float, faults: list[Fault]
             faults.append(lone.entry.fault(f"grid {a}: {error}"))
 
 
-def _carried(arm: np.ndarray) -> np.ndarray:
+def carried_motion(arm: np.ndarray) -> np.ndarray:
     """Motion of a point at ``arm`` from one that moves as a rigid body."""
     x, y, z = arm
     out = np.eye(6)

@@ -32,6 +32,11 @@ class Tie(NamedTuple):
     axes: np.ndarray
     stiffness: np.ndarray
 
+    @property
+    def name(self) -> str:
+        """Name of the bushing that it becomes."""
+        return f"{'bush' if self.entry.name == 'CBUSH' else 'spring'}{self.entry.id}"
+
 
 def read_ties(
     entries: Entries, places: Places, scalars: Container[int], held: Mapping[int, str], faults: list[Fault]

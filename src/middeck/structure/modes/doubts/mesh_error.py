@@ -108,7 +108,8 @@ def _coarse_modes(modes: Modes, count: int) -> tuple[str, ...]:
     worst = int(off[np.argmax(error[off])])
     f = modes.frequency_hz[worst]
     few = (
-        f"{len(off)} of the {len(error)} lowest frequencies are too high by more than {LIMIT:.2%}, because "
+        f"{len(off)} of the {len(error)} lowest frequencies {'is' if len(off) == 1 else 'are'} too high by "
+        f"more than {LIMIT:.2%}, because "
         "the mesh is coarse"
     )
     cure = "use more elements a member (mesh.elements_per_strut, or elements of a strut)"

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.elements.component import ComponentElement
 from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
+
+if TYPE_CHECKING:
+    from middeck.structure.modes.solve import Modes
 
 # Least relative change of a frequency that is reported.
 FELT = 1e-3
@@ -45,6 +50,12 @@ def left_out(
         works += BENT * bent * np.sum(strain * (element.stiffness @ strain), axis=0)
         out[k] = np.divide(works, lam, out=np.zeros(len(lam)), where=lam > 0.0)
     return out
+
+
+def felt_stiffness(modes: Modes) -> Float[np.ndarray, " mode"]:
+    """`left_out` of the component with the largest share of each mode; zero below `FELT`."""
+    cost = left_out(modes.equilibrium, modes.omega**2, modes.shapes).max(axis=0, initial=0.0)
+    return np.where(cost > FELT, cost, 0.0)
 
 
 def _square_slope(

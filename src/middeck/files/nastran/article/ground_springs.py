@@ -1,0 +1,83 @@
+"""Springs to grids that stand for the ground: SPC or PS hold these, and nothing but springs is on them.
+
+Many decks write a spring to the ground so, instead of with a blank GB. It belongs to the set-up of a test,
+not to the article, and its axes are those of the ground, whichever grid its card names first.
+"""
+
+from itertools import compress
+from typing import NamedTuple
+
+import numpy as np
+
+from middeck.files.nastran.article.floating_parts import find_pieces
+from middeck.files.nastran.article.nodes_and_riders import Standing
+from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.constraints.rigid_links import ALL
+from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.masses_and_springs.direct_matrices import carried_motion
+from middeck.files.nastran.masses_and_springs.spring_elements import APART, Tie
+from middeck.structure.model.connectivity import some_names
+
+NOTHING = 1e-9  # of a spring's largest stiffness, shifts and turns apart
+STAY = "they stay in the article, where a bushing's axes turn with its first grid"
+TO_GROUND = "they are springs to the ground, in the environment, and their axes do not turn"
+
+
+class Grounded(NamedTuple):
+    """Parts and standing without the ``grids`` that stand for the ground; notes on springs at held grids."""
+
+    parts: Parts
+    standing: Standing
+    grids: frozenset[int]
+    notes: list[str]
+
+
+def ground_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
+    """Springs to held grids as springs to the ground, where nothing else is on the grid or rigid with it.
+
+    All motions of such a grid that its springs resist must be held. Springs that alone join the pieces of the
+    deck stay what they are.
+    """
+    on = standing.carrier
+    ends = [
+        (tie, k, on(grid)) for tie in parts.ties if len(tie.grids) > 1 for k, grid in enumerate(tie.grids)
+    ]
+    loaded = standing.linked | {*standing.riders.values(), *standing.bodies}
+    loaded |= {on(grid) for bar in parts.bars for grid in bar.grids}
+    bare = {grid for _, _, grid in ends if grid in parts.held} - loaded
+    partly = {grid for tie, k, grid in ends if grid in bare and _resists(tie, k, grid, parts, basis.places)}
+    firm = {grid for _, _, grid in ends if parts.held.get(grid) == ALL}
+
+    def note(grids: set[int], how: str) -> list[str]:
+        springs = list(dict.fromkeys(tie.name for tie, _, grid in ends if grid in grids))
+        numbers = some_names([f"{grid}" for grid in basis.places.grids if grid in grids])
+        return [f"{some_names(springs)}: SPC or PS hold {how.format(numbers)}"] if grids else []
+
+    notes = note(partly, f"only part of what they resist at grid {{}}; {STAY}")
+    notes += note(firm & loaded, f"grid {{}}, where more than springs stands; {STAY}")
+    ground = bare - partly
+    ties = [_freed(tie, [on(grid) not in ground for grid in tie.grids]) for tie in parts.ties]
+    freed = parts._replace(ties=[tie for tie in ties if tie.grids])
+    less = standing._replace(kept=standing.kept - ground, borne=standing.borne - ground)
+    if ground and len(find_pieces(basis, freed, less)) != 1:
+        notes += note(ground, f"grid {{}}, which alone joins the deck; {STAY}")
+        return Grounded(parts, standing, frozenset(), notes)
+    notes = note(ground, f"grid {{}}, where nothing else stands; {TO_GROUND}") + notes
+    return Grounded(freed, less, frozenset(ground), notes)
+
+
+def _resists(tie: Tie, end: int, grid: int, parts: Parts, places: Places) -> bool:
+    """Whether a spring resists a component of the grid that carries its ``end`` that nothing holds."""
+    arm = tie.points[end] - places.grids[grid]
+    arm = np.where(np.linalg.norm(arm) > APART * np.linalg.norm(places.grids[grid]), arm, 0.0)
+    axes = np.kron(np.eye(2), places.displacement_axes(grid))
+    turn = np.kron(np.eye(2), tie.axes)
+    carried = carried_motion(arm) @ axes
+    size = np.diagonal(carried.T @ turn @ tie.stiffness @ turn.T @ carried).reshape(2, 3)
+    resisted = (size > NOTHING * size.max(axis=1, keepdims=True)).ravel()
+    return any(some and digit not in parts.held[grid] for some, digit in zip(resisted, ALL, strict=True))
+
+
+def _freed(tie: Tie, moves: list[bool]) -> Tie:
+    """The spring without its ends that do not move."""
+    return tie._replace(grids=tuple(compress(tie.grids, moves)), points=tuple(compress(tie.points, moves)))
