@@ -87,3 +87,32 @@ def test_measured_noisy_inputs_do_not_add_lines():
     # A line of noise passes the test of one in a hundred with 4 degrees of freedom: below 0.1 % of them.
     assert outside.sum() <= 8
     assert (~outside).sum() == 19 * 64 + 1
+
+
+def squares_over_stated(noise: tuple[float, float, float]) -> float:
+    """Mean of |H - truth|^2 over the stated variance, of two inputs in three experiments so noisy.
+
+    The third has the first's drive at a third.
+    """
+    rng = np.random.default_rng(7)
+    periods, samples = 4, 2048
+    # Lines of equal power.
+    phases = np.exp(2j * np.pi * rng.random((2, samples // 2 + 1)))
+    one = np.sqrt(samples) * np.fft.irfft(phases, n=samples, axis=1)
+    u = np.stack([one, one * [[1.0], [-1.0]], one / 3.0], axis=0)
+    u = np.repeat(np.moveaxis(u, 1, 2)[:, None], periods, axis=1)
+    y = u @ np.array([1.0, 2.0]) + np.array(noise)[:, None, None] * rng.standard_normal(u.shape[:3])
+    ports = Port("a", "V"), Port("b", "V")
+    found = estimate_response(
+        Record(sample_hz=1.0, u=u, y=y[..., None], inputs=ports, outputs=(Port("y", "V"),), periodic=True)
+    )
+    H, variance = found.H[1:-1, 0], found.variance[1:-1, 0]
+    # By means over lines: the variance of one line has a single degree of freedom.
+    return float(np.mean(np.abs(H - [1.0, 2.0]) ** 2) / np.mean(variance))
+
+
+def test_experiments_of_unlike_noise_state_all_of_it():
+    """What three experiments of two inputs differ by is mostly in the third, here the quietest by 30 times."""
+    assert 0.5 < squares_over_stated((0.1, 0.1, 0.003)) < 2.0
+    # Of 1000 lines with one degree of freedom, the ratio of like experiments scatters by some 5 %.
+    assert squares_over_stated((0.1, 0.1, 0.1)) == pytest.approx(1.0, abs=0.2)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Complex, Float
+from scipy.special import gammainccinv
 
+from middeck.identification.spectra.excess_variance import BY_CHANCE, NEIGHBOURS, averaged
 from middeck.systems.plants.response import ResponseCovariance
 from middeck.values import record as frozen
 
@@ -70,7 +72,7 @@ def trusted(
     A sum over lines of |H - model|^2 / variance then tells as much as the data do: neighbouring estimates of
     a local model err together, and weighed by their own, smaller variances they would say it several times.
     """
-    covariance = found.noise_covariance if found.total is None else found.total_covariance
+    covariance = found.noise_covariance if found.total is None else _with_noise(found)
     if covariance is None:
         return None, None
     R, own = found.inverse_power, found.line_inverse_power
@@ -82,3 +84,19 @@ def trusted(
     more = np.sqrt(np.max(found.total / np.maximum(known, np.finfo(float).tiny), axis=2, initial=1.0))
     covariance = covariance * more[:, :, None] * more[:, None, :]
     return variance_of(covariance, own), ResponseCovariance(covariance, own)
+
+
+def _with_noise(found: ResponseScatter) -> Complex[np.ndarray, "line output output"] | None:
+    """The total covariance and, where it is less than the noise beyond chance, as much noise as it lacks.
+
+    What experiments differ by beyond their inputs may come from few of them, and their noise be the least:
+    free motion that is not over differs between experiments.
+    """
+    total, noise = found.total_covariance, found.noise_covariance
+    if total is None or noise is None or found.total_dof is None:
+        return total
+    seen, least = (np.real(averaged(np.linalg.diagonal(x))) for x in (total, noise))
+    known = found.total_dof[:, None] * min(2 * NEIGHBOURS + 1, len(total))
+    most = seen * gammainccinv(known, BY_CHANCE) / known
+    lacks = np.sqrt(np.clip(1.0 - most / np.maximum(least, np.finfo(float).tiny), 0.0, 1.0))
+    return total + lacks[:, :, None] * noise * lacks[:, None, :]
