@@ -7,9 +7,9 @@ refined on some of what was measured, against the rest.
 CASES, of sheet, five, response, rig, promise, coverage, slip, frontier, multimodel, motors, Sag, Torsion,
 update, chain and verdicts, are run alone and the other rows kept. FOLDER holds pazy_skin_off. Times are CPU
 seconds of one process with one BLAS thread. Sheet and five are refined on modal surveys of the truth,
-response on its responses too, rig on records of it, which take an hour. The cases "frontier", "motors" and
-"slip" take hours: with a folder they keep the outcome of each truth there, and go on where they were cut off;
-a folder holds for one state of the code.
+response on its responses too, rig on records of it. The cases "rig", "frontier", "motors" and "slip" take
+hours: with a folder they keep the outcome of each truth there, and go on where they were cut off; a folder
+holds for one state of the code.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CASES = {
     "sheet": lambda _: prediction.rows("sheet", range(20)),
     "five": lambda _: prediction.rows("five", range(prediction.FIRST, prediction.FIRST + 5)),
     "response": lambda _: responses.rows(),
-    "rig": lambda _: rig_prediction.rows(),
+    "rig": rig_prediction.rows,
     "promise": promise.rows,
     "coverage": coverage.rows,
     "slip": slip_promise.rows,

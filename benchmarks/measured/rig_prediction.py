@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from measured import prediction
+from measured.kept import kept
 from measured.rows import row
 from middeck import estimate_response, fit_response
+from middeck.campaign.cases import Case
 from middeck.identification import FitResult
 from middeck.identification.friction.find import JointFriction, find_friction
 from middeck.identification.friction.remove import without_friction
@@ -43,26 +45,40 @@ class Identified(NamedTuple):
     seconds: float
 
 
-def rows() -> list[dict[str, Any]]:
+class Angle(NamedTuple):
+    """Variance over noise with friction and without it, the slip torque's largest error, and CPU seconds."""
+
+    before: float
+    after: float
+    slip: float
+    seconds: float
+
+
+def rows(options: Any) -> list[dict[str, Any]]:
     """Of as many truths as `SEEDS`."""
-    found = [[identified(seed, number) for number in (0, 1)] for seed in range(SEEDS)]
-    sheet = prediction.sheet_modes()
-    outcomes = [prediction.outcome(k, surveys_of(both), *sheet) for k, both in enumerate(found)]
+    of_truths = kept(rig_of_truth, SEEDS, options)
     title = "rig, two angles, friction on"
-    every = [one for both in found for one in both]
-    slips = [np.abs(one.friction.slip_torque / rig_case.BEARING.slip_torque - 1.0) for one in every]
+    angles = [Angle(*angle) for of_truth in of_truths for angle in of_truth["angles"]]
+    outcomes = [prediction.Outcome(**of_truth["outcome"]) for of_truth in of_truths]
     return [
         *prediction.rows_of(title, outcomes, level=True),
-        row(
-            title,
-            "variance over noise by friction, median",
-            "",
-            np.median([o.friction.before for o in every]),
-        ),
-        row(title, "the same, friction found", "", np.median([o.friction.after for o in every])),
-        row(title, "slip torque, largest error", "", np.max(slips)),
-        row(title, "friction and fit of one angle, median", "CPU s", np.median([o.seconds for o in every])),
+        row(title, "variance over noise by friction, median", "", np.median([a.before for a in angles])),
+        row(title, "the same, friction found", "", np.median([a.after for a in angles])),
+        row(title, "slip torque, largest error", "", max(a.slip for a in angles)),
+        row(title, "friction and fit of one angle, median", "CPU s", np.median([a.seconds for a in angles])),
     ]
+
+
+def rig_of_truth(truth: Case, _: Any) -> dict[str, Any]:
+    """Its outcome in orbit, and both angles."""
+    both = [identified(truth.index, number) for number in (0, 1)]
+    outcome = prediction.outcome(truth.index, surveys_of(both), *prediction.sheet_modes())
+    return {"outcome": outcome._asdict(), "angles": [list(_angle(one)) for one in both]}
+
+
+def _angle(one: Identified) -> Angle:
+    slip = np.max(np.abs(one.friction.slip_torque / rig_case.BEARING.slip_torque - 1.0))
+    return Angle(one.friction.before, one.friction.after, float(slip), one.seconds)
 
 
 def identified(seed: int, number: int) -> Identified:
