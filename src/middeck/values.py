@@ -29,6 +29,8 @@ T = TypeVar("T")
 SHORT, LINE = 6, 100
 # The most fields that a record takes by position: A, B, C, D.
 POSITIONAL = 4
+# Where a record keeps its own hash, apart from its fields.
+HASH = "_hash_of_fields"
 # The most sets of shapes of a class that are known to fit, and not looked at again.
 MOST_SHAPES = 1000
 
@@ -192,11 +194,15 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _hash(self: Any) -> int:
-    parts = (
-        a.tobytes() if isinstance(a, np.ndarray) else a.data.tobytes() if hasattr(a, "tocsr") else a
-        for a in _fields(self)
-    )
-    return hash((type(self).__name__, *parts))
+    # Nothing in a record changes, and plants and systems are asked for theirs in every cache they pass.
+    known = self.__dict__.get(HASH)
+    if known is None:
+        parts = (
+            a.tobytes() if isinstance(a, np.ndarray) else a.data.tobytes() if hasattr(a, "tocsr") else a
+            for a in _fields(self)
+        )
+        known = self.__dict__[HASH] = hash((type(self).__name__, *parts))
+    return known
 
 
 def _shown(self: Any) -> str:

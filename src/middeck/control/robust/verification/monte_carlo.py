@@ -21,17 +21,21 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.batch import same_shapes, warn_of_lost
 from middeck.control.robust.verification.exact_delay import exact_growth
 from middeck.control.robust.verification.exact_family import family_law, measure_in_family
+from middeck.control.robust.verification.gain_above_modes import gain_above
 from middeck.control.robust.verification.many_loops import measure_many
 from middeck.control.robust.verification.sampled_loops import sampled_outcomes
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.rounding import is_vague
 from middeck.systems.poles.stability import all_decay
-from middeck.systems.state_space.statespace import poles
+from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
 
 UNDECIDED = NoiseOutcome(False, np.inf, np.inf)
+SMALL = 0.5
+"""Gain of a loop from which on its phase may decide stability: one, with a half to spare."""
 KEPT = 512
 """Plants of which the approximation is remembered, a hundred kilobytes each."""
 
@@ -179,7 +183,10 @@ def noise_on(
 def which_decay(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> Bool[np.ndarray, " plant"]:
-    """Loops that are stable and of finite rms by `noise_on`, which does not compute it for this."""
+    """Loops that are stable and of finite rms by `noise_on`, which does not compute it for this.
+
+    Above the modes of a plant the phase of its delay is not kept where the gain of the loop is small there.
+    """
     stable, rms, _ = _noise_on(plants, compensator, weights, measured=False)
     return stable & np.isfinite(rms)
 
@@ -229,7 +236,10 @@ def _together(
     system = compensator.system
     law = Law(system.A, system.B, system.C)
     turning = float(np.abs(np.imag(poles(system))).max(initial=0.0))
-    orders = [_order(p, turning) if p.delayed else 1 for p in plants]
+    small = [False] * len(plants) if measured else _small_above(plants, system, turning)
+    orders = [
+        _order(p, 0.0 if few else turning) if p.delayed else 1 for p, few in zip(plants, small, strict=True)
+    ]
     order = max((n for n in orders if n <= MOST_PADE), default=LEAST_PADE)
     models = [_model(p, order, weights) for p in plants]
     values, rms, control = _rms(models, [law] * len(models), measured=measured)
@@ -258,8 +268,33 @@ def _phase(plant: Plant) -> float:
 
 
 @_once
+def _gain_above(plant: Plant) -> float:
+    return gain_above(plant, _top(plant))
+
+
+def _top(plant: Plant) -> float:
+    """The fastest turning of a mode [rad/s]."""
+    return _phase(plant) / float(plant.delay_s.max())
+
+
+@_once
 def _model(plant: Plant, order: int, weights: LQGWeights) -> GeneralizedPlant:
     return generalize(approximate_delays(plant, order), weights, 1.0)
+
+
+def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> list[bool]:
+    """Which loops have so small a gain above their plant's modes that no phase there decides stability."""
+    late = [p for p in plants if p.delayed]
+    low = min((_top(p) for p in late), default=turning)
+    if turning <= low:
+        return [False] * len(plants)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of an uncertainty that is far below the half left
+        try:
+            most = peak_gain(law, (low, np.inf)).gain
+        except NumericalError:
+            most = np.inf
+    return [p.delayed and most * _gain_above(p) < SMALL for p in plants]
 
 
 def _order(plant: Plant, turning: float) -> int:
