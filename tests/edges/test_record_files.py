@@ -344,3 +344,40 @@ def test_responses_that_lack_one_or_are_none(tmp_path: Path) -> None:
 def test_texts_that_name_no_column(text: str) -> None:
     with pytest.raises(ConfigError, match="names no column"):
         name_columns([text], ["y"])
+
+
+@pytest.mark.parametrize("node", ["0", "9999999999", "007", "näh 3", "-5", "12a", ""])
+def test_any_node_comes_back_from_a_universal_file(tmp_path, node):
+    """Node 0 is none there: it goes as a name, as all do that are no numbers of ten columns."""
+    x = np.arange(6.0).reshape(1, 1, 6, 1)
+    ports = [(Port(name, "N", Channel(node=node, direction="+x")),) for name in "uy"]
+    write_record(tmp_path / "a.uff", a_record((x, x), *ports))
+    found = load_record(tmp_path / "a.uff")
+    assert (*found.inputs, *found.outputs) == (*ports[0], *ports[1])
+
+
+@pytest.mark.parametrize(
+    ("port", "said"),
+    [
+        (Port("y", "N", Channel(node="12345678901")), "longer than 10"),
+        (Port("y", "N", Channel(node="NONE")), "NONE is no name in a universal file"),
+        (Port("NONE", "N"), "NONE is no name"),
+        (Port("y", "NONE"), "NONE is no name"),
+    ],
+)
+def test_what_a_universal_file_would_lose_is_refused(tmp_path, port, said):
+    x = np.arange(6.0).reshape(1, 1, 6, 1)
+    with pytest.raises(DataError, match=said):
+        write_record(tmp_path / "a.uff", a_record((x, x), (Port("u", "N"),), (port,)))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("port", [Port("y [N]", "N"), Port("y ", "N"), Port("a\nb", "N"), Port("y", "N]")])
+def test_a_heading_that_would_not_be_read_back_is_refused(tmp_path, port):
+    x = np.arange(6.0).reshape(1, 1, 6, 1)
+    with pytest.raises(DataError, match="is no heading of a CSV column"):
+        write_record(tmp_path / "a.csv", a_record((x, x), (Port("u", "N"),), (port,)))
+    assert not list(tmp_path.iterdir())
+    kept = Port('an (in) "é" µ, y', "um/m")
+    write_record(tmp_path / "a.csv", a_record((x, x), (Port("u", ""),), (kept,)))
+    assert load_record(tmp_path / "a.csv").outputs == (kept,)

@@ -157,8 +157,8 @@ def open_record(path: str | Path, columns: Columns | None = None) -> RecordStrea
 def write_record(path: str | Path, record: Record, *, ascii: bool = False) -> None:
     """Write ``record``, whole or not at all; the ending says as which kind (not NPY or a run).
 
-    Every kind but ASCII universal files (``ascii``; 13 digits) keeps every digit. Raises `DataError` for what
-    the kind cannot hold.
+    Every kind but ASCII universal files (``ascii``; 13 digits) keeps every digit of the samples; CSV keeps
+    nine of the rate, and not whether inputs were held. Raises `DataError` for what the kind cannot hold.
     """
     file, suffix = Path(path), Path(path).suffix.lower()
     match suffix:

@@ -34,7 +34,7 @@ from middeck.files.records.stamps import (
     since_1970,
 )
 from middeck.signals.fault import Fault
-from middeck.signals.ports import Channel
+from middeck.signals.ports import Channel, Port
 from middeck.signals.record import RecordStream
 from middeck.values import record
 
@@ -49,6 +49,7 @@ TIMES = re.compile(
 # In square brackets anything is a unit; in round ones what is made of these. All else, as (in), is a name.
 _SYMBOL = r"(?:[kmuµ]?(?:N|m|g|s|V|A|Pa|rad)|lbf|ft|deg|°|%|Hz|kg)"
 _UNIT = rf"\[([^\]]*)\]|\(({_SYMBOL}(?:[ */·]?{_SYMBOL}|\^?-?[234²])*)\)"
+HEADING = re.compile(rf"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:{_UNIT})?")
 # Lines read at once.
 LINES = 8192
 AGAIN = "copy or record it again"
@@ -116,13 +117,17 @@ def read_csv(file: Path, variable: str) -> Raw:
 
 
 def write_csv(path: Path, stream: RecordStream) -> None:
-    """Write the one experiment of ``stream``, every digit of it, block by block."""
+    """Write the one experiment of ``stream``, every digit of its samples, block by block.
+
+    The rate is read back to nine digits; whether inputs were held is not written.
+    """
     if stream.experiments != 1:
         raise DataError(
             f"{stream.experiments} experiments do not fit in one CSV file", where=str(path),
             hint="write .npz or .h5, or one experiment at a time",
         )  # fmt: skip
     sides = (("u", stream.inputs), ("y", stream.outputs))
+    headings = [_heading(side, port, path) for side, ports in sides for port in ports]
     with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as text:
         text.write(f"# samples = {stream.samples}\n")
         if stream.period:
@@ -131,7 +136,7 @@ def write_csv(path: Path, stream: RecordStream) -> None:
             for port in ports:
                 text.write(_told(f"{side}:{port.name}", port.channel))
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["time [s]", *(f"{s}:{p.name} [{p.unit}]" for s, ports in sides for p in ports)])
+        writer.writerow(["time [s]", *headings])
         start = 0
         for u, y in stream.blocks(LINES):
             time = (start + np.arange(len(u))) / stream.sample_hz
@@ -140,6 +145,16 @@ def write_csv(path: Path, stream: RecordStream) -> None:
                 [f"{t:.12f}", *row] for t, row in zip(time, np.hstack([u, y]).tolist(), strict=True)
             )
             start += len(u)
+
+
+def _heading(side: str, port: Port, path: Path) -> str:
+    """The heading of a column; `DataError` for a name or a unit that would not be read back from it."""
+    heading = f"{side}:{port.name} [{port.unit}]"
+    found = HEADING.fullmatch(heading)
+    if found is None or found.group(2, 3) != (port.name, port.unit) or not heading.isprintable():
+        what = f"{port.name!r} in {port.unit!r} is no heading of a CSV column"
+        raise DataError(what, where=str(path), hint="a name without brackets, or write .npz or .h5")
+    return heading
 
 
 def _told(name: str, channel: Channel | None) -> str:
@@ -264,7 +279,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _head(cell: str, k: int, told: dict[str, Any], where: str) -> Head:
-    found = re.fullmatch(rf"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:{_UNIT})?", cell)
+    found = HEADING.fullmatch(cell)
     letter, name, *units = found.groups() if found else ("u", "")
     unit = next((u for u in units if u is not None), None)
     if letter and unit is None:

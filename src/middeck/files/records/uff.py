@@ -14,8 +14,8 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
-from middeck.files.records.uff58 import AXES, RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
-from middeck.files.records.uff58_write import Header, write_58, write_count
+from middeck.files.records.uff58 import AXES, NONE, RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
+from middeck.files.records.uff58_write import Header, stated, write_58, write_count
 from middeck.files.records.uff_cut import doubts_of_whole
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
@@ -33,6 +33,8 @@ APART = 0.01
 WHOLE = 1 << 20
 # Share of the highest frequency by which lines may be off an even spacing: rounding.
 EVEN = 1e-12
+# Nodes that the format has as numbers, in ten columns; 0 is none there.
+NUMBERED = re.compile(r"[1-9][0-9]{0,9}", re.ASCII)
 
 
 @record(kw_only=True)
@@ -143,7 +145,7 @@ def _key(data: Dataset) -> tuple[object, ...]:
 def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[Head, ...]:
     texts = [c[0].texts[0] for c in channels]
     # One text for all functions is a title, no name.
-    named = len(set(texts)) == len(texts) and "" not in texts and "NONE" not in texts
+    named = len(set(texts)) == len(texts) and "" not in texts and NONE not in texts
     named = named and all(d.texts[0] == c[0].texts[0] for c in channels for d in c)
     ours = all(_is_ours(c[0]) for c in channels)
     names = texts if named or ours else [_place_name(c[0].response) for c in channels]
@@ -274,7 +276,7 @@ def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
 def _header(port: Port, ours: str, side: str, where: str) -> Header:
     channel = port.channel or Channel()
     quantity = FORCE if side == "input" and port.unit in ("N", "N m") else QUANTITY.get(port.unit, 1)
-    texts = (port.name, "NONE", "NONE", ours, _known(channel))
+    texts = (stated(port.name), NONE, NONE, ours, _known(channel))
     place = _place(channel, f"{where}, channel {port.name}")
     return Header(
         texts=texts,
@@ -290,7 +292,7 @@ def _header(port: Port, ours: str, side: str, where: str) -> Header:
 
 def _known(channel: Channel) -> str:
     keys = ("role", "gain", "calibrated", "raw_unit")  # the last may hold blanks
-    return " ".join(f"{k}={v}" for k in keys if (v := getattr(channel, k)) not in ("", None)) or "NONE"
+    return " ".join(f"{k}={v}" for k in keys if (v := getattr(channel, k)) not in ("", None)) or NONE
 
 
 def _place(channel: Channel, where: str) -> Place:
@@ -300,7 +302,7 @@ def _place(channel: Channel, where: str) -> Place:
         what = f"direction {channel.direction!r} has no code in a universal file"
         raise DataError(what, where=where, hint="+x to -rz, or another kind of file")
     direction = sign * AXES.index(axis)
-    if channel.node.isascii() and channel.node.isdigit() and channel.node == str(int(channel.node)):
+    if NUMBERED.fullmatch(channel.node):
         return Place("", int(channel.node), direction)
     return Place(channel.node, 0, direction)
 
@@ -449,7 +451,7 @@ def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = Tr
 def _response_header(output: Port, at: Port, told: str, where: str) -> Header:
     ends = [port.channel or Channel() for port in (output, at)]
     places = [_place(c, f"{where}, channel {p.name}") for c, p in zip(ends, (output, at), strict=True)]
-    texts = (output.name, at.name, _known(ends[1]), f"{OURS} response{told}", _known(ends[0]))
+    texts = (stated(output.name), stated(at.name), _known(ends[1]), f"{OURS} response{told}", _known(ends[0]))
     divisor = FORCE if at.unit in ("N", "N m") else QUANTITY.get(at.unit, 0)
     quantity = QUANTITY.get(output.unit, 0)
     return Header(

@@ -20,6 +20,7 @@ TIME, RESPONSE = 1, 4  # function types that are read
 # Ordinate data type: is complex, bytes of a real number, characters of one, numbers on an ASCII line.
 ORDINATES = {2: (False, 4, 13, 6), 4: (False, 8, 20, 4), 5: (True, 4, 13, 6), 6: (True, 8, 20, 4)}
 MARK = b"    -1"
+NONE = "NONE"  # in place of a name or a unit
 HEADER = 151
 BLANK = b" \t\r\n\0\x1a"  # some programs end a file with the mark of its end
 AGAIN = "copy or export it again"
@@ -306,12 +307,12 @@ def _place(line: str, at: int, where: str) -> Place:
     name = line[at : at + 10].strip()
     number = _whole(line, at + 10, at + 20, where, "a node")
     direction = _whole(line, at + 20, at + 24, where, "a direction")
-    return Place("" if name == "NONE" else name, number, direction if abs(direction) <= 6 else 0)
+    return Place("" if name == NONE else name, number, direction if abs(direction) <= 6 else 0)
 
 
 def _label(line: str) -> str:
     unit = line[47:67].strip()
-    return "" if unit == "NONE" else unit
+    return "" if unit == NONE else unit
 
 
 def _whole(line: str, start: int, end: int, where: str, what: str) -> int:

@@ -5,7 +5,7 @@ from typing import IO
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.records.uff58 import MARK, Place
+from middeck.files.records.uff58 import MARK, NONE, Place
 from middeck.values import record
 
 REAL, COMPLEX = 4, 6  # double precision
@@ -75,16 +75,23 @@ def _opening(size: int | None) -> bytes:
 
 
 def _place(place: Place) -> str:
-    return f" {_cut(place.name or 'NONE', 10):<10}{place.number:10d}{place.direction:4d}"
+    return f" {_cut(stated(place.name), 10):<10}{place.number:10d}{place.direction:4d}"
 
 
 def _axis(quantity: int, unit: str) -> bytes:
-    return f"{quantity:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {_cut(unit or 'NONE', 20):<20}\n".encode()
+    return f"{quantity:10d}{0:5d}{0:5d}{0:5d} {NONE:<20} {_cut(stated(unit), 20):<20}\n".encode()
 
 
 def _e13(x: float) -> str:
     """Thirteen columns with as many digits as they hold: two more than E13.5 asks for."""
     return f"{x:13.6e}"
+
+
+def stated(text: str) -> str:
+    """A name or a unit as the format has it, `NONE` for an empty one; `DataError` where it is called that."""
+    if text == NONE:
+        raise DataError(f"{NONE} is no name in a universal file", hint="another name, or write .npz or .h5")
+    return text or NONE
 
 
 def _cut(text: str, width: int) -> str:
