@@ -483,6 +483,8 @@ def _complaint(engine, kind, before, records, trips, faults, answers) -> str:
         return f"not tripped by {TRIPS[kind]}"
     if kind in DESTROYS and trips and not engine.blacklist():
         return "a law that tripped is not on the blacklist"
+    if kind in ("sensor stuck", "sensor dead") and not records["unhealthy"][-1] >> faults[0].channel & 1:
+        return "a sensor that stands still and is not found out of order, whatever tripped first"
     if kind in ENDS:
         return ""
     if engine.state == "safe":

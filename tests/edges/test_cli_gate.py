@@ -75,6 +75,8 @@ def test_a_package_that_trips_on_the_rig_is_refused_for_good(files, capfd):
         assert [s["name"] for s in document["steps"] if not s["passed"]] == ["engagement"]
         assert document["tripped"].startswith("envelope way")
         assert load_blacklist("black.json") == {document["law"]: document["tripped"]}
+        (logged,) = load_gate_log("verdict.jsonl")
+        assert (logged.passed, logged.tripped) == (False, document["tripped"])
     again = middeck(capfd, "gate", *files, "--blacklist", "black.json", "--json")
     assert again.code == 1
     (step,) = json.loads(again.out)["steps"]
@@ -272,6 +274,7 @@ def test_a_gate_that_is_killed_leaves_the_steps_that_ended(files, capfd):
     (whole,) = load_gate_log("verdict.jsonl")
     document = json.loads(Path("verdict.json").read_text())
     assert (whole.package, whole.law, whole.passed) == (document["package"], document["law"], True)
+    assert whole.tripped == ""
     assert list(whole.models) == document["models"]
     assert [dataclasses.asdict(step) for step in whole.steps] == document["steps"]
     for last in repeats(range(len(whole.steps) - 1, 0, -1), 1):

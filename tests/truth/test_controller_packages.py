@@ -36,7 +36,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
-from packaged_laws import PERIOD_S, compile_law, ports, random_law, worst_error, worst_signs
+from packaged_laws import PERIOD_S, compile_law, ports, random_law, replay, worst_error, worst_signs
 from plant_builders import unit_weights
 from repeats import repeats
 from study_compensators import study_law
@@ -583,6 +583,14 @@ def test_a_law_of_which_an_operation_overflows_within_its_ranges_is_refused(wher
         assert np.isfinite(largest_operand(loud, y, applied)) == finite
         assert check_error_bound(loud).passed == finite
         assert bool(when_nothing_overflows(loud)) == (finite or single)  # the bound is what knows
+
+
+def test_a_range_of_the_largest_numbers_has_test_vectors(tmp_path):
+    """Twice the range, which is cut, is no number any more: its end stands for it."""
+    law = random_law(np.random.default_rng(0), 3, 2, 2)
+    package = package_law(law, "law", input_range=1.5e308, limit=1.0)
+    assert np.abs(package.vectors.y).max() == np.finfo(float).max
+    assert replay(package, tmp_path) == 0
 
 
 def test_what_has_no_bound_is_refused():

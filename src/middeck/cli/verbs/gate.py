@@ -16,8 +16,11 @@ from middeck.errors import ConfigError
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from middeck.cli.given.plants_to_try import Gathered
     from middeck.realtime.gate.gate import GateVerdict
-    from middeck.realtime.gate.steps_on_rig import GateRig
+    from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials
 
 EXAMPLES = """\
   middeck gate law.mdk model.json --noise 1e-6 -o verdict.json
@@ -144,46 +147,26 @@ def verb(
     a gate that is killed leaves its steps. The exit code is 1 if a step fails. --set takes the keys of
     articles and environments.
     """
-    from middeck.cli.given.plants_to_try import also_held, gather_plants, say_promised_hold
-    from middeck.cli.given.shifted_plants import all_plants
+    from middeck.cli.given.plants_to_try import say_promised_hold
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
-    from middeck.realtime.gate.linear_law import faded_laws
 
-    if given["paper"]:
-        options.refuse_unused("beside --paper", "disturbance", "noise", "share")
+    trials = _trials(given)
     gain = _adaptive_gain(given)
     package = md.load_package(package_file)
     engaged = None if relieved is None else md.load_package(relieved)
     beside = [package] if engaged is None else [package, engaged]
     engine = _held(beside, given["paths"]) if given["paths"] else None
     blacklist = {} if blacklist_file is None else md.files.load_blacklist(blacklist_file)
-    linear = faded_laws(beside)([1.0] * len(beside))
-    gathered = also_held(gather_plants(tried, linear), linear, tried.delay_s)
-    closed = [(output, "--hold") for _, output, _ in given["paths"]]
-    closed += [(p.outputs[path.output].name, f"package {p.name}") for p in beside for path in p.paths]
-    for output, where in closed:
-        if any(output in promise.inner for promise in gathered.promises):
-            what = f"the plants of the promise have an inner loop at {output}"
-            raise ConfigError(what, where=where, hint="a plan without [inner], or no second loop there")
-    models = all_plants(gathered, linear, tried)
+    gathered, models = _plants(tried, beside, given["paths"])
     margins = md.realtime.GateMargins(gain_db=given["gain_db"], phase_deg=given["phase_deg"])
-    trials = md.realtime.GateTrials(
-        disturbance=given["disturbance"], noise=given["noise"], share=given["share"]
-    )
-    trials = None if given["paper"] else trials
     rig = _rig(package, engine, given["rig_port"], given["driver"], given["paper"])
     if log_file is None and verdict_file is not None:
         log_file = str(Path(verdict_file).with_suffix(".jsonl"))
-
-    def blame(law: str, trip: str) -> None:
-        if blacklist_file is not None:
-            md.files.add_to_blacklist(blacklist_file, {law: trip})
-
     with nullcontext() if log_file is None else md.files.GateLog(log_file, package, models) as log:
         verdict = md.examine_package(
             package, models, margins, gain=gain, trials=trials, rig=rig, blacklist=blacklist, settings=engine,
-            engaged=engaged, log=log, on_trip=blame,
+            engaged=engaged, log=log, on_trip=_blame(blacklist_file),
         )  # fmt: skip
         if log is not None:
             log.end(verdict)
@@ -196,6 +179,40 @@ def verb(
     show(as_json, document, *_tables(document))
     if not verdict.passed:
         click.get_current_context().exit(1)
+
+
+def _trials(given: dict[str, Any]) -> GateTrials | None:
+    if given["paper"]:
+        options.refuse_unused("beside --paper", "disturbance", "noise", "share")
+        return None
+    return md.realtime.GateTrials(
+        disturbance=given["disturbance"], noise=given["noise"], share=given["share"]
+    )
+
+
+def _plants(
+    tried: options.Tried, packages: list[md.ControllerPackage], paths: tuple[tuple[str, str, float], ...]
+) -> tuple[Gathered, dict[str, md.Plant]]:
+    """What was named, and its plants, shifted ones too, none of which may have the loops that are closed."""
+    from middeck.cli.given.plants_to_try import also_held, gather_plants
+    from middeck.cli.given.shifted_plants import all_plants
+    from middeck.realtime.gate.linear_law import faded_laws
+
+    linear = faded_laws(packages)([1.0] * len(packages))
+    gathered = also_held(gather_plants(tried, linear), linear, tried.delay_s)
+    closed = [(output, "--hold") for _, output, _ in paths]
+    closed += [(p.outputs[path.output].name, f"package {p.name}") for p in packages for path in p.paths]
+    for output, where in closed:
+        if any(output in promise.inner for promise in gathered.promises):
+            what = f"the plants of the promise have an inner loop at {output}"
+            raise ConfigError(what, where=where, hint="a plan without [inner], or no second loop there")
+    return gathered, all_plants(gathered, linear, tried)
+
+
+def _blame(blacklist_file: str | None) -> Callable[[str, str], None] | None:
+    if blacklist_file is None:
+        return None
+    return lambda law, trip: md.files.add_to_blacklist(blacklist_file, {law: trip})
 
 
 def _held(

@@ -30,6 +30,8 @@ class LoggedGate:
         models: Names of the models that it was to be tried on.
         steps: Those that ended, in order.
         passed: Its verdict; None where the gate was cut off.
+        tripped: The trip that the package is to blame for, as in `GateVerdict`; empty for none. A gate that
+            was cut off after a trip has told only the blacklist.
     """
 
     package: str
@@ -37,6 +39,7 @@ class LoggedGate:
     models: tuple[str, ...]
     steps: tuple[GateStep, ...]
     passed: bool | None
+    tripped: str
 
 
 class GateLog:
@@ -105,14 +108,15 @@ def load_gate_log(path: str | Path) -> tuple[LoggedGate, ...]:
 
 
 def _gate(lines: list[dict[str, Any]]) -> LoggedGate:
-    first = lines[0]
+    first, last = lines[0], lines[-1]
     steps = (line for line in lines if "step" in line)
     return LoggedGate(
         package=first["package"],
         law=first["law"],
         models=tuple(first["begins"]),
         steps=tuple(GateStep(name=s["step"], passed=s["passed"], said=s["said"]) for s in steps),
-        passed=next((line["ends"] for line in lines if "ends" in line), None),
+        passed=last.get("ends"),
+        tripped=last.get("tripped", ""),
     )
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Self
+from typing import NamedTuple, Self
 
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain, ProvedGain
@@ -133,52 +133,52 @@ def examine_package(
     if rig is not None and settings is not None and hash_hold(rig.settings) != hash_hold(settings):
         raise ConfigError("the rig's engine has another hold", hint="the settings of the same engine")
     engine = rig.settings if settings is None and rig is not None else settings
-    held, unfit = _beside_hold(package, engine)
-    steps = _Steps(log)
-    steps += [check_blacklist(hash_law(package), blacklist or {})]
-    if steps.good:
-        faded_by = _what_fades(gain, engaged, rig)
-        steps += _on_paper(package, held, unfit or check_interface(held, models), gain, faded_by)
-    if steps.good:
-        least = margins or GateMargins()
-        steps += (check_model(held, name, plant, least) for name, plant in models.items())
-        if steps.good:
-            alone = package if engine is None else with_drives(package, engine)
-            steps += (
-                check_recovery(held, name, plant, held=held is not package, alone=alone)
-                for name, plant in models.items()
-            )
-        if engaged is not None and steps.good:
-            share = 1.0 if trials is None else trials.share
-            if gain is None:
-                steps += check_cross_fade(engaged, package, models, least, engine, share)
-            else:
-                steps += [_refuse_cross_fade(engaged)]
-    proofs: list[GainProof] = []
-    if gain is not None and steps.good:
-        steps += _prove_each(held, gain, models, proofs)
-        if steps.good:
-            steps += (
-                check_recovery_at_gains(held, gain, name, plant, held=held is not package)
-                for name, plant in models.items()
-            )
-    tripped = ""
-    if trials is not None and steps.good:
-        steps += (check_dry_run(package, name, plant, trials, engine) for name, plant in models.items())
-        if rig is not None and steps.good:
-            steps += [check_shadow_run(package, rig, trials)]
-            if steps.good:
-                engagement, tripped = check_engagement(package, rig, trials)
-                if tripped and on_trip is not None:
-                    on_trip(hash_law(package), tripped)
-                steps += [engagement]
+    case = _Case(
+        package,
+        models,
+        margins or GateMargins(),
+        gain,
+        trials,
+        rig,
+        blacklist or {},
+        engine,
+        engaged,
+        on_trip,
+    )
+    steps, found = _Steps(log), _Found([], [])
+    for stage in _stages(case, found):
+        steps += stage
+        if not all(step.passed for step in steps):
+            break
     left_out = ("dry run", "shadow run", "engagement")[0 if trials is None else 1 if rig is None else 3 :]
     return GateVerdict(
         sha256=hash_package(package), law=hash_law(package), name=package.name, models=tuple(models),
-        steps=tuple(steps), left_out=left_out, tripped=tripped, gain=gain, proofs=tuple(proofs),
-        hold=NO_HOLD if engine is None else hash_hold(engine),
+        steps=tuple(steps), left_out=left_out, tripped="".join(found.trips), gain=gain,
+        proofs=tuple(found.proofs), hold=NO_HOLD if engine is None else hash_hold(engine),
         engaged="" if engaged is None else hash_package(engaged),
     )  # fmt: skip
+
+
+class _Case(NamedTuple):
+    """What `examine_package` was given, with the engine whose hold is closed."""
+
+    package: ControllerPackage
+    models: Mapping[str, Plant]
+    margins: GateMargins
+    gain: AdaptiveGain | None
+    trials: GateTrials | None
+    rig: GateRig | None
+    blacklist: Mapping[str, str]
+    engine: EngineSettings | None
+    engaged: ControllerPackage | None
+    on_trip: Callable[[str, str], object] | None
+
+
+class _Found(NamedTuple):
+    """What stages find besides steps."""
+
+    proofs: list[GainProof]
+    trips: list[str]
 
 
 class _Steps(list[GateStep]):
@@ -195,30 +195,57 @@ class _Steps(list[GateStep]):
                 self._log(step)
         return self
 
-    @property
-    def good(self) -> bool:
-        return all(step.passed for step in self)
+
+def _stages(case: _Case, found: _Found) -> Iterator[Iterable[GateStep]]:
+    """The stages that were asked for: each is asked for its steps where all before it have passed."""
+    package, models, gain, trials = case.package, case.models, case.gain, case.trials
+    yield [check_blacklist(hash_law(package), case.blacklist)]
+    held, unfit = _beside_hold(package, case.engine)
+    yield _on_paper(case, held, unfit or check_interface(held, models))
+    yield (check_model(held, name, plant, case.margins) for name, plant in models.items())
+    yield _recoveries(case, held)
+    if case.engaged is not None:
+        yield _cross_fades(case, case.engaged)
+    if gain is not None:
+        yield _prove_each(held, gain, models, found.proofs)
+        beside = held is not package
+        yield (
+            check_recovery_at_gains(held, gain, name, plant, held=beside) for name, plant in models.items()
+        )
+    if trials is not None:
+        yield (check_dry_run(package, name, plant, trials, case.engine) for name, plant in models.items())
+    if trials is not None and case.rig is not None:
+        yield [check_shadow_run(package, case.rig, trials)]
+        yield [_engage(case, case.rig, trials, found.trips)]
 
 
-def _on_paper(
-    package: ControllerPackage,
-    held: ControllerPackage,
-    interface: GateStep,
-    gain: AdaptiveGain | None,
-    faded_by: str,
-) -> Iterator[GateStep]:
+def _on_paper(case: _Case, held: ControllerPackage, interface: GateStep) -> Iterator[GateStep]:
     yield interface
     yield check_poles(held)
-    yield check_vectors(package)
-    yield check_error_bound(package, faded_by)
-    if gain is not None:
-        yield _check_gain(package, gain)
+    yield check_vectors(case.package)
+    yield check_error_bound(case.package, _what_fades(case))
+    if case.gain is not None:
+        yield _check_gain(case.package, case.gain)
 
 
-def _what_fades(gain: AdaptiveGain | None, engaged: ControllerPackage | None, rig: GateRig | None) -> str:
+def _what_fades(case: _Case) -> str:
     """What takes a part of the law's commands beyond its own ramp."""
-    cross_fade = "" if engaged is None else f"the cross-fade from {engaged.name}"
-    return "an adaptive gain" if gain is not None else cross_fade or ("the rig's engine" if rig else "")
+    cross_fade = "" if case.engaged is None else f"the cross-fade from {case.engaged.name}"
+    by_rig = "the rig's engine" if case.rig else ""
+    return "an adaptive gain" if case.gain is not None else cross_fade or by_rig
+
+
+def _recoveries(case: _Case, held: ControllerPackage) -> Iterator[GateStep]:
+    alone = case.package if case.engine is None else with_drives(case.package, case.engine)
+    for name, plant in case.models.items():
+        yield check_recovery(held, name, plant, held=held is not case.package, alone=alone)
+
+
+def _cross_fades(case: _Case, engaged: ControllerPackage) -> Iterable[GateStep]:
+    if case.gain is not None:
+        return [_refuse_cross_fade(engaged)]
+    share = 1.0 if case.trials is None else case.trials.share
+    return check_cross_fade(engaged, case.package, case.models, case.margins, case.engine, share)
 
 
 def _prove_each(
@@ -229,6 +256,15 @@ def _prove_each(
         (proof,) = prove_gain(held, gain, {name: plant})
         proofs.append(proof)
         yield GateStep(name=f"adaptive gain {name}", passed=proof.proved, said=proof.said)
+
+
+def _engage(case: _Case, rig: GateRig, trials: GateTrials, trips: list[str]) -> GateStep:
+    """Who is to blame for a trip is told before the step is logged."""
+    step, tripped = check_engagement(case.package, rig, trials)
+    trips.append(tripped)
+    if tripped and case.on_trip is not None:
+        case.on_trip(hash_law(case.package), tripped)
+    return step
 
 
 def _beside_hold(

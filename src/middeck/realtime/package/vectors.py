@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError
-from middeck.realtime.package.package import SAMPLES, ControllerPackage, TestVectors
+from middeck.realtime.package.package import SAMPLES, ControllerPackage, TestVectors, largest
 from middeck.realtime.package.reference import ReferenceLaw
 
 UNBOUNDED = 1.0
@@ -29,7 +29,10 @@ def add_test_vectors(package: ControllerPackage, samples: int = 48) -> Controlle
     reach = np.where(np.isfinite(package.input_range), package.input_range, UNBOUNDED)
     third = np.arange(samples) * 3 // samples
     noise = rng.uniform(-1.0, 1.0, (samples, len(reach)))
-    y = np.choose(third[:, None], [0.1 * noise, np.sign(noise), 2.0 * noise]) * reach
+    most = largest(package.single)
+    with np.errstate(over="ignore"):  # twice the largest range is no number
+        y = np.choose(third[:, None], [0.1 * noise, np.sign(noise), 2.0 * noise]) * reach
+        y = np.clip(y, -most, most)
     if package.single:
         y = y.astype(np.float32).astype(float)
     vectors = run_vectors(package, y, third != 1, package.ramp)
