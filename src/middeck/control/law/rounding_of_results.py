@@ -18,7 +18,7 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Dynamics, Plant, remove_delays
-from middeck.systems.poles.rounding import EPS, ROUNDINGS, is_vague
+from middeck.systems.poles.rounding import EPS, ROUNDINGS, VAGUE, is_vague
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import System
@@ -28,6 +28,11 @@ DRAWS = 3
 UNCERTAIN = 1e-4
 """Change of a number by such a move that gives a warning, relative or of an angle [rad]: a tenth of what is
 not silent, since three draws may miss the largest (of sampled loops by a factor of three)."""
+
+
+DOUBTFUL = 1e-8
+"""Share of a pole's decay from which its rounding may move a number by `UNCERTAIN`: ten roundings, through a
+loop that multiplies what a pole does by a thousand."""
 
 
 def moved_entries(system: System, rng: np.random.Generator) -> System:
@@ -40,15 +45,20 @@ def _moved(dynamics: Dynamics, names: Sequence[str], rng: np.random.Generator) -
     return {name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape)) for name, M in each}
 
 
-def is_vague_plant(plant: Plant) -> bool:
+def is_vague_plant(plant: Plant, share: float = VAGUE) -> bool:
     """Whether rounding moves poles of the plant (`is_vague`): of modal form never."""
     dynamics = remove_delays(plant).dynamics
-    return not isinstance(dynamics, ModalSystem) and is_vague(dynamics)
+    return not isinstance(dynamics, ModalSystem) and is_vague(dynamics, share)
 
 
 def is_vague_half(half: Plant | Compensator) -> bool:
     """`is_vague_plant` or `is_vague`, of a law."""
     return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
+
+
+def is_doubtful(half: Plant | Compensator) -> bool:
+    """Whether rounding may move numbers of its loop: from `DOUBTFUL` of a pole's decay."""
+    return is_vague_plant(half, DOUBTFUL) if isinstance(half, Plant) else is_vague(half.dynamics, DOUBTFUL)
 
 
 def move_plant(plant: Plant, rng: np.random.Generator) -> Plant:
@@ -68,14 +78,14 @@ def measure_known(
     measure: Callable[..., Found],
     numbers: Callable[[Found], Float[np.ndarray, " number"]],
     *halves: Plant | Compensator,
-    vague: Callable[[Plant | Compensator], bool] = is_vague_half,
+    vague: Callable[[Plant | Compensator], bool] = is_doubtful,
     least: float = 0.0,
     cure: str = CURE,
     stacklevel: int = 3,
 ) -> Found:
     """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
 
-    Halves that are not ``vague`` cost nothing more: those of which no pole `is_vague`.
+    Halves that are not ``vague`` cost nothing more (`is_doubtful`).
 
     Args:
         what: Names the numbers in the warning.

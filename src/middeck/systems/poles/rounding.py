@@ -50,8 +50,8 @@ def farthest_pole(A: np.ndarray) -> float:
 
 
 @functools.lru_cache(maxsize=KEPT)
-def is_vague(system: LinearSystem) -> bool:
-    """Whether rounding of its matrices moves a pole by more than `VAGUE` of its decay or growth."""
+def is_vague(system: LinearSystem, share: float = VAGUE) -> bool:
+    """Whether rounding of its matrices moves a pole by more than this ``share`` of its decay or growth."""
     if not len(system.A):
         return False
     A = balance_states(system).A
@@ -59,7 +59,7 @@ def is_vague(system: LinearSystem) -> bool:
     # A double pole moves by the root.
     moved = np.minimum(rounding, np.sqrt(EPS * np.linalg.norm(A) * np.abs(poles)))
     decay = np.abs(np.real(poles)) if system.period_s is None else np.abs(np.abs(poles) - 1.0)
-    return bool(np.any((decay >= LIGHTEST) & (moved > VAGUE * decay)))
+    return bool(np.any((decay >= LIGHTEST) & (moved > share * decay)))
 
 
 def moving_poles(system: LinearSystem) -> tuple[Poles, list[int]]:
