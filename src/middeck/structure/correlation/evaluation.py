@@ -22,6 +22,8 @@ from middeck.values import record
 # Modes are one pair only if neither frequency is more than this times the other: a few sensors may see
 # shapes alike that are octaves apart.
 WINDOW = 2.0
+# Part of its MAC that a pair an octave apart loses: at few channels many shapes are equal to rounding.
+NEARER = 1e-6
 
 
 @record(kw_only=True)
@@ -65,7 +67,10 @@ def evaluate_shapes(
     frequency_hz: Float[np.ndarray, " measured"],
     shape: Complex[np.ndarray, "channel measured"],
 ) -> Evaluation:
-    """Pair and compare; pairs have the largest sum of MAC among modes of neighbouring frequencies."""
+    """Pair and compare; pairs have the largest sum of MAC among modes of neighbouring frequencies.
+
+    Of shapes that are equal at the channels the nearer in frequency counts.
+    """
     mac = modal_assurance(model.shape, shape)
     pairs = _pair(mac, model.frequency_hz, frequency_hz)
     ours, theirs = pairs.T
@@ -81,8 +86,8 @@ def evaluate_shapes(
 
 
 def _pair(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> np.ndarray:
-    near = np.abs(np.log(ours_hz[:, None] / theirs_hz)) <= np.log(WINDOW)
-    score = np.where(near, mac, 0.0)
+    apart = np.abs(np.log(ours_hz[:, None] / theirs_hz)) / np.log(WINDOW)
+    score = np.where(apart <= 1.0, mac * (1.0 - NEARER * apart**2), 0.0)
     i, j = linear_sum_assignment(score, maximize=True)
     pairs = np.stack([i, j], axis=1)[score[i, j] > 0.0]
     return pairs[np.argsort(pairs[:, 1], kind="stable")]
