@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import combinations
 
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-import structure_builders as build
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.evaluation import Candidates, evaluate_shapes
 from middeck.structure.correlation.frequency_pairs import ALONE, SCATTER, pair_costs, pair_frequencies
-from middeck.structure.correlation.measured_modes import measure_modes
-from middeck.structure.model.environment import Environment
-from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.updating.residuals.pairing import pair, pair_shapes
+from middeck.updating.residuals.pairing import pair_shapes
 
 
 def paired(ours: np.ndarray, theirs: np.ndarray) -> list[tuple[int, int]]:
@@ -130,7 +124,8 @@ def test_shapes_that_one_channel_cannot_tell_are_paired_in_their_order() -> None
             shape=shape,
             mass=np.eye(1),
             significant=np.zeros(4, dtype=bool),
-            flexible=np.ones(4, dtype=bool),
+            fundamental=np.zeros(4, dtype=bool),
+            has_fundamental=False,
         )
         assert evaluate_shapes(model, theirs, measured).pairs.tolist() == [list(p) for p in expected]
         alike = modal_assurance(shape, measured)

@@ -30,15 +30,19 @@ NEARER = 1e-6
 class Candidates:
     """The model at the channels: the modes that a measured one may be paired with.
 
-    ``significant`` says which have more effective mass than the profile's part, ``flexible`` which have more
-    than half of their potential energy in strain: what holds an article may be stiff, so rank will not do.
+    Attributes:
+        significant: Which have more effective mass than the profile's part.
+        fundamental: Which are the lowest mode of the model with more than half of its potential energy in
+            strain, or of its frequency: what holds an article may be stiff, so rank will not do.
+        has_fundamental: Whether the model has such a mode, among the candidates or not.
     """
 
     frequency_hz: Float[np.ndarray, " candidate"]
     shape: Float[np.ndarray, "channel candidate"]
     mass: Float[np.ndarray, "channel channel"]
     significant: Bool[np.ndarray, " candidate"]
-    flexible: Bool[np.ndarray, " candidate"]
+    fundamental: Bool[np.ndarray, " candidate"]
+    has_fundamental: bool
 
 
 @record(kw_only=True)
@@ -123,9 +127,13 @@ def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
     """Which of the candidates ``ours`` are in a group of modes."""
     if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
-    flexible = np.where(model.flexible[ours], model.frequency_hz[ours], np.inf)
-    fundamental = np.isfinite(flexible) & (flexible == flexible.min(initial=np.inf))
+    fundamental = model.fundamental[ours]
     if group is Scope.FUNDAMENTAL:
         return fundamental
     significant = model.significant[ours] & ~fundamental
     return significant if group is Scope.SIGNIFICANT else ~significant & ~fundamental
+
+
+def nothing_passes(model: Candidates, criterion: Criterion) -> bool:
+    """Whether ``criterion`` is met where it applies to no pair: not by a fundamental that nobody measured."""
+    return not (criterion.group is Scope.FUNDAMENTAL and model.has_fundamental)
