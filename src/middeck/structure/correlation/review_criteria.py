@@ -188,8 +188,6 @@ def change_limit(profile: Profile, quantity: Quantity, limit: float, source: str
         else c
         for c in profile.criteria
     )
-    before = dict.fromkeys(
-        f"{c.limit:g} ({c.group.value})" for c in profile.criteria if c.quantity is quantity
-    )
-    title = f"{profile.title}; {quantity.value} {limit:g} by {source}, in place of {', '.join(before)}"
+    before = ", ".join(f"{c.limit:g} ({c.group.value})" for c in profile.criteria if c.quantity is quantity)
+    title = f"{profile.title}; {quantity.value} by {source}: {limit:g} in place of {before}"
     return dataclasses.replace(profile, title=title, criteria=criteria)
