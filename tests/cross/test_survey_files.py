@@ -280,7 +280,7 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
         own = abs(np.log(modes.frequency_hz[i] / hz[j]))
         assert (j in found.undecided) == (np.sum(away <= max(limit, 2.0 * own)) > 1)
         other = modes.frequency_hz[modes.frequency_hz > 0.0][np.argsort(away)[1]]
-        told = [w for w in found.warnings if w.startswith(f"measured mode {j} ")]
+        told = [w for w in found.warnings if w.startswith(f"measured mode {j + 1} ")]
         assert (f"{other:.4g} Hz fits too" in " ".join(told)) == (j in found.undecided)
     assert found.pairs[:, 0].tolist() == chosen
     np.testing.assert_allclose(found.frequency_error, 1.0 / 1.001 - 1.0, rtol=1e-9)

@@ -71,7 +71,7 @@ def survey(**changes: Any) -> MeasuredModes:
         ({"frequency_hz": -np.ones(8)}, "frequency of -1.0 Hz"),
         ({"frequency_hz": np.full(8, np.nan)}, "frequency_hz .* not finite"),
         ({"shape": np.full((24, 8), np.inf)}, "shape .* not finite"),
-        ({"shape": np.zeros((24, 8))}, "shape of mode 0 is zero"),
+        ({"shape": np.zeros((24, 8))}, "shape of mode 1 is zero"),
         ({"shape_std": -np.ones((24, 8))}, "shape_std .* negative"),
         ({"direction": ("w",) * 24}, "no direction 'w'"),
         ({"node": ("n1",) * 24, "direction": ("x",) * 24}, "two channels are 'n1 x'"),

@@ -13,6 +13,7 @@ import pytest
 import middeck as md
 from cli_runner import ROOT, middeck
 from middeck.errors import DataError
+from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.structure.correlation.survey_drawing import build_survey_drawing
 from structure_builders import TURNING_TUBE, body, member, structure
 from structure_builders import node as node_at
@@ -162,3 +163,64 @@ def test_correlate_shows_the_test_beside_the_model(tmp_path: Path, capfd: pytest
         assert row[0]["hz"] == pytest.approx(hz, rel=1e-4)
     assert len(data["sides"][0]["lines"]) == 4  # the four struts between five nodes
     assert document["test_source"] == ""
+
+
+def plane(places: dict[str, tuple[float, float]], ends: list[str]) -> md.Modes:
+    """Nodes in a plane, each of one letter, and the members between them."""
+    light = body(0.1, inertia=(1e-4, 1e-4, 1e-4))
+    nodes = [node_at(name, (x, 0.0, z), light) for name, (x, z) in places.items()]
+    members = [member(*two, TURNING_TUBE, 2) for two in ends]
+    return md.solve_modes(md.solve_equilibrium(structure(nodes, members), md.Environment.orbit()))
+
+
+def drawn_along(
+    modes: md.Modes, moves: dict[str, float]
+) -> dict[frozenset[tuple[float, float]], list[float]]:
+    """The lines of a survey of y at some nodes, by the places that each joins, and how their points move."""
+    test = MeasuredModes(
+        frequency_hz=[1.0],
+        damping=[0.01],
+        node=tuple(moves),
+        direction=("y",) * len(moves),
+        shape=np.array([list(moves.values())]).T,
+    )
+    drawing = build_survey_drawing(modes, test)
+    assert [mark.name for mark in drawing.marks] == list(moves)
+    found = {}
+    for line in drawing.lines:
+        points = range(line.first, line.last)
+        places = [tuple(drawing.drawn[k, ::2].tolist()) for k in points]
+        order = sorted(points, key=lambda k: tuple(drawing.drawn[k].tolist()))
+        found[frozenset(places)] = [float(drawing.motion[0, k, 1]) for k in order]
+    return found
+
+
+def test_measured_points_are_joined_along_the_members_between_them() -> None:
+    """Two of five nodes on a beam: what lies between moves evenly, the rest of the beam is not drawn."""
+    places = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (1.5, 0.0), "d": (3.0, 0.0), "e": (4.0, 0.0)}
+    lines = drawn_along(plane(places, ["ab", "bc", "cd", "de"]), {"a": 1.0, "d": 4.0})
+    expected = {("a", "b"): [1.0, 2.0], ("b", "c"): [2.0, 2.5], ("c", "d"): [2.5, 4.0]}
+    assert lines == {
+        frozenset(places[n] for n in ends): pytest.approx(z, abs=1e-12) for ends, z in expected.items()
+    }
+    assert lines.keys() == {frozenset((places[a], places[b])) for a, b in ("ab", "bc", "cd")}
+
+
+def test_a_measured_mesh_node_bends_its_member() -> None:
+    places = {"a": (0.0, 0.0), "b": (2.0, 0.0)}
+    lines = drawn_along(plane(places, ["ab"]), {"a": 0.0, "a-b/1": 1.0, "b": 0.0})
+    assert lines == {frozenset([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]): pytest.approx([0.0, 1.0, 0.0])}
+
+
+def test_a_ring_stays_closed_and_a_hub_is_the_mean_of_its_arms() -> None:
+    """Arms of lengths 1, 1 and 2 to a hub that was not measured, and a boom beyond that hangs on it alone."""
+    ring = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (1.0, 1.0), "d": (0.0, 1.0)}
+    assert len(drawn_along(plane(ring, ["ab", "bc", "cd", "da"]), {"a": 0.0, "b": 1.0, "d": 1.0})) == 4
+    star = {"h": (0.0, 0.0), "a": (1.0, 0.0), "b": (-1.0, 0.0), "c": (0.0, 2.0), "d": (0.0, -1.0)}
+    lines = drawn_along(plane(star, ["ha", "hb", "hc", "hd"]), {"a": 1.0, "b": 0.0, "c": 4.0})
+    hub = (1.0 * 1.0 + 1.0 * 0.0 + 0.5 * 4.0) / 2.5
+    assert lines[frozenset((star["h"], star["a"]))] == pytest.approx([hub, 1.0])
+    assert lines[frozenset((star["h"], star["b"]))] == pytest.approx([0.0, hub])
+    assert frozenset((star["h"], star["d"])) not in lines
+    # With one measured node nothing is joined: it is a mark.
+    assert drawn_along(plane(star, ["ha", "hb", "hc", "hd"]), {"a": 1.0}) == {}

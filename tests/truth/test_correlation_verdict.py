@@ -151,7 +151,8 @@ def test_alike_shapes_octaves_apart_are_no_pair():
         shape=np.ones((1, 2)),
         mass=np.eye(1),
         significant=np.zeros(2, dtype=bool),
-        flexible=np.ones(2, dtype=bool),
+        fundamental=np.zeros(2, dtype=bool),
+        has_fundamental=False,
     )
     found = evaluate_shapes(model, np.array([5.2, 1.1]), np.ones((1, 2), dtype=complex))
     assert found.pairs.tolist() == [[1, 0], [0, 1]]

@@ -39,15 +39,18 @@ def correlation_figure(found: Correlation) -> Figure:
                 left.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6.0, color=colour)
     modes = found.modes
     left.set_yticks(range(len(mac)), [f"{i}: {modes.frequency_hz[i]:.4g} Hz" for i in found.candidates])
-    left.set_xticks(range(len(measured)), [f"{f:.4g}" for f in measured], rotation=60)
+    left.set_xticks(range(len(measured)), [f"{j}: {f:.4g}" for j, f in enumerate(measured, 1)], rotation=60)
     left.set_xlabel("measured mode [Hz]")
     left.set_ylabel("mode of the model")
     left.set_title("MAC; circles: pairs")
     left.grid(visible=False)
     figure.colorbar(image, ax=left, fraction=0.05, pad=0.02)
-    _draw_errors(right, [f"{measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs], found.evaluation)
-    verdict = "passes" if found.passed else "does not pass"
-    figure.suptitle(f"{_heading(modes)}\n{verdict} {found.profile.name}", fontsize=9.5)
+    _draw_errors(
+        right,
+        [f"test {j + 1}, {measured[j]:.4g} Hz: {modes.name[i]}" for i, j in found.pairs],
+        found.evaluation,
+    )
+    figure.suptitle(f"{_heading(modes)}\n{found.profile.name}: {found.verdict}", fontsize=9.5)
     return figure
 
 
@@ -56,7 +59,11 @@ def frequencies_figure(found: FrequencyComparison) -> Figure:
     """Frequency errors of the pairs; a question mark where another mode of the model fits too."""
     measured, names = found.measured.frequency_hz, found.modes.name
     figure = new_figure(1.6 + 0.3 * len(found.pairs), 6.5)
-    rows = [f"{measured[j]:.4g} Hz{' ?' * (j in found.undecided)}: {names[i]}" for i, j in found.pairs]
+    doubts = [" ?" * (j in found.undecided) for _, j in found.pairs]
+    rows = [
+        f"test {j + 1}, {measured[j]:.4g} Hz{doubt}: {names[i]}"
+        for (i, j), doubt in zip(found.pairs, doubts, strict=True)
+    ]
     _draw_errors(figure.subplots(), rows, found)
     doubt = "\n?: another mode of the model fits too" if found.undecided else ""
     figure.suptitle(f"{_heading(found.modes)}{doubt}", fontsize=9.5)

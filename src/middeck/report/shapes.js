@@ -13,8 +13,8 @@
   document.documentElement.classList.add("js");
 
   data.rows.forEach((row, i) => {
-    const text = row.find(cell => cell).text + (row.filter(cell => cell).length > 1 ? " | " + row[row.length - 1].text : "");
-    mode.add(new Option(text, i));
+    const texts = row.map((cell, s) => cell && [data.sides[s].label, cell.text].filter(text => text).join(" "));
+    mode.add(new Option(texts.filter(text => text).join(" | "), i));
   });
 
   const sides = data.sides.map((side, s) => {

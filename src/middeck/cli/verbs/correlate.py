@@ -11,9 +11,12 @@ import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.errors import ConfigError
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from middeck.structure.correlation.correlate import Correlation, Finding
     from middeck.structure.correlation.frequencies import FrequencyComparison
     from middeck.structure.correlation.review_criteria import Profile
@@ -59,7 +62,7 @@ clamped nodes belongs to no mode, so that the sum is then below 100 %."""
     "limits",
     metavar="QUANTITY VALUE",
     type=(click.Choice(QUANTITIES), options.Real(0.0, 1.0)),
-    help=f"Another limit than the profile's, repeatable: {', '.join(QUANTITIES)}.",
+    help=f"Another limit than the profile's, for all its modes, repeatable: {', '.join(QUANTITIES)}.",
 )
 @options.defaulted(
     "--reduction",
@@ -161,7 +164,6 @@ def describe(found: Correlation) -> dict[str, Any]:
     return {
         "schema": "middeck.correlate/1",
         **_common(found),
-        "profile_title": found.profile.title,
         "probability_of_a_correct_model": _probability(found.probability),
         "criteria": [_criterion(f) for f in found.findings],
         "frequency_error": judged.frequency_error,
@@ -204,47 +206,83 @@ def _common(found: Correlation | FrequencyComparison) -> dict[str, Any]:
         "article": modes.equilibrium.model.structure.title,
         "environment": modes.equilibrium.environment.title,
         "profile": found.profile.name,
-        "passed": found.passed,
+        "profile_title": found.profile.title,
+        **fields(found, "passed", "verdict"),
         "pairs": found.pairs,
         "name": [modes.name[i] for i in ours],
         "frequency_hz": modes.frequency_hz[ours],
         "measured_hz": found.measured.frequency_hz[theirs],
+        **_damping(modes, ours, found.measured.damping[theirs]),
         "unpaired": found.unpaired,
         "unmeasured": found.unmeasured,
         "warnings": (*modes.warnings, *found.warnings),
     }
 
 
+def _damping(modes: md.Modes, ours: np.ndarray, measured: np.ndarray) -> dict[str, Any]:
+    """Damping ratios of the pairs, where the test states any: zero is none, as in universal files."""
+    from middeck.structure.plants.damping import estimate_damping
+
+    stated = [float(zeta) if zeta > 0.0 else None for zeta in measured]
+    if not any(stated):
+        return {"measured_damping": None, "damping": None}
+    try:
+        model = estimate_damping(modes, count=int(max(ours)) + 1).zeta[ours].tolist()
+    except ConfigError:  # of ratios that do not reach so far; `modes` says why
+        model = [None] * len(ours)
+    return {"measured_damping": stated, "damping": model}
+
+
+def _damping_columns(document: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Headers and cells of the pairs' damping; none where the test states none."""
+    if document["damping"] is None:
+        return [], [[] for _ in document["pairs"]]
+    both = zip(document["measured_damping"], document["damping"], strict=True)
+    cells = [["" if zeta is None else f"{100.0 * zeta:.2f}" for zeta in pair] for pair in both]
+    return ["test zeta %", "model zeta %"], cells
+
+
+def _judged(criterion: dict[str, Any], key: str) -> list[str]:
+    """Worst value and whether the criterion is met; open where the model's fundamental was not measured."""
+    met, worst = criterion[key], criterion["worst"]
+    if worst is None:
+        return ["no mode", "-"] if met else ["not measured", "open"]
+    return [f"{worst:.4f}", "yes" if met else "NO"]
+
+
 def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
     keys = ("measured_hz", "frequency_hz", "frequency_error", "name")
+    damping, cells = _damping_columns(document)
     rows = [
         [
+            str(j + 1),
             str(i),
             f"{t:.4f}",
             f"{m:.4f}",
             f"{100.0 * e:+.2f}",
+            *zeta,
             "no" if j in document["undecided"] else "yes",
             n,
         ]
-        for (i, j), t, m, e, n in zip(document["pairs"], *(document[k] for k in keys), strict=True)
+        for (i, j), t, m, e, n, zeta in zip(
+            document["pairs"], *(document[k] for k in keys), cells, strict=True
+        )
     ]
     judged = [
         [
             f"{c['quantity'].value}, {c['group'].value}",
             f"<= {c['limit']:g}",
-            "no mode" if c["worst"] is None else f"{c['worst']:.4f}",
-            "-" if c["worst"] is None else "yes" if c["met"] else "NO",
+            *_judged(c, "met"),
         ]
         for c in document["criteria"]
     ]
-    missed = any(not c["met"] for c in document["criteria"])
-    verdict = "does not pass" if missed else "passes" if document["passed"] else "open: see the warnings"
+    headers = ["test", "model", "test Hz", "model Hz", "error %", *damping, "only one", "name"]
     return [
         *case_lines(document),
         *_source(document),
-        f"profile      {document['profile']}",
-        f"verdict      {verdict}",
-        Table("pairs by frequency alone", ["", "test Hz", "model Hz", "error %", "only one", "name"], rows),
+        f"profile      {document['profile']}: {document['profile_title']}",
+        f"verdict      {document['verdict']}{': see the warnings' * (document['verdict'] == 'open')}",
+        Table("pairs by frequency alone", headers, rows),
         Table("criteria on frequencies", ["criterion", "limit", "worst", "met"], judged),
     ]
 
@@ -277,7 +315,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *_source(document),
         f"profile      {document['profile']}: {document['profile_title']}",
         f"sensors      {_condition(document['sensor_condition'])}; mass by {document['reduction'].value}",
-        f"verdict      {'passes' if document['passed'] else 'does not pass'}",
+        f"verdict      {document['verdict']}{': see the warnings' * (document['verdict'] == 'open')}",
         f"a correct model would pass with probability {_interval(overall)} in {overall['runs']} runs",
         _pairs(document),
         PAIRS_NOTE,
@@ -311,12 +349,15 @@ def _pairs(document: dict[str, Any]) -> Table:
 
     cross, themselves = document["cross_orthogonality"], document["self_orthogonality"]
     others, own = largest_other(cross), largest_other(themselves)
+    damping, cells = _damping_columns(document)
     rows = [
         [
+            str(j + 1),
             str(i),
             f"{document['measured_hz'][p]:.4f}",
             f"{document['frequency_hz'][p]:.4f}",
             f"{100.0 * document['frequency_error'][p]:+.2f}",
+            *cells[p],
             f"{document['pair_mac'][p]:.4f}",
             f"{cross[p, p]:.4f}",
             f"{others[p]:.4f}",
@@ -325,7 +366,8 @@ def _pairs(document: dict[str, Any]) -> Table:
         ]
         for p, (i, j) in enumerate(document["pairs"])
     ]
-    headers = ["", "test Hz", "model Hz", "error %", "MAC", "cross", "off", "self off", "name"]
+    headers = ["test", "model", "test Hz", "model Hz", "error %", *damping]
+    headers += ["MAC", "cross", "off", "self off", "name"]
     return Table("pairs", headers, rows)
 
 
@@ -336,8 +378,7 @@ def _criterion_row(c: dict[str, Any]) -> list[str]:
     return [
         f"{c['quantity'].value}, {c['group'].value}",
         f"{sign} {c['limit']:g}{mark}",
-        "no mode" if c["worst"] is None else f"{c['worst']:.4f}",
-        "-" if c["worst"] is None else "yes" if c["passed"] else "NO",
+        *_judged(c, "passed"),
         _interval(c["probability_of_a_correct_model"]),
         "" if shows is None else f"{shows[0]:.4f} to {shows[2]:.4f}",
     ]

@@ -21,10 +21,12 @@ from middeck.structure.correlation.evaluation import (
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
     MeasurementNoise,
+    called,
     not_measured,
     seen,
     sensor_rows,
 )
+from middeck.structure.correlation.not_judged import below_the_test, fundamental_modes, not_judged
 from middeck.structure.correlation.pass_probability import (
     CorrectModel,
     Probability,
@@ -50,7 +52,7 @@ class Finding:
     Attributes:
         items: Names of the modes, for a COMAC of the channels, that it applies to.
         values, worst: Value of each item, and the one nearest to failing or farthest beyond; None where it
-            applies to nothing, which passes.
+            applies to nothing, which passes, unless the model's fundamental was not measured.
         probability: That a correct model would meet this criterion, given the noise of the test.
         expected: 5, 50 and 95 % of the worst value that a correct model would show.
     """
@@ -101,6 +103,12 @@ class Correlation:
     def passed(self) -> bool:
         """Whether every criterion is met and every measured mode is paired."""
         return not self.unpaired and all(f.passed for f in self.findings)
+
+    @property
+    def verdict(self) -> str:
+        """Open where all that keeps the profile from being met is a fundamental that was not measured."""
+        missed = self.unpaired or any(f.worst is not None and not f.passed for f in self.findings)
+        return "passes" if self.passed else "does not pass" if missed else "open"
 
 
 def correlate_modes(
@@ -159,7 +167,7 @@ def correlate_modes(
         warnings=(
             *measured.warnings,
             *units,
-            *_warnings(modes, measured, profile, findings, alone, missing),
+            *_warnings(modes, measured, profile, findings, pairs, alone, missing),
         ),
     )
 
@@ -219,12 +227,14 @@ def candidates(
 ) -> Candidates:
     """The modes ``index`` with their ``shape`` at channels of the reduced ``mass``."""
     effective = measure_effective_mass(modes).fraction[index]
+    lowest = fundamental_modes(modes)
     return Candidates(
         frequency_hz=modes.frequency_hz[index],
         shape=shape,
         mass=mass,
         significant=np.any(effective > profile.significant_fraction, axis=1),
-        flexible=np.array([modes.kind[i] == "flexible" for i in index]),
+        fundamental=np.isin(index, lowest),
+        has_fundamental=len(lowest) > 0,
     )
 
 
@@ -278,6 +288,7 @@ def _warnings(
     measured: MeasuredModes,
     profile: Profile,
     findings: tuple[Finding, ...],
+    pairs: np.ndarray,
     unpaired: tuple[int, ...],
     unmeasured: tuple[int, ...],
 ) -> tuple[str, ...]:
@@ -285,10 +296,8 @@ def _warnings(
     recalled = sum(c.recalled for c in profile.criteria)
     if recalled:
         said.append(f"{recalled} of {len(profile.criteria)} limits of {profile.name} are {RECALLED}")
-    said += [
-        f"measured mode {i} of {measured.frequency_hz[i]:.4g} Hz has no partner in the model"
-        for i in unpaired
-    ]
+    said += [f"{called(measured, j)} has no partner in the model" for j in unpaired]
     said += not_measured(modes, unmeasured)
-    said += [f"no measured mode falls under the criterion: {f.criterion}" for f in findings if not f.items]
+    said += below_the_test(modes, measured, pairs[:, 0])
+    said += not_judged(modes, profile, [f.criterion for f in findings if not f.items])
     return tuple(said)

@@ -22,21 +22,27 @@ from middeck.values import record
 # Modes are one pair only if neither frequency is more than this times the other: a few sensors may see
 # shapes alike that are octaves apart.
 WINDOW = 2.0
+# Part of its MAC that a pair an octave apart loses: at few channels many shapes are equal to rounding.
+NEARER = 1e-6
 
 
 @record(kw_only=True)
 class Candidates:
     """The model at the channels: the modes that a measured one may be paired with.
 
-    ``significant`` says which have more effective mass than the profile's part, ``flexible`` which have more
-    than half of their potential energy in strain: what holds an article may be stiff, so rank will not do.
+    Attributes:
+        significant: Which have more effective mass than the profile's part.
+        fundamental: Which are the lowest mode of the model with more than half of its potential energy in
+            strain, or of its frequency: what holds an article may be stiff, so rank will not do.
+        has_fundamental: Whether the model has such a mode, among the candidates or not.
     """
 
     frequency_hz: Float[np.ndarray, " candidate"]
     shape: Float[np.ndarray, "channel candidate"]
     mass: Float[np.ndarray, "channel channel"]
     significant: Bool[np.ndarray, " candidate"]
-    flexible: Bool[np.ndarray, " candidate"]
+    fundamental: Bool[np.ndarray, " candidate"]
+    has_fundamental: bool
 
 
 @record(kw_only=True)
@@ -65,7 +71,10 @@ def evaluate_shapes(
     frequency_hz: Float[np.ndarray, " measured"],
     shape: Complex[np.ndarray, "channel measured"],
 ) -> Evaluation:
-    """Pair and compare; pairs have the largest sum of MAC among modes of neighbouring frequencies."""
+    """Pair and compare; pairs have the largest sum of MAC among modes of neighbouring frequencies.
+
+    Of shapes that are equal at the channels the nearer in frequency counts.
+    """
     mac = modal_assurance(model.shape, shape)
     pairs = _pair(mac, model.frequency_hz, frequency_hz)
     ours, theirs = pairs.T
@@ -81,8 +90,8 @@ def evaluate_shapes(
 
 
 def _pair(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> np.ndarray:
-    near = np.abs(np.log(ours_hz[:, None] / theirs_hz)) <= np.log(WINDOW)
-    score = np.where(near, mac, 0.0)
+    apart = np.abs(np.log(ours_hz[:, None] / theirs_hz)) / np.log(WINDOW)
+    score = np.where(apart <= 1.0, mac * (1.0 - NEARER * apart**2), 0.0)
     i, j = linear_sum_assignment(score, maximize=True)
     pairs = np.stack([i, j], axis=1)[score[i, j] > 0.0]
     return pairs[np.argsort(pairs[:, 1], kind="stable")]
@@ -118,9 +127,13 @@ def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
     """Which of the candidates ``ours`` are in a group of modes."""
     if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
-    flexible = np.where(model.flexible[ours], model.frequency_hz[ours], np.inf)
-    fundamental = np.isfinite(flexible) & (flexible == flexible.min(initial=np.inf))
+    fundamental = model.fundamental[ours]
     if group is Scope.FUNDAMENTAL:
         return fundamental
     significant = model.significant[ours] & ~fundamental
     return significant if group is Scope.SIGNIFICANT else ~significant & ~fundamental
+
+
+def nothing_passes(model: Candidates, criterion: Criterion) -> bool:
+    """Whether ``criterion`` is met where it applies to no pair: not by a fundamental that nobody measured."""
+    return not (criterion.group is Scope.FUNDAMENTAL and model.has_fundamental)

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from middeck.errors import ConfigError
 from middeck.structure.correlation.correlate import candidates, unmeasured, unpaired
-from middeck.structure.correlation.evaluation import WINDOW, members
-from middeck.structure.correlation.measured_modes import MeasuredModes, not_measured
+from middeck.structure.correlation.evaluation import members, nothing_passes
+from middeck.structure.correlation.frequency_pairs import SAME, nearest_two, pair_frequencies
+from middeck.structure.correlation.measured_modes import MeasuredModes, called, not_measured
+from middeck.structure.correlation.not_judged import below_the_test, not_judged
 from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
 from middeck.structure.correlation.unit_slips import doubt_survey_units
 from middeck.structure.modes.solve import Modes
@@ -21,7 +22,10 @@ from middeck.values import record
 
 @record(kw_only=True)
 class FrequencyFinding:
-    """One criterion on frequencies: the worst error of the pairs that it applies to, None where to none."""
+    """One criterion on frequencies: the worst error of the pairs that it applies to, None where to none.
+
+    Where it applies to none it is met, unless the model's fundamental has no partner.
+    """
 
     criterion: Criterion
     worst: float | None
@@ -30,15 +34,15 @@ class FrequencyFinding:
 
 @record(kw_only=True)
 class FrequencyComparison:
-    """Frequencies of a model and a test, paired by nearness.
+    """Frequencies of a model and a test, in pairs that rise together.
 
     Attributes:
         pairs: (mode, measured mode), one to one.
         frequency_error: Frequency error of each pair, model over test less one.
         findings: Findings of the criteria on frequencies.
         unjudged: Criteria of the profile that need shapes.
-        unpaired, unmeasured: Measured modes without a partner within an octave, and modes of the model within
-            the test's band that have none.
+        unpaired, unmeasured: Measured modes without a partner, and modes of the model within the test's band
+            that have none.
         undecided: Measured modes that another mode of the model fits within the limit, or nearly as well.
     """
 
@@ -60,35 +64,43 @@ class FrequencyComparison:
         settled = not (self.unjudged or self.unpaired or self.undecided)
         return settled and all(f.met for f in self.findings)
 
+    @property
+    def verdict(self) -> str:
+        """Open where no criterion is missed and the profile is not shown to be met."""
+        missed = any(f.worst is not None and not f.met for f in self.findings)
+        return "passes" if self.passed else "does not pass" if missed else "open"
+
 
 def compare_frequencies(modes: Modes, measured: MeasuredModes, profile: Profile) -> FrequencyComparison:
-    """Pair frequencies at the least sum of relative distances, and judge the criteria on frequency.
+    """Pair frequencies as is likeliest (`frequency_pairs`), and judge the criteria on frequency.
 
     Two modes of one frequency are not told apart by it: where the model has another mode that fits a measured
     one within the profile's limit, or within twice the distance of its partner, the pair is ``undecided``.
 
-    Raises `ConfigError` where no mode of the model is within an octave of a measured one.
+    Raises `ConfigError` where no measured mode has a partner.
     """
     index = np.array(
         [i for i, kind in enumerate(modes.kind) if kind != "rigid" and modes.frequency_hz[i] > 0.0], int
     )
-    away = np.abs(np.log(modes.frequency_hz[index][:, None] / measured.frequency_hz))
-    # Beyond the window any partner is as bad as none.
-    ours, theirs = linear_sum_assignment(np.minimum(away, np.log(WINDOW)))
-    near = away[ours, theirs] < np.log(WINDOW)
-    order = np.argsort(theirs[near], kind="stable")
-    ours, theirs = ours[near][order], theirs[near][order]
+    ours_hz = np.repeat(modes.frequency_hz[index][:, None], len(measured.frequency_hz), axis=1)
+    away = np.abs(np.log(ours_hz / measured.frequency_hz))
+    ours, theirs = pair_frequencies(ours_hz, measured.frequency_hz).T
     if not len(ours):
         raise ConfigError(
-            "no mode of the model is within an octave of a measured one",
+            "no mode of the model has a frequency that was measured",
             where="measured modes",
-            hint="are the frequencies in Hz?",
+            hint="; ".join(
+                (
+                    *doubt_survey_units(modes, measured),
+                    f"are the frequencies in Hz? {nearest_two(modes.frequency_hz, measured.frequency_hz)}",
+                )
+            ),
         )
     pairs = np.stack([index[ours], theirs], axis=1)
     error = modes.frequency_hz[pairs[:, 0]] / measured.frequency_hz[theirs] - 1.0
     criteria = [c for c in profile.criteria if c.quantity is Quantity.FREQUENCY_ERROR]
     limit = max((c.limit for c in criteria), default=0.0)
-    reach = np.maximum(limit, 2.0 * away[ours, theirs])
+    reach = np.maximum(limit, 2.0 * away[ours, theirs]) + SAME
     undecided = tuple(int(j) for j, r in zip(theirs, reach, strict=True) if np.sum(away[:, j] <= r) > 1)
     found = FrequencyComparison(
         modes=modes,
@@ -119,9 +131,8 @@ def _judge(
     for criterion in criteria:
         values = np.abs(error[members(model, ours, criterion.group)])
         worst = float(values.max()) if len(values) else None
-        found.append(
-            FrequencyFinding(criterion=criterion, worst=worst, met=worst is None or worst <= criterion.limit)
-        )
+        met = nothing_passes(model, criterion) if worst is None else criterion.holds(worst)
+        found.append(FrequencyFinding(criterion=criterion, worst=worst, met=met))
     return tuple(found)
 
 
@@ -137,13 +148,23 @@ def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
         said.append(f"limits of {found.profile.name} are {RECALLED}")
     for j in found.undecided:
         left = np.delete(modes.frequency_hz, partner[j])
-        left = left[left > 0.0]
-        other = left[np.argmin(np.abs(np.log(left / hz[j])))]
         said.append(
-            f"measured mode {j} of {hz[j]:.4g} Hz: {modes.name[partner[j]]!r} of "
-            f"{modes.frequency_hz[partner[j]]:.4g} Hz is an ambiguous partner: {other:.4g} Hz fits too"
+            f"{called(found.measured, j)}: {modes.name[partner[j]]!r} of "
+            f"{modes.frequency_hz[partner[j]]:.4g} Hz is an ambiguous partner: "
+            f"{_nearest(left, hz[j]):.4g} Hz fits too"
         )
-    said += [f"measured mode {j} of {hz[j]:.4g} Hz has no partner in the model" for j in found.unpaired]
+    left = np.delete(modes.frequency_hz, found.pairs[:, 0])
+    for j in found.unpaired:
+        near = _nearest(left, hz[j])
+        off = f": {near:.4g} Hz, the nearest left, is off by {100.0 * (near / hz[j] - 1.0):+.0f} %"
+        said.append(f"{called(found.measured, j)} has no partner in the model{off if near > 0.0 else ''}")
     said += not_measured(modes, found.unmeasured)
-    said += [f"no measured mode is judged by: {f.criterion}" for f in found.findings if f.worst is None]
+    said += below_the_test(modes, found.measured, found.pairs[:, 0])
+    said += not_judged(modes, found.profile, [f.criterion for f in found.findings if f.worst is None])
     return tuple(said)
+
+
+def _nearest(ours_hz: np.ndarray, hz: float) -> float:
+    """The one of ``ours_hz`` nearest to ``hz``; zero where all are."""
+    moving = ours_hz[ours_hz > 0.0]
+    return float(moving[np.argmin(np.abs(np.log(moving / hz)))]) if len(moving) else 0.0

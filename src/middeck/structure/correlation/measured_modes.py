@@ -137,7 +137,7 @@ def _faults(measured: MeasuredModes) -> Iterator[tuple[str, str]]:
         yield f"a modal mass of {measured.modal_mass.min()} kg", "must be > 0 kg; leave out what is unknown"
     still = np.flatnonzero(~np.any(measured.shape, axis=0))
     if len(still) and len(measured.shape):
-        what = f"the shape of mode {still[0]} is zero"
+        what = f"the shape of mode {still[0] + 1} is zero"
         yield what, "leave the mode out, or add a channel at which it moves"
 
 
@@ -376,6 +376,11 @@ def _chosen(modes: Modes, chosen: Sequence[int] | None) -> np.ndarray:
                 hint=f"{modes.kind.count('rigid')} to {len(modes.omega) - 1}",
             )
     return np.array(chosen, dtype=int)
+
+
+def called(measured: MeasuredModes, j: int) -> str:
+    """A measured mode as sentences call it: they count from 1, as tests do."""
+    return f"measured mode {j + 1} of {measured.frequency_hz[j]:.4g} Hz"
 
 
 def not_measured(modes: Modes, missing: Sequence[int]) -> list[str]:

@@ -7,7 +7,13 @@ from jaxtyping import Bool, Float
 
 from middeck.campaign.confidence_of_draws import probability_interval
 from middeck.errors import ConfigError
-from middeck.structure.correlation.evaluation import Candidates, Evaluation, criterion_values, evaluate_shapes
+from middeck.structure.correlation.evaluation import (
+    Candidates,
+    Evaluation,
+    criterion_values,
+    evaluate_shapes,
+    nothing_passes,
+)
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
     MeasurementNoise,
@@ -136,4 +142,6 @@ def judge(model: Candidates, found: Evaluation, profile: Profile) -> tuple[np.nd
         if len(values):
             worst[c] = values.max() if criterion.quantity.has_upper_limit else values.min()
             passed[c] = criterion.holds(float(worst[c]))
+        else:
+            passed[c] = nothing_passes(model, criterion)
     return passed, worst

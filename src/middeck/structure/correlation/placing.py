@@ -10,12 +10,15 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.correlation.measured_modes import MeasuredModes, drawn_at
+from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, drawn_at
+from middeck.structure.model.links import Link
 from middeck.structure.modes.results.component_outputs import points_inside
 
 # Largest distance, over the size of the article, of a measured node from its node of the article.
 NEAR = 0.01
 LISTED = 10
+# Metres between nodes at one place: rounding of what a file states.
+PINNED = 1e-9
 
 
 def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
@@ -23,8 +26,9 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
 
     Number 3 is the node "3", or else the only node with this number at the end of its name ("n3"). A node
     with coordinates is the model's node at that place as drawn (within 1 % of the article's size); its number
-    decides only where several stand there, or none. Where no node is, attach points are sought, then points
-    inside components. What is not in the model is left out, with a warning.
+    decides only where several stand there, or none. Nodes that links pin to another at its place do not count
+    beside it. Where no node is, attach points are sought, then points inside components. What is not in the
+    model is left out, with a warning.
 
     Raises `ConfigError` if no channel is in the model.
     """
@@ -94,10 +98,16 @@ def _place(
         return by_number, []
     reach = NEAR * _size(model)
     near = next((names for kind in kinds if (names := _near(kind, at, reach))), [])
+    if len(near) > 1:
+        pinned = _pinned_to(model, near)
+        near = [name for name in near if name not in pinned]
     if by_number is not None and (by_number in near or not near):
         return by_number, _elsewhere(model, number, by_number, at)
     if len(near) != 1:
-        several = f"node {number} of the test stands where {' and '.join(near)} do: which of them is it?"
+        several = (
+            f"node {number} of the test stands where {' and '.join(near)} do: which of them is it? Give "
+            "it the number of that node in its name, or its name in a JSON survey"
+        )
         return None, [several] if near else []
     odd = [f"node {number} of the test stands where {near[0]} does, not {by_number}: taken as {near[0]}"]
     return near[0], odd if by_number else []
@@ -113,6 +123,19 @@ def _with_number(names: dict[str, np.ndarray], number: str) -> str | None:
 
 def _near(places: dict[str, np.ndarray], at: np.ndarray, reach: float) -> list[str]:
     return [n for n, x in places.items() if np.linalg.norm(x - at) <= reach]
+
+
+def _pinned_to(model: Model, names: list[str]) -> set[str]:
+    """Those that a link keeps at the place of another of them: the pinned ends of bars."""
+    return {
+        link.second
+        for link in model.structure.links
+        if isinstance(link, Link)
+        and {link.first, link.second} <= set(names)
+        and set(link.along) == set(AXES[:3])
+        and not np.any(link.offset)
+        and np.allclose(drawn_at(model, link.first), drawn_at(model, link.second), rtol=0.0, atol=PINNED)
+    }
 
 
 def _elsewhere(model: Model, number: str, name: str, at: np.ndarray) -> list[str]:

@@ -35,7 +35,7 @@ class Scope(Enum):
     """Which of the paired modes a criterion is about."""
 
     ALL = "all modes"
-    FUNDAMENTAL = "fundamental"  # the lowest flexible one that was measured
+    FUNDAMENTAL = "fundamental"  # the model's lowest flexible one, not the lowest that was measured
     SIGNIFICANT = "large effective mass"  # others with more than the profile's part in any direction
     OTHER = "other modes"
 
@@ -171,7 +171,7 @@ def find_profile(name: str) -> Profile:
 
 
 def change_limit(profile: Profile, quantity: Quantity, limit: float, source: str) -> Profile:
-    """``profile`` with another limit for ``quantity`` in every group, quoted from ``source``.
+    """``profile`` with another limit for ``quantity`` in every group of modes, quoted from ``source``.
 
     Raises `ConfigError` for a quantity that the profile does not judge.
     """
@@ -188,5 +188,6 @@ def change_limit(profile: Profile, quantity: Quantity, limit: float, source: str
         else c
         for c in profile.criteria
     )
-    title = f"{profile.title}; {quantity.value} by {source}"
+    before = ", ".join(f"{c.limit:g} ({c.group.value})" for c in profile.criteria if c.quantity is quantity)
+    title = f"{profile.title}; {quantity.value} by {source}: {limit:g} in place of {before}"
     return dataclasses.replace(profile, title=title, criteria=criteria)

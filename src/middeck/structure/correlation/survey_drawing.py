@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, drawn_at, real_shapes
 from middeck.structure.correlation.placing import place_channels
+from middeck.structure.correlation.survey_lines import Traced, trace_article
 from middeck.structure.modes.results.drawing import Drawing, Mark, Strand
 from middeck.structure.modes.solve import Modes
 
@@ -15,19 +16,22 @@ from middeck.structure.modes.solve import Modes
 def build_survey_drawing(modes: Modes, measured: MeasuredModes, title: str = "test") -> Drawing:
     """Measured shapes at the places of the model's nodes, upwards as the model of ``modes`` is.
 
-    Lines are those of the survey (trace lines of a universal file), else the members between measured
-    nodes. A complex shape is drawn in the phase in which it is largest. Rotations are not drawn.
+    Lines are those of the survey (trace lines of a universal file), else the article's between measured nodes
+    (`survey_lines`). A complex shape is drawn in the phase in which it is largest. Rotations are not drawn;
+    directions that were not measured are zero.
 
     Raises `ConfigError` for a survey none of whose nodes is in the model.
     """
     model = modes.equilibrium.model
     measured = place_channels(model, measured)
-    nodes = {node: None for node, way in zip(measured.node, measured.direction, strict=True) if way in AXES}
-    members = [(m.start, m.end) for m in model.structure.members]
-    lines = measured.lines or [ends for ends in members if nodes.keys() >= set(ends)]
-    points = [*nodes, *(name for line in lines for name in line)]
-    at = np.array([drawn_at(model, name) for name in points]).reshape(-1, 3)
-    ends = np.cumsum([len(nodes), *map(len, lines)], dtype=int).tolist()
+    channels = zip(measured.node, measured.direction, strict=True)
+    nodes = tuple(dict.fromkeys(node for node, way in channels if way in AXES))
+    traced = _by_trace_lines(nodes, measured) if measured.lines else trace_article(model, nodes)
+    row = {name: i for i, name in enumerate(traced.names)}
+    on_lines = (row[name] for _, line in traced.lines for name in line)
+    points = np.array([*range(len(nodes)), *on_lines], dtype=int)
+    at = np.array([drawn_at(model, name) for name in traced.names]).reshape(-1, 3)[points]
+    ends = np.cumsum([len(nodes), *(len(line) for _, line in traced.lines)], dtype=int).tolist()
     count, environment = len(measured.frequency_hz), modes.equilibrium.environment
     return Drawing(
         title=model.structure.title,
@@ -36,11 +40,13 @@ def build_survey_drawing(modes: Modes, measured: MeasuredModes, title: str = "te
         up=environment.upwards,
         drawn=at,
         rest=at,
-        lines=tuple(Strand("member", "line", first, last) for first, last in pairwise(ends)),
+        lines=tuple(
+            Strand(what, "line", *both) for (what, _), both in zip(traced.lines, pairwise(ends), strict=True)
+        ),
         marks=tuple(Mark("node", name, i, (0.0, 0.0, 0.0)) for i, name in enumerate(nodes)),
-        motion=_motion(points, measured),
-        strain=np.zeros((count, len(lines))),
-        number=tuple(range(count)),
+        motion=(traced.share @ _motion(nodes, measured))[:, points],
+        strain=np.zeros((count, len(traced.lines))),
+        number=tuple(range(1, count + 1)),
         frequency_hz=measured.frequency_hz,
         kind=("measured",) * count,
         name=("measured",) * count,
@@ -48,12 +54,19 @@ def build_survey_drawing(modes: Modes, measured: MeasuredModes, title: str = "te
     )
 
 
-def _motion(points: Sequence[str], measured: MeasuredModes) -> Float[np.ndarray, "mode point 3"]:
-    """Translations of points; directions that were not measured are zero."""
+def _by_trace_lines(nodes: Sequence[str], measured: MeasuredModes) -> Traced:
+    """The survey's own lines; what was not measured stands still."""
+    names = tuple(dict.fromkeys([*nodes, *(name for line in measured.lines for name in line)]))
+    lines = tuple(("member", line) for line in measured.lines)
+    return Traced(lines, names, np.eye(len(names), len(nodes)))
+
+
+def _motion(nodes: Sequence[str], measured: MeasuredModes) -> Float[np.ndarray, "mode node 3"]:
+    """Translations of nodes; directions that were not measured are zero."""
     row = {channel: k for k, channel in enumerate(zip(measured.node, measured.direction, strict=True))}
     shape = real_shapes(measured)
-    motion = np.zeros((shape.shape[1], len(points), 3))
-    for i, name in enumerate(points):
+    motion = np.zeros((shape.shape[1], len(nodes), 3))
+    for i, name in enumerate(nodes):
         for axis, way in enumerate(AXES[:3]):
             if (k := row.get((name, way))) is not None:
                 motion[:, i, axis] = shape[k]

@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from middeck.structure.correlation.assurance import modal_assurance
+from middeck.structure.correlation.frequency_pairs import pair_frequencies
 from middeck.structure.correlation.measured_modes import MeasuredModes, seen, sensor_rows
 from middeck.structure.modes.solve import Modes
 
@@ -31,14 +32,12 @@ def pair(
     hz = modes.frequency_hz
     if columns is None:
         columns = np.repeat(np.flatnonzero(hz > 0.0)[:, None], len(measured.frequency_hz), axis=1)
-    apart = np.abs(np.log(np.maximum(hz[columns], np.finfo(float).tiny) / measured.frequency_hz))
     if measured.node:
+        apart = np.abs(np.log(np.maximum(hz[columns], np.finfo(float).tiny) / measured.frequency_hz))
         alike = modal_assurance(at_channels(modes, measured), measured.shape)
         found = pair_shapes(np.take_along_axis(alike, columns, axis=0), apart)
     else:
-        i, j = linear_sum_assignment(apart)
-        kept = apart[i, j] <= np.log(WINDOW)
-        found = np.stack([i[kept], j[kept]], axis=1)
+        found = pair_frequencies(hz[columns], measured.frequency_hz)
     row, of = found[np.argsort(found[:, 1], kind="stable")].T
     return np.stack([columns[row, of], of], axis=1)
 
@@ -47,8 +46,9 @@ def pair_shapes(
     alike: Float[np.ndarray, "mode measured"], apart: Float[np.ndarray, "mode measured"]
 ) -> Int[np.ndarray, "pair 2"]:
     """One to one, from the MAC of all with all and the distances of their frequencies, in logarithms."""
-    # At few channels modes far apart look alike: of two that do the nearer one counts.
-    near = np.maximum(1.0 - apart / np.log(WINDOW), 0.0)
+    # At few channels modes far apart look alike: of two that do the nearer one counts. In squares, so that
+    # pairs of modes that all look alike rise together: the sum of distances is the same where they cross.
+    near = np.maximum(1.0 - (apart / np.log(WINDOW)) ** 2, 0.0)
     i, j = linear_sum_assignment(alike * near, maximize=True)
     kept = (alike[i, j] >= COMMON) & (near[i, j] > 0.0)
     return np.stack([i[kept], j[kept]], axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, NumericalError
+from middeck.structure.correlation.frequency_pairs import nearest_two
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
     real_shapes,
@@ -240,13 +241,9 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
 
 
 def _nearest(modes: Modes, measured: MeasuredModes) -> str:
-    ours, theirs = modes.frequency_hz[modes.omega > 0.0], measured.frequency_hz
-    i, j = np.unravel_index(np.argmin(np.abs(np.log(ours[:, None] / theirs))), (len(ours), len(theirs)))
-    shapes = f" and by a MAC of {COMMON:g} and more" if measured.node else ""
-    return (
-        f"modes are paired within a factor of {WINDOW:g} in frequency{shapes}; the nearest two are "
-        f"{theirs[j]:.4g} Hz, measured, and {ours[i]:.4g} Hz"
-    )
+    rule = f"within a factor of {WINDOW:g} in frequency and by a MAC of {COMMON:g} and more"
+    how = rule if measured.node else "by likelihood, without shapes"
+    return f"modes are paired {how}; {nearest_two(modes.frequency_hz, measured.frequency_hz)}"
 
 
 def compare(modes: Modes, survey: Survey, bound: Sequence[Bound], paired: Paired | None = None) -> Compared:

@@ -1,0 +1,76 @@
+"""Sentences on what a test leaves unjudged: modes below all that it measured, criteria that apply to none."""
+
+from collections.abc import Container, Sequence
+from itertools import groupby
+
+import numpy as np
+from jaxtyping import Int
+
+from middeck.structure.correlation.effective_mass import measure_effective_mass
+from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.structure.correlation.review_criteria import Criterion, Profile, Scope
+from middeck.structure.eigenproblem.repeated import by_frequency
+from middeck.structure.modes.solve import Modes
+
+
+def flexible_modes(modes: Modes) -> Int[np.ndarray, " mode"]:
+    """Modes with more than half of their potential energy in strain."""
+    return np.array([i for i, kind in enumerate(modes.kind) if kind == "flexible"], dtype=int)
+
+
+def fundamental_modes(modes: Modes) -> Int[np.ndarray, " mode"]:
+    """The lowest flexible mode, with those that have its frequency."""
+    flexible = flexible_modes(modes)
+    groups = by_frequency(modes.omega[flexible] ** 2)
+    return flexible[groups[0]] if groups else flexible
+
+
+def below_the_test(modes: Modes, measured: MeasuredModes, paired: Container[int]) -> list[str]:
+    """Flexible modes of the model below all that was measured, in one sentence; none in none."""
+    low = measured.frequency_hz.min()
+    below = [i for i in flexible_modes(modes) if modes.frequency_hz[i] < low and i not in paired]
+    if not below:
+        return []
+    lie = f"{len(below)} flexible modes lie" if len(below) > 1 else "a flexible mode lies"
+    return [f"{lie} below all that was measured, the lowest of them {_called(modes, below[0])}"]
+
+
+def not_judged(modes: Modes, profile: Profile, criteria: Sequence[Criterion]) -> list[str]:
+    """Why ``criteria`` apply to no pair: a sentence for each group of modes."""
+    said: list[str] = []
+    for group, some in groupby(sorted(criteria, key=lambda c: c.group.value), lambda c: c.group):
+        what = ", ".join(dict.fromkeys(c.quantity.value for c in some))
+        said.append(f"no pair is judged as {group.value} ({what}){_why(modes, profile, group)}")
+    return said
+
+
+def _why(modes: Modes, profile: Profile, group: Scope) -> str:
+    if group is Scope.FUNDAMENTAL:
+        return _fundamental(modes)
+    if group is Scope.SIGNIFICANT:
+        return _significant(modes, profile)
+    return ""
+
+
+def _fundamental(modes: Modes) -> str:
+    lowest = fundamental_modes(modes)
+    if not len(lowest):
+        return ": the model has no flexible mode"
+    return f": {_called(modes, lowest[0])} has no partner, so that this is not met"
+
+
+def _significant(modes: Modes, profile: Profile) -> str:
+    part = f"{100.0 * profile.significant_fraction:g} % of the effective mass"
+    fraction = measure_effective_mass(modes).fraction.max(axis=1)
+    large = fraction > profile.significant_fraction
+    flexible = [i for i in flexible_modes(modes) if large[i]]
+    if flexible:
+        return f": {_called(modes, flexible[0])} has more than {part}, but no partner"
+    if large.any():
+        kinds = " and ".join(dict.fromkeys(modes.kind[i] for i in np.flatnonzero(large)))
+        return f": only {kinds} modes have more than {part}, as of an article that hangs or floats"
+    return f": no mode of the model has more than {part}"
+
+
+def _called(modes: Modes, i: int) -> str:
+    return f"mode {i} {modes.name[i]!r} of {modes.frequency_hz[i]:.4g} Hz"
