@@ -28,12 +28,12 @@ def build_survey_drawing(modes: Modes, measured: MeasuredModes, title: str = "te
     points = [*nodes, *(name for line in lines for name in line)]
     at = np.array([drawn_at(model, name) for name in points]).reshape(-1, 3)
     ends = np.cumsum([len(nodes), *map(len, lines)], dtype=int).tolist()
-    count, environment = len(measured.frequency_hz), modes.equilibrium.environment
+    count = len(measured.frequency_hz)
     return Drawing(
         title=model.structure.title,
         environment=title,
         gravity=modes.equilibrium.loads.gravity,
-        up=environment.upwards,
+        up=modes.equilibrium.upwards,
         drawn=at,
         rest=at,
         lines=tuple(Strand("member", "line", first, last) for first, last in pairwise(ends)),
