@@ -144,5 +144,7 @@ def test_the_report_of_a_deck_names_defaults_and_whose_choice_they_are(
     middeck(
         capfd, "convert", deck, "--units", "m-kg-s-N", "-o", written, "--environment", tmp_path / "e.toml"
     )
-    damping = md.load_structure(written).damping
+    article = md.load_structure(written)
+    assert article.up.tolist() == [0.0, 0.0, 1.0]
+    damping = article.damping
     assert (damping.flexible, damping.suspension) == (0.01, 0.03)

@@ -25,6 +25,9 @@ from middeck.plot.shapes import Shown, factor_of, first_panels, label_of, shapes
 from middeck.report.shape_page import MOTION_STEPS, PLACE_STEPS, ShapePage, render_shapes
 from middeck.structure.gravity.path import GravityPath
 from middeck.structure.gravity.path_events import EventKind, GravityEvent
+from middeck.structure.model.article import AttachPoint
+from middeck.structure.model.clamps import Clamp
+from middeck.structure.model.environment import GroundBushing
 from middeck.structure.modes.results.drawing import build_mode_drawing
 from structure_builders import TUBE, body, on_cables, straight_beam, tube_bus
 from trusses import truss
@@ -188,6 +191,21 @@ def test_the_page_turns_moves_and_tells_in_a_browser(chromium: str, text: str, t
     assert "drawn as 0.60 m (30 % of the article" in found["legend"]
 
 
+def test_the_page_says_what_its_marks_are() -> None:
+    """Those that are drawn, in the words of the pictures in files."""
+    held = md.Environment(
+        title="held", gravity=np.zeros(3), clamps=(Clamp(node="a"),),
+        bushings=(GroundBushing(name="leg", attach="tip", stiffness=np.eye(6)),),
+    )  # fmt: skip
+    beam = straight_beam(TUBE, 2.0, 4)
+    end = AttachPoint("tip", beam.nodes[-1].name, np.zeros(3))
+    modes = md.solve_modes(md.solve_equilibrium(dataclasses.replace(beam, attach_points=(end,)), held), 2)
+    drawing = build_mode_drawing(modes)
+    page = ShapePage(title="t", drawings=(drawing,), sides=("",), rows=((Shown(0, 0),), (Shown(0, 1),)))
+    found = re.findall(r'aria-hidden="true">(.)</span> ([^<]+)</span>', render_shapes(page))
+    assert found == [("\u25a0", "clamp"), ("\u25c7", "bushing to the ground")]
+
+
 def test_without_scripts_and_in_print_there_are_stills(chromium: str, text: str, tmp_path: Path) -> None:
     bare = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
     assert probed(chromium, bare, SEEN, tmp_path) == ["none", "block"]
@@ -301,6 +319,16 @@ def test_up_is_against_gravity(constants: str, up: list[float] | None, tmp_path:
     drawing = build_mode_drawing(md.solve_modes(md.solve_equilibrium(beam, md.load_environment(file)), 1))
     assert (None if drawing.up is None else drawing.up.tolist()) == up
     assert upright([drawing.up])[1].tolist() == (up or [0.0, 1.0, 0.0])
+
+
+def test_up_is_as_the_article_tells_where_no_environment_does() -> None:
+    beam = dataclasses.replace(straight_beam(TUBE, 2.0, 1), up=np.array([0.0, 0.0, 1.0]))
+    for gravity, up in ((0.0, [0.0, 0.0, 1.0]), (9.81, [1.0, 0.0, 0.0])):
+        held = md.Environment(
+            title="held", gravity=gravity * np.array([-1.0, 0.0, 0.0]), clamps=(Clamp(node="a"),)
+        )
+        modes = md.solve_modes(md.solve_equilibrium(beam, held), 1)
+        assert build_mode_drawing(modes).up.tolist() == up
 
 
 def test_up_without_anything_to_turn(capfd, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -263,6 +264,23 @@ def test_a_component_is_drawn_as_what_it_was_reduced_from(seed: int) -> None:
                 sign * drawing.motion[:, found], exact, atol=1e-5 * np.abs(ends["b"]).max()
             )
     np.testing.assert_allclose(drawing.strain[:, -1] + drawing.strain[:, 0], 1.0, atol=1e-6)
+
+
+def test_known_points_of_a_component_are_joined_by_the_shortest_lines() -> None:
+    """A line of nodes, recovered in any order, is drawn as that line again; names say whose strain it is."""
+    names = [f"n{k}" for k in range(6)]
+    light = body(0.1, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
+    nodes = [node(name, (0.3 * k, 0.0, 0.0), light) for k, name in enumerate(names)]
+    part = structure(nodes, [member(a, b, TUBE, 1) for a, b in pairwise(names)])
+    made = md.reduce_structure(part, ["n0", "n5"], count=8, recover=["n3", "n1", "n4", "n2"], name="boom")
+    ends = structure([node(nodes[k].name, nodes[k].position) for k in (0, 5)], [])
+    article = dataclasses.replace(ends, components=(made.component,))
+    modes = md.solve_modes(md.solve_equilibrium(article, md.Environment.orbit()), 9)
+    drawing = build_mode_drawing(modes, range(6, 9))
+    lines = [(line.first, line.last - 1) for line in drawing.lines if line.what == "component"]
+    joined = {tuple(sorted(np.rint(drawing.drawn[list(pair), 0] / 0.3).astype(int))) for pair in lines}
+    assert joined == set(pairwise(range(6)))
+    assert [name.split(" ", 1)[1] for name in modes.name[6:]] == ["deformation of component boom"] * 3
 
 
 def _turned(part: Component, turn: np.ndarray) -> dict[str, np.ndarray]:

@@ -133,6 +133,7 @@ def draw_comparison_to(
         md.structure.build_mode_drawing(orbit, pairs[:, 0].tolist()),
         md.structure.build_mode_drawing(lab, [*pairs[:, 1].tolist(), *alone]),
     )
+    sides = (dataclasses.replace(sides[0], up=sides[1].up), sides[1])  # 0-g lies as the other hangs
     page = ShapePage(
         title=f"Modes of {orbit.equilibrium.model.structure.title} in 0-g and in {place}",
         drawings=tuple(_upright(side, up) for side in sides),

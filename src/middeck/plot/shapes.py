@@ -44,9 +44,11 @@ MARKS: dict[str, dict[str, Any]] = {
     "moment": {"marker": "$\\circlearrowleft$", "markersize": 7.0, "color": COLOUR["lab"]},
 }
 WORDS = {"node": "measured node", "ground": "bushing to the ground", "support": "support of some directions"}
-BOX = "body, as the uniform box of its size or inertia"
-PART = "component, from its centre of mass to its grids"
-LINKED = "link that leaves some motion free, or average"
+OF_LINES = {
+    "body": "body, as the uniform box of its size or inertia",
+    "component": "component, between known points or from its centre of mass",
+    "link": "link that leaves some motion free, or average",
+}
 BOXED: dict[str, Any] = {
     "linestyle": "", "marker": "s", "markersize": 6.0, "color": COLOUR["ink"], "markerfacecolor": "none",
 }  # fmt: skip
@@ -230,17 +232,20 @@ def _scale(figure: Figure, heading: str, foot: float) -> None:
 
 
 def _entries(drawings: Sequence[Drawing]) -> list[Line2D]:
-    """Entries of the legend: marks, boxes and dashed lines."""
+    """Entries of the legend."""
+    looks: dict[str, dict[str, Any]] = {what: {"linestyle": "", **look} for what, look in MARKS.items()}
+    looks["body"] = BOXED
+    for what, dashes in DASHED.items():
+        looks[what] = {"linestyle": dashes, "linewidth": THICK[what], "color": COLOUR["ink"]}
+    return [Line2D([], [], label=words, **looks[what]) for what, words in legend_words(drawings)]
+
+
+def legend_words(drawings: Sequence[Drawing]) -> list[tuple[str, str]]:
+    """Marks, boxes and dashed lines that are drawn, each with its words."""
     seen = dict.fromkeys(mark.what for drawing in drawings for mark in drawing.marks)
-    entries = [Line2D([], [], linestyle="", label=WORDS.get(w, w), **MARKS[w]) for w in seen]
     lines = {line.what for drawing in drawings for line in drawing.lines}
-    if "body" in lines:
-        entries.append(Line2D([], [], label=BOX, **BOXED))
-    for what, label in (("component", PART), ("link", LINKED)):
-        if what in lines:
-            look: Any = {"linestyle": DASHED[what], "linewidth": THICK[what]}
-            entries.append(Line2D([], [], label=label, color=COLOUR["ink"], **look))
-    return entries
+    found = [(what, WORDS.get(what, what)) for what in seen]
+    return found + [(what, words) for what, words in OF_LINES.items() if what in lines]
 
 
 def _beside(entries: Sequence[Line2D], wide_in: float) -> int:

@@ -18,6 +18,7 @@ from middeck.plot.shapes import (
     SHADES,
     Shown,
     label_of,
+    legend_words,
     shapes_figure,
     upright,
 )
@@ -29,6 +30,11 @@ from middeck.values import record
 # Steps of the largest motion, and of the article's size: finer than a pixel.
 MOTION_STEPS, PLACE_STEPS = 999, 4999
 SHEET = 20  # stills on a printed page
+SIGNS = {
+    **{"node": "\u25cb", "mass": "\u25cf", "clamp": "\u25a0", "support": "\u25b3", "ground": "\u25c7"},
+    **{"force": "\u2192", "moment": "\u2192M", "body": "\u25a1", "component": "\u2504", "link": "\u2508"},
+}
+"""What stands for each entry of the legend."""
 
 
 @record(kw_only=True)
@@ -70,6 +76,7 @@ def render_shapes(page: ShapePage) -> str:
         script=Markup(script),
         data=Markup(data),
         stills=[Markup(svg) for svg in stills],
+        signs=[(SIGNS[what], words) for what, words in legend_words(page.drawings)],
         reach=REACH,
     )
 

@@ -36,6 +36,20 @@
     return (x, y, z) => [ca * x + sa * z, ce * y - se * (ca * z - sa * x)];
   }
 
+  // What all shapes of all sides fill in the view at first: half its width and height, and its middle.
+  const frame = (() => {
+    const project = projection(), ends = [Infinity, -Infinity, Infinity, -Infinity];
+    data.rows.forEach(row => row.forEach((cell, s) => {
+      const p = data.sides[s].points;
+      for (let i = 0; cell && i < p.length; i += 3) for (const sign of [1, -1]) {
+        const [u, v] = project(...[0, 1, 2].map(k => p[i + k] / places + sign * data.reach * cell.motion[i + k] / motions));
+        [ends[0], ends[1], ends[2], ends[3]] = [Math.min(ends[0], u), Math.max(ends[1], u), Math.min(ends[2], v), Math.max(ends[3], v)];
+      }
+    }));
+    const [left, right, low, high] = ends, least = data.reach;
+    return {wide: Math.max((right - left) / 2, least), high: Math.max((high - low) / 2, least), u: (left + right) / 2, v: (low + high) / 2};
+  })();
+
   function draw(view) {
     const {side, canvas, context: pen} = view, cell = cellOf(view);
     const ratio = window.devicePixelRatio || 1, wide = canvas.clientWidth, high = canvas.clientHeight;
@@ -44,8 +58,12 @@
     if (canvas.width !== fine[0] || canvas.height !== fine[1]) [canvas.width, canvas.height] = fine;
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, wide, high);
-    const project = projection(), unit = 0.82 * Math.min(wide, high) * zoom, count = side.points.length / 3;
-    const place = (x, y, z) => { const [u, v] = project(x, y, z); return [wide / 2 + unit * u, high / 2 - unit * v]; };
+    const project = projection(), count = side.points.length / 3, room = [wide / 2 - 20, high / 2 - 45];
+    const unit = Math.min(room[0] / frame.wide, room[1] / frame.high) * zoom;
+    const place = (x, y, z) => {
+      const [u, v] = project(x, y, z);
+      return [wide / 2 + unit * (u - frame.u), high / 2 - 25 - unit * (v - frame.v)];
+    };
     const rest = new Float64Array(2 * count), moved = new Float64Array(2 * count), value = new Float64Array(count);
     const by = cell ? scale.value * data.reach / motions : 0, now = by * Math.sin(phase), before = by * Math.cos(phase);
     const none = [0, 0, 0], at = (motion, i) => motion ? [0, 1, 2].map(k => motion[3 * i + k]) : none;
@@ -106,7 +124,9 @@
     else if (what === "support") {
       pen.beginPath(); pen.moveTo(x, y - 6); pen.lineTo(x + 6, y + 5); pen.lineTo(x - 6, y + 5); pen.closePath(); pen.stroke();
     }
-    else if (what === "ground") pen.strokeRect(x - 5, y - 5, 10, 10);
+    else if (what === "ground") {
+      pen.beginPath(); [[0, -6], [6, 0], [0, 6], [-6, 0]].forEach(([u, v]) => pen.lineTo(x + u, y + v)); pen.closePath(); pen.stroke();
+    }
     else if (what === "node") { pen.beginPath(); pen.arc(x, y, 2.5, 0, 7); pen.stroke(); }
     else if (what === "mass") { pen.beginPath(); pen.arc(x, y, 4, 0, 7); pen.fill(); }
     else { const [u, v] = project(...direction); arrow(pen, x - u, y + v, x, y); if (what === "moment") pen.fillText("M", x - u, y + v); }

@@ -87,6 +87,7 @@ def build_structure(form: forms.ArticleForm, folder: Path = HERE) -> Structure:
         links=tuple(build_link(part) for part in (*form.link, *form.interpolation, *form.equation)),
         components=tuple(build_component(c, folder) for c in form.component),
         wheels=tuple(_wheel(w) for w in form.wheel),
+        up=_unit(form.up),
     )
 
 

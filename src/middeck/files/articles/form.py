@@ -294,6 +294,7 @@ class ArticleForm(Form):
     name: Name
     title: str = ""
     wheel_node: str | None = None
+    up: Direction | None = None
     mesh: MeshForm = MeshForm()
     material: dict[str, MaterialForm] = Field(default_factory=dict)
     section: dict[str, SectionForm] = Field(default_factory=dict)

@@ -32,12 +32,12 @@ def build_survey_drawing(modes: Modes, measured: MeasuredModes, title: str = "te
     points = np.array([*range(len(nodes)), *on_lines], dtype=int)
     at = np.array([drawn_at(model, name) for name in traced.names]).reshape(-1, 3)[points]
     ends = np.cumsum([len(nodes), *(len(line) for _, line in traced.lines)], dtype=int).tolist()
-    count, environment = len(measured.frequency_hz), modes.equilibrium.environment
+    count = len(measured.frequency_hz)
     return Drawing(
         title=model.structure.title,
         environment=title,
         gravity=modes.equilibrium.loads.gravity,
-        up=environment.upwards,
+        up=modes.equilibrium.upwards,
         drawn=at,
         rest=at,
         lines=tuple(

@@ -398,6 +398,7 @@ class Structure:
     """A test article, without gravity and without its suspension.
 
     ``masses`` and ``loads`` are those of the one of its ``load_cases`` that `apply_load_case` has chosen.
+    ``up`` is the unit vector in W that pictures draw upwards where the environment tells no vertical.
     """
 
     title: str
@@ -416,6 +417,7 @@ class Structure:
     components: tuple[Component, ...] = ()
     links: tuple[AnyLink, ...] = ()
     wheels: tuple[Wheel, ...] = ()
+    up: Float[np.ndarray, "3"] | None = None
 
     @cached_property
     def mass(self) -> float:

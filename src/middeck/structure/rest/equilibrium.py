@@ -109,6 +109,12 @@ class Equilibrium:
         return (*self.suspension.name, *(spring.name for spring in self.environment.springs))
 
     @property
+    def upwards(self) -> Float[np.ndarray, "3"] | None:
+        """Unit vector in W that is upwards: against gravity or its direction, else as the article tells."""
+        up = self.environment.upwards
+        return self.model.structure.up if up is None else up
+
+    @property
     def converged(self) -> bool:
         """Whether the residual is at rounding level; `solve_modes` refuses otherwise."""
         return self.residual < self.enough

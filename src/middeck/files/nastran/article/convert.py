@@ -113,7 +113,7 @@ def convert_deck(
     }
     reference, lost = _reference(basis)
     coordinates = 6 * len(nodes + pinned) + len(single.nodes) + sum(c.modal for c in components.values())
-    document = _head(name, deck) | {
+    document = _head(name, deck, sets.down()) | {
         "section": sections,
         "node": nodes + pinned + single.nodes,
         "strut": struts,
@@ -158,9 +158,10 @@ def _reference(basis: Basis) -> tuple[tuple[int, np.ndarray] | None, list[str]]:
     return (0, np.zeros(3)), lost if grid else []
 
 
-def _head(name: str, deck: Deck) -> dict[str, Any]:
+def _head(name: str, deck: Deck, down: np.ndarray | None) -> dict[str, Any]:
     title = f"{name} (from {deck.path.rsplit('/', 1)[-1]})"
-    return {"schema": 1, "name": name, "title": title, "mesh": {"elements_per_strut": 1}}
+    up = [] if down is None else -down + 0.0
+    return {"schema": 1, "name": name, "title": title, "up": up, "mesh": {"elements_per_strut": 1}}
 
 
 def _supports(
@@ -187,4 +188,4 @@ def _tables(standing: Standing, kind: str) -> list[dict[str, Any]]:
 
 
 def _filled(document: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in document.items() if value != []}
+    return {key: value for key, value in document.items() if not isinstance(value, list) or value}

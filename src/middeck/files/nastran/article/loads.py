@@ -122,10 +122,14 @@ class LoadSets:
             )
         return {"gravity_m_s2": size, "gravity_direction": along}, notes
 
+    def down(self) -> np.ndarray | None:
+        """The direction of the first GRAV of the deck, whether selected or not."""
+        known = [self._acceleration(1.0, entry, []) for entry in self.entries if entry.name == "GRAV"]
+        return next((g / np.linalg.norm(g) for g in known if np.any(g)), None)
+
     def _down(self) -> str:
         """A note on where down is in a deck without gravity."""
-        known = [self._acceleration(1.0, entry, []) for entry in self.entries if entry.name == "GRAV"]
-        down = next((g / np.linalg.norm(g) for g in known if np.any(g)), None)
+        down = self.down()
         says = (
             "the deck has no GRAV, which would tell the vertical"
             if down is None

@@ -29,6 +29,7 @@ class Wording(NamedTuple):
 UNCLEAR = 0.25  # of two bendings: in one plane, or across, to less than this; else half, as at 45 degrees
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LOCAL, BENDING = "local: ", "bending"
+COMPONENT, INSIDE = "component", "deformation of {}"  # which only the program that reduced it can name
 # Share of the kinetic energy that makes a mode one of the article as a beam; share of the strain energy in
 # appended parts that makes it none.
 WHOLE = 0.6
@@ -98,9 +99,14 @@ def deformation_names(
     for group in repeated_apart(equilibrium.model.tree, M, lam, shapes):
         mean[np.ix_(group, group)] = 1.0 / len(group)
     strain = mean @ strain_energy(equilibrium, shapes)
-    if not len(lam) or on_one_line(equilibrium):
+    if not len(lam) or (on_one_line(equilibrium) and not equilibrium.model.structure.components):
         return [Wording(PARTS[i]) for i in np.argmax(strain, axis=1)]
-    whole, (parts, share) = beam_motion(equilibrium, shapes), strained_parts(equilibrium, shapes)
+    parts, share = strained_parts(equilibrium, shapes)
+    if on_one_line(equilibrium):
+        inside = [INSIDE.format(leading_parts(parts, row)[0]) for row in mean @ share]
+        most = [PARTS[i] for i in np.argmax(strain, axis=1)]
+        return [Wording(inside[m] if part == COMPONENT else part) for m, part in enumerate(most)]
+    whole = beam_motion(equilibrium, shapes)
     share, (bodies, turning) = mean @ share, _turning(equilibrium, M, shapes)
     names: list[Wording] = []
     for m in range(len(lam)):

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from middeck.structure.assembly.beam_ends import element_poses
 from middeck.structure.assembly.mesh import Model
@@ -20,6 +20,7 @@ from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import Body, JointState
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Interpolation, Link
+from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.modes.motions.strain_shares import part_energy
 from middeck.structure.modes.results.component_outputs import inner_points
 from middeck.structure.modes.solve import Modes
@@ -31,11 +32,13 @@ SEGMENTS, FINE = 6, 16
 SPOKE = 5  # points of a line of a component, so that its colour changes along it
 # Sizes over the article's: a section drawn around a member, a cut-off cable, a box without inertia.
 SECTION, CABLE, BOX = 0.015, 0.22, 0.4
+SLIM = 0.14  # largest size of a section over its member's length, so that short members are seen too
 # Sections show torsion; more members than this, or cells of one, would hide it.
 MOST_SECTIONED, CELLS = 60, 8
 # The twelve edges of a box in one stroke, by the binary digits of its corners.
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
+DECIMALS = 6  # of distances over the size: which of several equal ones is drawn hangs on no rounding
 STEP = 1e-30  # of the complex step
 # Extent, over the largest coordinate, of what is a point to rounding; it is drawn this large [m].
 POINT, POINT_M = 1e-9, 1.0
@@ -46,8 +49,8 @@ class Strand(NamedTuple):
 
     ``what`` is "member", "section" (around a member), "rigid" (an offset, an arm or a link of all six
     motions), "link" (any other, and from a frame that follows to those that it follows), "body", "spring",
-    "bushing", "component" (from its centre of mass to a grid or to a point of its outputs) or "cable";
-    ``name`` that of the part.
+    "bushing", "component" (between its grids and points of its outputs, or from its centre of mass) or
+    "cable"; ``name`` that of the part.
     """
 
     what: str
@@ -76,7 +79,7 @@ class Drawing:
     Attributes:
         title, environment: Titles of the article and of its environment.
         gravity: In W [m/s^2].
-        up: Unit vector in W that is upwards; None where the environment has none.
+        up: Unit vector in W that is upwards; None where neither environment nor article tells one.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
         lines, marks: What is drawn of them.
         motion: Motion of every point in each shape, about rest, in the scale of `Modes.shapes`.
@@ -167,7 +170,7 @@ def _draw(
         title=model.structure.title,
         environment=equilibrium.environment.title,
         gravity=equilibrium.loads.gravity,
-        up=equilibrium.environment.upwards,
+        up=equilibrium.upwards,
         drawn=np.concatenate([piece.drawn for piece in pieces]),
         rest=np.concatenate([piece.rest for piece in pieces]),
         lines=lines,
@@ -240,9 +243,11 @@ def _sections(model: Model, size: float) -> Iterator[_Stroke]:
     members = model.structure.members
     if not 0 < len(members) <= MOST_SECTIONED:
         return
+    length = member_geometry(model.structure).length
     shown = np.concatenate([np.arange(m.elements) % -(-m.elements // CELLS) == 0 for m in members])
     for e, ends in enumerate(model.element_ends):
-        y, z = SECTION * size * model.element_triad[e, :, 1], SECTION * size * model.element_triad[e, :, 2]
+        radius = min(SECTION * size, SLIM * length[model.element_member[e]])
+        y, z = radius * model.element_triad[e, :, 1], radius * model.element_triad[e, :, 2]
         last = e + 1 == len(model.element_ends) or model.element_member[e + 1] != model.element_member[e]
         name = members[model.element_member[e]].name
         for pose in (*ends[: int(shown[e])], *ends[1 : 1 + last]):
@@ -312,10 +317,10 @@ def _ties(model: Model) -> Iterator[_Stroke]:
 
 
 def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
-    """From the centre of mass of each component to its grids, and to the points that its outputs move.
+    """The grids of each component and the points that its outputs move, joined by the shortest lines.
 
-    What else it is inside is not known. Its centre of mass moves by the momentum of all of its coordinates,
-    the modal ones too.
+    Where no two points are known inside, lines go from the centre of mass, which moves by the momentum of all
+    coordinates, the modal ones too.
     """
     model = equilibrium.model
     lines: list[Strand] = []
@@ -333,19 +338,44 @@ def _components(equilibrium: Equilibrium, shapes: np.ndarray) -> _Piece:
         turned = state.axes @ (shift @ state.seen(rows @ shapes)) / scale[:, :, None]
         x = np.concatenate([np.array(inner), np.array(at)], axis=1)
         motion = np.concatenate([turned.transpose(2, 0, 1), at_grids], axis=1)
-        first, spokes = sum(p.shape[1] for p in places), range(x.shape[1] - 1)
-        lines += [Strand("component", part.name, first + SPOKE * i, first + SPOKE * (i + 1)) for i in spokes]
-        places.append(_spokes(x))
-        moved.append(_spokes(motion))
+        ends = _shortest_lines(x[0, 1:]) + 1 if len(points) > 1 else _from_first(x.shape[1])
+        first = sum(p.shape[1] for p in places)
+        lines += [
+            Strand("component", part.name, first + SPOKE * i, first + SPOKE * (i + 1))
+            for i in range(len(ends))
+        ]
+        places.append(_spokes(x, ends))
+        moved.append(_spokes(motion, ends))
     drawn, rest = np.concatenate(places, axis=1)
     return _Piece(lines, drawn, rest, np.concatenate(moved, axis=1))
 
 
-def _spokes(x: Float[np.ndarray, "state point 3"]) -> Float[np.ndarray, "state spoke 3"]:
-    """Points of straight lines from the first of the points to each of the others, one after the other."""
+def _from_first(count: int) -> Int[np.ndarray, "line 2"]:
+    return np.array([(0, i) for i in range(1, count)], dtype=int).reshape(-1, 2)
+
+
+def _shortest_lines(x: Float[np.ndarray, "point 3"]) -> Int[np.ndarray, "line 2"]:
+    """Pairs of points whose lines join all of them and are shortest in sum (Prim 1957)."""
+    size = _diagonal(x) or 1.0
+    far, nearest = np.full(len(x), np.inf), np.zeros(len(x), dtype=int)
+    left, last, ends = np.ones(len(x), dtype=bool), 0, list[tuple[int, int]]()
+    left[0] = False
+    while left.any():
+        apart = np.round(np.linalg.norm(x - x[last], axis=1) / size, DECIMALS)
+        nearest, far = np.where(apart < far, last, nearest), np.minimum(apart, far)
+        last = int(np.argmin(np.where(left, far, np.inf)))
+        left[last] = False
+        ends.append((int(nearest[last]), last))
+    return np.array(ends, dtype=int)
+
+
+def _spokes(
+    x: Float[np.ndarray, "state point 3"], ends: Int[np.ndarray, "line 2"]
+) -> Float[np.ndarray, "state spoke 3"]:
+    """Points of straight lines between pairs of points, one line after the other."""
     part = np.linspace(0.0, 1.0, SPOKE)[:, None]
-    along = (1.0 - part) * x[:, :1, None] + part * x[:, 1:, None]
-    return along.reshape(len(x), SPOKE * (x.shape[1] - 1), 3)
+    along = (1.0 - part) * x[:, ends[:, 0], None] + part * x[:, ends[:, 1], None]
+    return along.reshape(len(x), SPOKE * len(ends), 3)
 
 
 def _cables(equilibrium: Equilibrium, shapes: np.ndarray, longest: float) -> _Piece:
