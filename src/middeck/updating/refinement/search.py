@@ -4,8 +4,8 @@ Gauss-Newton on analytic slopes, the model's own errors found anew at every step
 from the answer they are large, which keeps the steps small. Where they are so large that no step seems to
 help, or where modes are paired wrongly on the way, the search ends short of the answer. An end with errors
 larger than anyone thought likely is compared, by its likelihood, with that of a search that first takes the
-model for right and, where frequencies alone say which mode is which, with those of others from elsewhere, until
-two of these come to the likeliest end.
+model for right and, where frequencies alone say which mode is which, with those of others from elsewhere,
+until two of these come to the likeliest end.
 """
 
 from __future__ import annotations
