@@ -8,6 +8,7 @@ import numpy as np
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.unit_slips import doubt_survey_units
+from middeck.structure.model.article import JointState
 from middeck.updating.refinement.bayesian_estimate import errors_shown
 from middeck.updating.refinement.contradictions import CONTRADICT
 from middeck.updating.refinement.fixed_inertias import INERTIA, LARGER, FixedInertias, fixed_inertias
@@ -270,6 +271,7 @@ def _of_damping(refined: Refined) -> Iterator[str]:
         )
     if joints := ", ".join(f.joint for f in refined.friction()):
         yield f"predicted modes are of the article without the friction of joints: {joints}"
+        yield from (said for c in refined.compared for said in _of_joints_taken_for_free(c, refined))
     if not several:
         return
     size, known = refined.estimate.tau[-1], np.median(np.concatenate([d.std for d in several]))
@@ -278,6 +280,23 @@ def _of_damping(refined: Refined) -> Iterator[str]:
         yield (
             f"no unknowns fit the damping ratios better than {100.0 * size:.2g} %, where the test states "
             f"{100.0 * known:.2g} %: a model error, which the predicted intervals include"
+        )
+
+
+def _of_joints_taken_for_free(c: Compared, refined: Refined) -> Iterator[str]:
+    """Joints that move in this survey, and of which others alone state friction."""
+    stated = {f.joint for f in c.survey.friction}
+    moving = [
+        joint.name
+        for joint in c.modes.equilibrium.model.structure.joints
+        if joint.state not in (JointState.LOCKED, JointState.DRIVEN)
+    ]
+    others = [f.joint for f in refined.friction() if f.joint in moving and f.joint not in stated]
+    if others:
+        yield (
+            f"{c.survey.name}: was measured without friction of {', '.join(others)}, by what it states. If "
+            "friction was not taken out of its record, slip torques are wrong: state the friction, with the "
+            "amplitude of the joint in each mode"
         )
 
 

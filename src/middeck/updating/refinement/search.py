@@ -4,7 +4,8 @@ Gauss-Newton on analytic slopes, the model's own errors found anew at every step
 from the answer they are large, which keeps the steps small. Where they are so large that no step seems to
 help, or where modes are paired wrongly on the way, the search ends short of the answer. An end with errors
 larger than anyone thought likely is compared, by its likelihood, with that of a search that first takes the
-model for right and, where frequencies alone say which mode is which, with those of others from elsewhere.
+model for right and, where frequencies alone say which mode is which, with those of others from elsewhere,
+until two of these come to the likeliest end.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ HALVINGS = 6
 SHRINKS = 0.7
 # Deviations of the model's errors, of what was thought before, beyond which the end of a search is doubtful.
 DOUBTFUL = 3.0
-# Draws of the prior from which a search without shapes begins again.
+# Draws of the prior from which a search without shapes begins again; two that agree are enough.
 STARTS = 8
 
 
@@ -74,8 +75,8 @@ class Prior(NamedTuple):
 class Found(NamedTuple):
     """The end of a search: the tests there, the unknowns ``x`` at which they are linear, and the estimate.
 
-    ``first`` are the tests at the start, ``widened`` whether surveys contradict one another, ``history`` is
-    that of `Refined`.
+    ``first`` are the tests at the start, ``stated`` deviations of rows as the tests state them, which surveys
+    that contradict one another have widened, ``history`` is that of `Refined`.
     """
 
     first: Tests
@@ -85,7 +86,7 @@ class Found(NamedTuple):
     estimate: Estimate
     fields: ErrorFields | None
     history: tuple[float, ...]
-    widened: bool
+    stated: np.ndarray
 
     @property
     def converged(self) -> bool:
@@ -95,25 +96,36 @@ class Found(NamedTuple):
     def doubtful(self, usual: np.ndarray) -> bool:
         """Whether it may be short of the answer: see the module."""
         much = self.estimate.tau > FACTOR**DOUBTFUL * usual[: self.problem.sorts]
-        return bool(np.any(much)) or self.widened or not self.converged
+        return bool(np.any(much) or np.any(self.stated < self.problem.std)) or not self.converged
 
     def unlikely(self, usual: np.ndarray) -> float:
         """Minus the logarithm of the posterior, of rows that other pairs have as well.
 
         A measured mode without a pair may have any frequency in a factor of e.
         """
-        every = self.tests.every
-        own = [len(t.pairs) if isinstance(t, Compared) else len(t.residual) for t in every]
-        some = np.concatenate(
-            [np.arange(len(t.residual)) < count for t, count in zip(every, own, strict=True)]
-        )
-        parts = {
-            name: getattr(self.problem, name)[some] for name in ("y", "std", "J", "S", "rest", "row_sort")
-        }
         tau = self.estimate.tau
         before = 0.5 * np.sum((np.log(tau / usual[: len(tau)]) / np.log(FACTOR)) ** 2)
-        constant = 0.5 * np.log(2.0 * np.pi) * np.sum(some)
-        return float(unlikely(dataclasses.replace(self.problem, **parts), tau) + before + constant)
+        return _unlikely_in(self.problem, self._in_all_pairs, tau) + float(before)
+
+    def if_it_fitted(self, usual: np.ndarray) -> float:
+        """`unlikely` of a model that is as right as was thought before and fits every row as it is stated."""
+        fitted = dataclasses.replace(self.problem, y=np.zeros(len(self.stated)), std=self.stated)
+        return _unlikely_in(fitted, self._in_all_pairs, usual[: self.problem.sorts])
+
+    @property
+    def _in_all_pairs(self) -> np.ndarray:
+        every = self.tests.every
+        own = [len(t.pairs) if isinstance(t, Compared) else len(t.residual) for t in every]
+        return np.concatenate(
+            [np.arange(len(t.residual)) < count for t, count in zip(every, own, strict=True)]
+        )
+
+
+def _unlikely_in(problem: Linear, some: np.ndarray, tau: np.ndarray) -> float:
+    """Minus the logarithm of the likelihood of ``some`` rows."""
+    names = ("y", "std", "J", "S", "rest", "row_sort")
+    part = dataclasses.replace(problem, **{name: getattr(problem, name)[some] for name in names})
+    return float(unlikely(part, tau)) + 0.5 * float(np.log(2.0 * np.pi)) * int(np.sum(some))
 
 
 def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Prior) -> Found:
@@ -131,18 +143,39 @@ def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Pri
     if found is not None and not found.doubtful(prior.usual):
         return found
     ends = [found] if found is not None else []
-    for start in _starts(places, prior, at):
+    drawn: list[Found] = []
+    for k, start in enumerate(_starts(places, prior, at)):
         try:
-            ends.append(_search(places, statics, prior, _as_if_right(places, statics, prior, start)))
+            settled = _as_if_right(places, statics, prior, start, _reach(ends, prior.usual))
+            ends.append(_search(places, statics, prior, settled))
         except (ConfigError, NumericalError):
             continue
-        if not ends[-1].doubtful(prior.usual):
+        drawn += ends[-1:] if k else []
+        if not ends[-1].doubtful(prior.usual) or _came_back(_likeliest(ends, prior.usual), drawn):
             break
     if not ends:
         assert why is not None
         raise why
-    best = min(ends, key=lambda end: (not end.converged, end.unlikely(prior.usual)))
+    best = _likeliest(ends, prior.usual)
     return best._replace(first=places.compare(at, statics, False) if found is None else found.first)
+
+
+def _likeliest(ends: Sequence[Found], usual: np.ndarray) -> Found:
+    return min(ends, key=lambda end: (not end.converged, end.unlikely(usual)))
+
+
+def _reach(ends: Sequence[Found], usual: np.ndarray) -> float:
+    """Prior deviations beyond which no end is likelier than the best of ``ends``, however well it fits."""
+    if not ends:
+        return np.inf
+    best = _likeliest(ends, usual)
+    return float(np.sqrt(2.0 * max(0.0, best.unlikely(usual) - best.if_it_fitted(usual))))
+
+
+def _came_back(best: Found, drawn: Sequence[Found]) -> bool:
+    """Whether two starts that were drawn by themselves led to ``best``."""
+    near = [bool(np.all(np.abs(end.x - best.x) < SMALL * best.estimate.x_std)) for end in drawn]
+    return best.converged and sum(near) > 1
 
 
 def _starts(places: Places, prior: Prior, at: At) -> Iterator[At]:
@@ -182,11 +215,15 @@ def _search(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At)
         size, pace = step / spread, _pace(pace, step / spread, last)
         x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))), lossy)
         last = size
-    return Found(first, tests, x, problem, found, fields, tuple(history), tests is not asked)
+    stated = np.concatenate([t.std for t in asked.every])
+    return Found(first, tests, x, problem, found, fields, tuple(history), stated)
 
 
-def _as_if_right(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At) -> At:
-    """The end of a search in which the model's errors are as thought before, whatever the tests show."""
+def _as_if_right(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At, reach: float) -> At:
+    """The end of a search in which the model's errors are as thought before, whatever the tests show.
+
+    Raises `NumericalError` where it leads farther from the prior than ``reach`` of its deviations.
+    """
     mean, spread, usual = prior
     pace, last = 1.0, np.zeros(len(mean))
     for _ in range(STEPS):
@@ -199,6 +236,8 @@ def _as_if_right(places: Places, statics: Sequence[StaticTest], prior: Prior, at
             break
         size, pace = step / spread, _pace(pace, step / spread, last)
         _, at = _moved(places, at.x, step * min(pace, LARGEST / np.max(np.abs(size))), places.moves_damping)
+        if np.linalg.norm((at.x - mean) / spread) > reach:
+            raise NumericalError("a search led where no end is likely", hint="another start")
         last = size
     return at
 
