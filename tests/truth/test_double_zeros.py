@@ -15,7 +15,8 @@ from repeats import repeats
 pytestmark = pytest.mark.kernels
 
 OMEGA, ZETA = 7.0, 0.01
-"""y = (1/s^2 + 1/(s^2 + 2 ZETA OMEGA s + OMEGA^2)) of the force, and the force is -k s^2 / ((s + w)^2 (1 + s/p))."""
+"""y = (1/s^2 + 1/(s^2 + 2 ZETA OMEGA s + OMEGA^2)) of the force, and that
+-k s^2 / ((s + w)^2 (1 + s/p)) of y."""
 
 
 def loop_gain(s: complex, k: float, w: float) -> complex:

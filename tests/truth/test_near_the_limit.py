@@ -1,6 +1,6 @@
 """Beside a limit of stability a loop multiplies the rounding of mixed states: its numbers are right, or open.
 
-Where rounding moves poles, that is. Of one of these 40 draws (18) it moves residues alone, and is not told of.
+Where rounding moves poles, that is. Of one of these 40 draws (18) it moves residues alone, in silence.
 """
 
 from __future__ import annotations
