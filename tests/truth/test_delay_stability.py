@@ -525,7 +525,9 @@ def test_a_heavy_body_that_a_law_holds_slowly_beside_fast_modes(authority: float
     late = delay_plant(grouped_plant(modes, (FORCE,), (WAY,)), 0.01)
     model = approximate_delays(late, approximation_order(late))
     law = design_lqg(model, unit_weights(("force",), 1e-9, process=1e-4), authority)
-    found = decide_stability(late, law)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "margin and damping are uncertain")  # by that per cent
+        found = decide_stability(late, law)
 
     poles, vectors = np.linalg.eig(law.system.A)
     gains = (law.system.C @ vectors)[0] * np.linalg.solve(vectors, law.system.B.astype(complex))[:, 0]

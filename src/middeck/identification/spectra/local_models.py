@@ -35,6 +35,10 @@ AVERAGED = 20
 # beyond an edge of the drive: of noise no line has less, leakage from the third line beyond on. It falls with
 # the cube of the distance, and REACH halves out it is fainter than FAINTEST.
 EDGE, REACH = 0.01, 4
+# Amplitude of the inputs about a line that no transient has, as a share of all and of that of the middle
+# line, below which the ends of the band say nothing: a sweep is there when a record begins and ends, and
+# turns from line to line no more than a motion that decays. Of noise, one line in 1e8 has so little.
+SMOOTH = 0.2
 
 
 def scatter_of_local_models(
@@ -135,6 +139,8 @@ def _excited(
     power = np.linalg.eigvalsh(np.sum(rough @ rough.conj().mT, axis=1))
     raw = np.convolve(np.sum(np.abs(U) ** 2, axis=(1, 2)), np.ones(2 * half + 1), mode="valid")
     excited = power[:, -1] > FAINTEST**2 * raw.max()
+    whole = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
+    excited &= _between_ends(np.sum(np.abs(rough) ** 2, axis=(1, 2, 3)) / np.where(whole > 0.0, whole, 1.0))
     if not excited.any():
         raise DataError(
             "the inputs' spectra are as smooth as a transient: no local model can tell the two apart",
@@ -143,6 +149,13 @@ def _excited(
         )
     refuse_alike(excited & (power[:, 0] * WORST_CONDITION**2 <= power[:, -1]), frequency[lines])
     return excited
+
+
+def _between_ends(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
+    """Lines from the first to the last with enough of the ``share`` of the inputs that no transient has."""
+    told = np.flatnonzero(share >= SMOOTH**2 * np.median(share))
+    place = np.arange(len(share))
+    return (place >= told[0]) & (place <= told[-1])
 
 
 def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndarray, " line"]:

@@ -184,8 +184,9 @@ def realise_residues(
     """Sum of R_k / s^k with the fewest states, all eigenvalues exactly zero.
 
     From the singular values of the Hankel matrix of residues (Ho and Kalman 1966); omitting parts below
-    `RANK` changes no residue by more than that fraction of the largest of its row and column. Where ``errors``
-    are given, rows, columns and the unit of time make these alike, and parts below them are omitted, too.
+    `RANK` changes no residue by more than that fraction of the largest of its row and column. Where
+    ``errors`` are given, rows, columns and the unit of time make these alike, and parts below them are
+    omitted, too.
 
     >>> len(realise_residues(np.array([[[0.0, 0.0]], [[1.0, 2.0]]])).A)     # one body that two forces push
     2

@@ -33,6 +33,9 @@ from middeck.values import record
 At = Literal["inputs", "outputs", "both"]
 """Where a loop is broken or disturbed: at the plant's inputs, at the measurements, or at both at once."""
 
+AT_REST, ZERO = 1e-9, 1e-13
+"""Slowest pole, relative to A, of a law whose value at rest is known; and the part of its terms below which
+that value, or its slope, is rounding."""
 WELL_APART = 1e3
 """Condition of eigenvectors up to which a sum over poles, a tenth of the work, keeps twelve digits."""
 
@@ -128,7 +131,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
 
 def evaluate_halves(loop: FeedbackLoop) -> Halves:
     """G with its exact delays, and K, as functions of s; prepared once for many evaluations."""
-    law, period = resolve(loop.law), loop.period_s
+    law, period = _law_of(loop.law), loop.period_s
     if period is not None:
         sampled = resolve(loop.plant.sampled)
 
@@ -144,6 +147,38 @@ def evaluate_halves(loop: FeedbackLoop) -> Halves:
         return plant(s) * np.exp(-s[:, None, None] * delay_s), law(s)
 
     return at_s
+
+
+def _law_of(law: LinearSystem) -> Resolvent:
+    """K, its zeros at the origin exact: a free body's poles there multiply the rounding in place of them.
+
+    Below its slowest pole K = K(0) + s K'(0) + s^2 C A^-2 (s - A)^-1 B, with no terms that rounding may be.
+    """
+    whole = resolve(law)
+    if law.period_s is not None or not len(law.A):
+        return whole
+    balanced = balance_states(law)
+    A, B, C = balanced.A, balanced.B, balanced.C
+    slowest = np.abs(np.linalg.eigvals(A)).min()
+    if slowest <= AT_REST * np.linalg.norm(A, 2):
+        return whole
+    inverse = np.linalg.inv(A)
+    size = np.abs(C) @ np.abs(inverse)
+    still = law.D - C @ inverse @ B
+    still[np.abs(still) <= ZERO * (np.abs(law.D) + size @ np.abs(B))] = 0.0
+    if np.all(still):
+        return whole
+    slope = -C @ inverse @ inverse @ B
+    slope[np.abs(slope) <= ZERO * (size @ np.abs(inverse) @ np.abs(B))] = 0.0
+    rest = resolve(StateSpace(A, B, C @ inverse @ inverse, np.zeros_like(law.D)))
+
+    def evaluate(points: np.ndarray) -> np.ndarray:
+        value, slow = np.array(whole(points)), np.abs(points) < slowest
+        s = points[slow][:, None, None]
+        value[slow] = still + s * slope + s**2 * rest(points[slow])
+        return value
+
+    return evaluate
 
 
 def transfer_of(dynamics: ModalSystem | StateSpace) -> Resolvent:
