@@ -1,4 +1,4 @@
-"""What a test leaves unjudged, and that a verdict and its table say so: never a criterion met by another mode."""
+"""What a test leaves unjudged: a verdict and its table say so, and no other mode takes its place."""
 
 from __future__ import annotations
 
