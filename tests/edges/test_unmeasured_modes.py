@@ -1,4 +1,4 @@
-"""What a test leaves unjudged, and that a verdict and its table say so: never a criterion met by another mode."""
+"""What a test leaves unjudged: a verdict and its table say so, and no other mode takes its place."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_the_fundamental_is_the_models_and_not_the_lowest_measured(chosen: list[
             f"mode {FIRST} {hung().name[FIRST]!r} of {hz[FIRST]:.4g} Hz has no partner" in said
         ) != measured
         # Of a hung article; which modes those are is counted here.
-        assert "only suspension modes have more than 10 % of the effective mass" in said
+        assert "of the model only suspension modes have more than 10 % of the effective mass" in said
 
 
 def test_either_mode_of_a_repeated_fundamental_is_it() -> None:
@@ -88,10 +88,12 @@ def test_a_mode_of_large_effective_mass_that_was_not_measured_is_named() -> None
     modes = solve_modes(
         solve_equilibrium(straight_beam(TURNING_TUBE, 2.0, 4), Environment.clamped("a", gravity=0.0))
     )
-    small = int(np.argmin(measure_effective_mass(modes).fraction.max(axis=1)))
-    found = compare_frequencies(modes, bare(measure_modes(modes, chosen=[small])), ECSS)
-    (said,) = [w for w in found.warnings if "large effective mass" in w]
-    assert f"of {modes.frequency_hz[0]:.4g} Hz has more than 10 % of the effective mass" in said
+    fraction = measure_effective_mass(modes).fraction.max(axis=1)
+    others = [i for i in range(2, len(fraction)) if fraction[i] > 0.1]
+    for one in (0, int(np.argmin(fraction))):  # the fundamental, which is none of these, and the smallest
+        found = compare_frequencies(modes, bare(measure_modes(modes, chosen=[one])), ECSS)
+        (said,) = [w for w in found.warnings if "large effective mass" in w]
+        assert f"of {modes.frequency_hz[others[0]]:.4g} Hz has more than 10 % of the effective mass" in said
 
 
 def test_a_changed_limit_says_which_it_replaced() -> None:

@@ -62,13 +62,14 @@ def _fundamental(modes: Modes) -> str:
 def _significant(modes: Modes, profile: Profile) -> str:
     part = f"{100.0 * profile.significant_fraction:g} % of the effective mass"
     fraction = measure_effective_mass(modes).fraction.max(axis=1)
-    large = fraction > profile.significant_fraction
-    flexible = [i for i in flexible_modes(modes) if large[i]]
-    if flexible:
-        return f": {_called(modes, flexible[0])} has more than {part}, but no partner"
-    if large.any():
-        kinds = " and ".join(dict.fromkeys(modes.kind[i] for i in np.flatnonzero(large)))
-        return f": only {kinds} modes have more than {part}, as of an article that hangs or floats"
+    large = np.flatnonzero(fraction > profile.significant_fraction)
+    first = fundamental_modes(modes)
+    others = [i for i in large if i not in first and modes.kind[i] == "flexible"]
+    if others:
+        return f": {_called(modes, others[0])} has more than {part}, but no partner"
+    if len(large):
+        have = dict.fromkeys("the fundamental" if i in first else f"{modes.kind[i]} modes" for i in large)
+        return f": of the model only {' and '.join(have)} have more than {part}"
     return f": no mode of the model has more than {part}"
 
 

@@ -92,7 +92,8 @@ def _of_unpaired(c: Compared) -> Iterator[str]:
     alike = modal_assurance(at_channels(free, measured), measured.shape) if measured.node else None
     for j in c.unpaired:
         hz = measured.frequency_hz[j]
-        said = f"{c.survey.name}: the measured mode of {hz:.4g} Hz resembles none of the model's"
+        none = "has no partner by its frequency" if alike is None else "resembles none of the model's"
+        said = f"{c.survey.name}: the measured mode of {hz:.4g} Hz {none}"
         i = 0 if alike is None else int(np.argmax(np.where(free.omega > 0.0, alike[:, j], 0.0)))
         ours = free.frequency_hz[i]
         if alike is not None and alike[i, j] > SAME and max(hz / ours, ours / hz) > WINDOW:
