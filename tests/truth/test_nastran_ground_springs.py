@@ -148,14 +148,27 @@ def test_springs_that_alone_join_the_deck_stay_in_it(tmp_path):
     """Two bodies that only a held grid joins: without it they would be two structures."""
     cards = [HERE, TO_GRIDS, SPC1, "GRID,4,,-.6", "CONM2,22,4,,.1", "CBUSH,33,5,4,901,,,,0"]
     made = convert(tmp_path, *cards)
-    assert [row["name"] for row in made.document["bushing"]] == ["bush31", "bush32", "bush33"]
-    assert any("which alone joins the deck" in note for note in made.notes)
+    assert [row["name"] for row in made.document["bushing"]] == ["bush31", "bush33"]
+    assert [row["name"] for row in made.environment["bushing"]] == ["bush32"]
+    assert any("'bush31', 'bush33': SPC or PS hold grid '901', which alone joins" in n for n in made.notes)
     setup(tmp_path, made)
 
 
 def test_a_spring_between_held_grids_is_left_out(tmp_path):
     made = convert(tmp_path, HERE, TO_GRIDS, SPC1, "CBUSH,33,5,901,902,,,,0")
     assert alike(made.environment, convert(tmp_path, BLANK).environment)
+
+
+def test_a_spring_between_the_ground_and_a_held_member_is_one_to_the_ground(tmp_path):
+    """It does nothing while the clamp holds, and is named once."""
+    member = "GRID,4,,-.5,.5\nCBAR,14,1,1,4,0.,0.,1.\nSPC1,1,123456,4\n"
+    made = convert(tmp_path, HERE, TO_GRIDS, SPC1, member, "CBUSH,35,5,4,901,,,,0")
+    assert [row["name"] for row in made.environment["bushing"]] == ["bush31", "bush32", "bush35"]
+    assert sum("bush35" in note for note in made.notes) == 1
+    held = md.solve_modes(md.solve_equilibrium(*setup(tmp_path, made)), 3)
+    without = convert(tmp_path, HERE, TO_GRIDS, SPC1, member)
+    same = md.solve_modes(md.solve_equilibrium(*setup(tmp_path, without)), 3)
+    np.testing.assert_allclose(held.frequency_hz, same.frequency_hz, rtol=1e-9)
 
 
 def test_a_load_on_a_grid_with_nothing_is_still_refused(tmp_path):

@@ -47,23 +47,51 @@ def ground_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
     bare = {grid for _, _, grid in ends if grid in parts.held} - loaded
     partly = {grid for tie, k, grid in ends if grid in bare and _resists(tie, k, grid, parts, basis.places)}
     firm = {grid for _, _, grid in ends if parts.held.get(grid) == ALL}
-
-    def note(grids: set[int], how: str) -> list[str]:
-        springs = list(dict.fromkeys(tie.name for tie, _, grid in ends if grid in grids))
-        numbers = some_names([f"{grid}" for grid in basis.places.grids if grid in grids])
-        return [f"{some_names(springs)}: SPC or PS hold {how.format(numbers)}"] if grids else []
-
-    notes = note(partly, f"only part of what they resist at grid {{}}; {STAY}")
-    notes += note(firm & loaded, f"grid {{}}, where more than springs stands; {STAY}")
     ground = bare - partly
-    ties = [_freed(tie, [on(grid) not in ground for grid in tie.grids]) for tie in parts.ties]
-    freed = parts._replace(ties=[tie for tie in ties if tie.grids])
+    alone = _joining(basis, parts, standing, ground)
+    ground = ground - alone
+    grounded = {tie.name for tie, _, grid in ends if grid in ground}
+
+    def note(grids: set[int], how: str, what: str, *, stay: bool = True) -> list[str]:
+        found = [(tie.name, grid) for tie, _, grid in ends if grid in grids]
+        found = [(name, grid) for name, grid in found if not (stay and name in grounded)]
+        springs = list(dict.fromkeys(name for name, _ in found))
+        numbers = some_names([f"{grid}" for grid in sorted({grid for _, grid in found})])
+        return [f"{some_names(springs)}: SPC or PS hold {how}grid {numbers}{what}"] if found else []
+
+    notes = [
+        *note(ground, "", f", where nothing else stands; {TO_GROUND}", stay=False),
+        *note(partly, "only part of what they resist at ", f"; {STAY}"),
+        *note(firm & loaded, "", f", where more than springs stands; {STAY}"),
+        *note(alone, "", f", which alone joins the deck; {STAY}"),
+    ]
+    return Grounded(*_without(parts, standing, ground), frozenset(ground), notes)
+
+
+def _without(parts: Parts, standing: Standing, ground: set[int]) -> tuple[Parts, Standing]:
+    """The deck without the grids of the ``ground``; springs between two of them are none."""
+    moves = [[standing.carrier(grid) not in ground for grid in tie.grids] for tie in parts.ties]
+    ties = [
+        tie._replace(grids=tuple(compress(tie.grids, some)), points=tuple(compress(tie.points, some)))
+        for tie, some in zip(parts.ties, moves, strict=True)
+        if any(some)
+    ]
     less = standing._replace(kept=standing.kept - ground, borne=standing.borne - ground)
-    if ground and len(find_pieces(basis, freed, less)) != 1:
-        notes += note(ground, f"grid {{}}, which alone joins the deck; {STAY}")
-        return Grounded(parts, standing, frozenset(), notes)
-    notes = note(ground, f"grid {{}}, where nothing else stands; {TO_GROUND}") + notes
-    return Grounded(freed, less, frozenset(ground), notes)
+    return parts._replace(ties=ties), less
+
+
+def _joining(basis: Basis, parts: Parts, standing: Standing, ground: set[int]) -> set[int]:
+    """The grids of ``ground`` that join pieces of the deck: all of them where their springs do in a chain."""
+    on = standing.carrier
+    pieces = find_pieces(basis, *_without(parts, standing, ground))
+    piece = {name: i for i, names in enumerate(pieces) for name in names}
+    met: dict[int, set[int]] = {}
+    for ends in (set(map(on, tie.grids)) for tie in parts.ties):
+        for grid in ends & ground:
+            met.setdefault(grid, set()).update(piece[f"{other}"] for other in ends - ground)
+    joining = {grid for grid, some in met.items() if len(some) > 1}
+    whole = len(find_pieces(basis, *_without(parts, standing, ground - joining))) == 1
+    return joining if whole else ground
 
 
 def _resists(tie: Tie, end: int, grid: int, parts: Parts, places: Places) -> bool:
@@ -76,8 +104,3 @@ def _resists(tie: Tie, end: int, grid: int, parts: Parts, places: Places) -> boo
     size = np.diagonal(carried.T @ turn @ tie.stiffness @ turn.T @ carried).reshape(2, 3)
     resisted = (size > NOTHING * size.max(axis=1, keepdims=True)).ravel()
     return any(some and digit not in parts.held[grid] for some, digit in zip(resisted, ALL, strict=True))
-
-
-def _freed(tie: Tie, moves: list[bool]) -> Tie:
-    """The spring without its ends that do not move."""
-    return tie._replace(grids=tuple(compress(tie.grids, moves)), points=tuple(compress(tie.points, moves)))
