@@ -112,7 +112,7 @@ def squares_over_stated(noise: tuple[float, float, float]) -> float:
 
 
 def test_experiments_of_unlike_noise_state_all_of_it():
-    """What three experiments of two inputs differ by is mostly in the third, here the quietest by 30 times."""
+    """What three experiments of two inputs differ by is mostly in the third, here the quietest."""
     assert 0.5 < squares_over_stated((0.1, 0.1, 0.003)) < 2.0
     # Of 1000 lines with one degree of freedom, the ratio of like experiments scatters by some 5 %.
     assert squares_over_stated((0.1, 0.1, 0.1)) == pytest.approx(1.0, abs=0.2)
