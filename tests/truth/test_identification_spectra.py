@@ -106,6 +106,7 @@ def squares_over_stated(noise: tuple[float, float, float]) -> float:
     found = estimate_response(
         Record(sample_hz=1.0, u=u, y=y[..., None], inputs=ports, outputs=(Port("y", "V"),), periodic=True)
     )
+    assert found.variance is not None
     H, variance = found.H[1:-1, 0], found.variance[1:-1, 0]
     # By means over lines: the variance of one line has a single degree of freedom.
     return float(np.mean(np.abs(H - [1.0, 2.0]) ** 2) / np.mean(variance))
