@@ -106,13 +106,14 @@ def squares_over_stated(noise: tuple[float, float, float]) -> float:
     found = estimate_response(
         Record(sample_hz=1.0, u=u, y=y[..., None], inputs=ports, outputs=(Port("y", "V"),), periodic=True)
     )
+    assert found.variance is not None
     H, variance = found.H[1:-1, 0], found.variance[1:-1, 0]
     # By means over lines: the variance of one line has a single degree of freedom.
     return float(np.mean(np.abs(H - [1.0, 2.0]) ** 2) / np.mean(variance))
 
 
 def test_experiments_of_unlike_noise_state_all_of_it():
-    """What three experiments of two inputs differ by is mostly in the third, here the quietest by 30 times."""
+    """What three experiments of two inputs differ by is mostly in the third, here the quietest."""
     assert 0.5 < squares_over_stated((0.1, 0.1, 0.003)) < 2.0
     # Of 1000 lines with one degree of freedom, the ratio of like experiments scatters by some 5 %.
     assert squares_over_stated((0.1, 0.1, 0.1)) == pytest.approx(1.0, abs=0.2)

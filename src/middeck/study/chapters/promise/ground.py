@@ -82,8 +82,21 @@ def _placed(
 
 def _fit(response: FrequencyResponse, states: Sequence[int]) -> FitResult:
     """The first that is sure of a mode, or the last: one that misses a mode doubts them all."""
-    # Dampers at joints make the modes complex; all paths are as late as each other.
-    fit = fit_response(response, states=states[0], constants="complex", delay="common")
+    fit = _without_poles_beyond(response, states[0])
     if fit.standing.count("sound") or len(states) == 1:
         return fit
     return _fit(response, states[1:])
+
+
+def _without_poles_beyond(response: FrequencyResponse, states: int) -> FitResult:
+    """Of so many states, less those that went to poles beyond the band if no mode is lost with them.
+
+    The constant stands for what is there; poles and constant together may be large and cancel.
+    """
+    # Dampers at joints make the modes complex; all paths are as late as each other.
+    fit = fit_response(response, states=states, constants="complex", delay="common")
+    beyond = fit.standing.count("outside")
+    if not beyond:
+        return fit
+    leaner = fit_response(response, states=states - 2 * beyond, constants="complex", delay="common")
+    return leaner if leaner.standing.count("sound") >= fit.standing.count("sound") else fit
