@@ -1,7 +1,7 @@
 """Trusses of rods, scalar masses and lumped beams of a deck against the textbook's matrices."""
 
-import re
 import itertools
+import re
 
 import numpy as np
 import pytest
