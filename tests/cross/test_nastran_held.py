@@ -81,17 +81,15 @@ def held_deck(deck: RandomDeck, seed: int) -> Held:
             lines += card(rng, "PELAS", 60, stiffness) + card(rng, "CELAS1", 800, 60, None, None, grid, c)
         row = (both(directions(deck, grid, deck.moves_in[grid])) @ motion(deck, grid, zero))[c - 1]
         K += stiffness * np.outer(row, row)
-    rows = []
+    rows, sets = [], set[int]()
     for grid in rng.choice(deck.free, 3, replace=False):
         held = "".join(sorted(rng.choice(list("123456"), int(rng.integers(1, 7)), replace=False)))
-        lines += (
-            card(rng, "SPC1", 71, held, int(grid))
-            if rng.random() < 0.5
-            else card(rng, "SPC", 70, int(grid), held)
-        )
+        one = rng.random() < 0.5
+        lines += card(rng, "SPC1", 71, held, int(grid)) if one else card(rng, "SPC", 70, int(grid), held)
+        sets.add(71 if one else 70)
         own = both(directions(deck, grid, deck.moves_in[grid])) @ motion(deck, int(grid), zero)
         rows += [own[int(digit) - 1] for digit in held]
-    lines += card(rng, "SPCADD", 72, 70, 71)
+    lines += card(rng, "SPCADD", 72, *sorted(sets))
     forces: dict[int, np.ndarray] = {sid: np.zeros(size) for sid in (5, 6)}
     for sid, name in ((5, "FORCE"), (5, "MOMENT"), (6, "FORCE"), (6, "FORCE")):
         grid, cid, factor = int(rng.choice(names)), int(rng.integers(0, 6)), rng.uniform(-2.0, 2.0)

@@ -39,7 +39,8 @@ CONM2,15,1,,1.5
 
 def frequencies(folder, cards: str) -> np.ndarray:
     deck, article = folder / "deck.dat", folder / "article.toml"
-    deck.write_text(f"{BULK}{cards}\nENDDATA\n")
+    chosen = BULK if "MPC,7" in cards else BULK.replace("MPC = 7\n", "")
+    deck.write_text(f"{chosen}{cards}\nENDDATA\n")
     made = convert_deck(read_deck(deck), parse_units("m-kg-s-N"), "consistent", "a")
     article.write_text(document_text(made.document, "a"))
     rest = solve_equilibrium(load_structure(article), Environment.orbit())
