@@ -48,8 +48,8 @@ def split_loop(package: ControllerPackage, plant: Plant) -> Parts:
     x = _moved_states(law.F, law.G[:, : m + p])
     return Parts(
         P.A, P.B[:, drives], P.C[reads],
-        law.F[np.ix_(x, x)], law.G[x, :m], law.G[x, m : m + p], law.H[np.ix_(wanted, x)], law.J[wanted, :m],
-        P.D[np.ix_(reads, drives)], (law.H[np.ix_(commands, x)], law.J[commands, :m]),
+        law.F[np.ix_(x, x)], law.G[x, :m], law.G[x, m : m + p], law.H[wanted][:, x], law.J[wanted, :m],
+        P.D[np.ix_(reads, drives)], (law.H[commands][:, x], law.J[commands, :m]),
     )  # fmt: skip
 
 
