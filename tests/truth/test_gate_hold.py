@@ -115,8 +115,8 @@ def test_a_hold_makes_a_package_pass_or_fail():
     # Below a third of the motor's force the hold alone lets it fall too; the law's command may be missing.
     found = (
         "nothing grows at any of 20 limits of outputs, but at 4 what does so without the law too; "
-        "not proved for limits that come and go: beside a hold there are limits of the law and of the sum "
-        "(the engine's effort trip stands behind)"
+        "not proved for limits that come and go: no multipliers are found; smaller ranges of the sensors, "
+        "larger limits or less authority may do (the engine's effort trip stands behind)"
     )
     assert beside.steps[-1].said == found
     assert (beside.hold, alone.hold) == (hash_hold(engine), hash_hold(engine_of((WAY,), (PUSH,), ())))

@@ -16,7 +16,6 @@ from middeck.realtime.engine.interface.settings import Drive, EngineSettings, Se
 from middeck.realtime.gate import limited_loop, multipliers, reached_limits
 from middeck.realtime.gate.package_with_hold import with_drives
 from middeck.realtime.gate.recovery_proof import why_unproved
-from middeck.realtime.package.filter_sections import LoopPath, Section
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw
 from middeck.realtime.package.single_precision import to_single
@@ -187,7 +186,7 @@ def test_no_motion_asks_for_more_than_its_bound(seed, outputs):
 
 
 def test_limits_of_law_and_engine_are_the_tighter_ones():
-    """One after the other, as the engine has them, about the last output; none beside a hold."""
+    """One after the other, as the engine has them, about the last output."""
     package, _, _ = drawn(2, 2)
     y, u = package.inputs, package.outputs
     drives = tuple(
@@ -213,8 +212,6 @@ def test_limits_of_law_and_engine_are_the_tighter_ones():
         )
         law.commit(last)
         assert np.array_equal(one.step(reading), last)
-    spring = (LoopPath(0, 0, Section(np.array([-1.0, 0.0, 0.0]), np.zeros(2))),)
-    assert with_drives(package, dataclasses.replace(engine, hold=spring)) is None
 
 
 def held_back(package, seed):
@@ -334,7 +331,7 @@ def test_rounding_moves_the_loop_by_less_than_its_bound(apart):
     A, rng = np.diag(poles) + np.triu(np.full((3, 3), 0.7), 1), np.random.default_rng(3)
     F, G, E, K = np.array([[0.5]]), np.zeros((1, 1)), rng.standard_normal((1, 1)), rng.standard_normal((1, 1))
     B, C, D = rng.standard_normal((3, 1)), rng.standard_normal((1, 3)), np.zeros((1, 1))
-    parts = limited_loop.Parts(A, B, C, F, G, E, K, D, np.zeros((1, 1)))
+    parts = limited_loop.Parts(A, B, C, F, G, E, K, D, np.zeros((1, 1)), (K, D))
     loop = limited_loop.close_loop(parts)
     closed = np.block([[A, B @ K], [np.zeros((1, 3)), F]])
     for t in (1e-4, 1e-2, 1.0):  # z = (1 - t^2 + 2 j t) / (1 + t^2), which fractions hold

@@ -10,7 +10,7 @@ from middeck.realtime.engine.interface.settings import EngineSettings, hash_hold
 from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
 from middeck.realtime.gate.gain_recovery import check_recovery_at_gains, stable_at_every_gain
-from middeck.realtime.gate.package_with_hold import with_drives, with_hold
+from middeck.realtime.gate.package_with_hold import drives_of, with_drives, with_hold
 from middeck.realtime.gate.steps_on_paper import (
     GateMargins,
     GateStep,
@@ -236,9 +236,14 @@ def _what_fades(case: _Case) -> str:
 
 
 def _recoveries(case: _Case, held: ControllerPackage) -> Iterator[GateStep]:
-    alone = case.package if case.engine is None else with_drives(case.package, case.engine)
+    alone, sums = case.package, ()
+    if case.engine is not None and case.engine.hold:
+        alone, sums = held, drives_of(held, case.engine)
+    elif case.engine is not None:
+        alone = with_drives(case.package, case.engine)
+    beside = held is not case.package
     for name, plant in case.models.items():
-        yield check_recovery(held, name, plant, held=held is not case.package, alone=alone)
+        yield check_recovery(held, name, plant, held=beside, alone=alone, sums=sums)
 
 
 def _cross_fades(case: _Case, engaged: ControllerPackage) -> Iterable[GateStep]:

@@ -33,6 +33,8 @@ class Parts(NamedTuple):
     K: Float[np.ndarray, "output own"]
     D: Float[np.ndarray, "output input"]
     direct: Float[np.ndarray, "input output"]
+    own: tuple[Float[np.ndarray, "output own"], Float[np.ndarray, "output input"]]
+    """K and D of the law's own commands c: beside a hold or an inner loop w = p + c."""
 
 
 def split_loop(package: ControllerPackage, plant: Plant) -> Parts:
@@ -42,12 +44,23 @@ def split_loop(package: ControllerPackage, plant: Plant) -> Parts:
     aligned = align_plant(plant, own)
     sampled = aligned if aligned.period_s else sample_plant(aligned, package.period_s)
     drives, reads = locate_ports(own, sampled.inputs, sampled.outputs)
-    P, wanted = sampled.sampled, list(law.wanted)
+    P, wanted, commands = sampled.sampled, list(law.wanted), list(law.law)
+    x = _moved_states(law.F, law.G[:, : m + p])
     return Parts(
         P.A, P.B[:, drives], P.C[reads],
-        law.F, law.G[:, :m], law.G[:, m : m + p], law.H[wanted], law.J[wanted, :m],
-        P.D[np.ix_(reads, drives)],
+        law.F[np.ix_(x, x)], law.G[x, :m], law.G[x, m : m + p], law.H[wanted][:, x], law.J[wanted, :m],
+        P.D[np.ix_(reads, drives)], (law.H[commands][:, x], law.J[commands, :m]),
     )  # fmt: skip
+
+
+def _moved_states(F: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """All but those that stay at zero, as of sections of lower order: chains of theirs have no modes."""
+    x = np.arange(len(F))
+    while True:
+        moved = F[np.ix_(x, x)].any(axis=1) | G[x].any(axis=1)
+        if moved.all():
+            return x
+        x = x[moved]
 
 
 def in_units_of(parts: Parts, limits: Float[np.ndarray, " output"]) -> Parts:
@@ -59,6 +72,7 @@ def in_units_of(parts: Parts, limits: Float[np.ndarray, " output"]) -> Parts:
         K=parts.K / unit,
         D=parts.D / unit,
         direct=parts.direct * limits,
+        own=(parts.own[0] / unit, parts.own[1] / unit),
     )
 
 
@@ -77,25 +91,47 @@ class Loop(NamedTuple):
     mixed: Float[np.ndarray, "pole pole"]
     lost: Float[np.ndarray, " pole"]
     blur: Float[np.ndarray, " pole"]
+    direct: Float[np.ndarray, "output output"]
+    """What is held back at once of what is asked for later in the same sample."""
 
 
-def close_loop(parts: Parts) -> Loop | None:
-    """The loop without limits; None where it is not found to be stable."""
-    A, B, C, F, G, E, K, D, _ = parts
-    states, outputs = len(A) + len(F), len(K)
+def close_loop(parts: Parts, first: Float[np.ndarray, " output"] | None = None) -> Loop | None:
+    """The loop without limits; None where it is not found to be stable.
+
+    Beside a hold limits of the law, ``first`` times those of the sum, act before them: c - n, then
+    p + c - n - m. Forces and commands are then those of the law's own outputs, in units of their limits,
+    followed by those of the sums.
+    """
+    A, B, C, F, G, E, K, D, _, own = parts
+    states, outputs = len(A) + len(F), len(K) * (1 if first is None else 2)
+    direct = np.zeros((outputs, outputs))
+    if first is not None:
+        direct[len(K) :, : len(K)] = -np.diag(first)
     if not states:
         none = np.zeros(0)
-        return Loop(none + 0j, np.zeros((0, outputs, outputs)), none, none, np.zeros((0, 0)), none, none)
+        nothing = np.zeros((0, outputs, outputs)), none, none, np.zeros((0, 0)), none, none
+        return Loop(none + 0j, *nothing, direct)
     closed = np.block([[A + B @ D @ C, B @ K], [G @ C, F]])
-    a, b, c, f, g, _, k, d, _ = (np.abs(M) for M in parts)
+    a, b, c, f, g, k, d = (np.abs(M) for M in (A, B, C, F, G, K, D))
     size = np.block([[a + b @ d @ c, b @ k], [g @ c, f]])
     unit = 2.0 * (states + len(C) + outputs + 4) * EPSILON
-    ends = -np.vstack([B, E]), np.hstack([D @ C, K]), np.hstack([d @ c, k])
-    return _by_modes(closed, size, *ends, unit)
+    into, out, seen = -np.vstack([B, E]), np.hstack([D @ C, K]), np.hstack([d @ c, k])
+    if first is not None:
+        into = np.hstack([into * first, into])
+        K, D = own[0] / first[:, None], own[1] / first[:, None]
+        out = np.vstack([np.hstack([D @ C, K]), out])
+        seen = np.vstack([np.hstack([np.abs(D) @ c, np.abs(K)]), seen])
+    return _by_modes(closed, size, into, out, seen, unit, direct)
 
 
 def _by_modes(
-    A: np.ndarray, size: np.ndarray, B: np.ndarray, C: np.ndarray, seen: np.ndarray, unit: float
+    A: np.ndarray,
+    size: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    seen: np.ndarray,
+    unit: float,
+    direct: np.ndarray,
 ) -> Loop | None:
     """C (z - A)^-1 B by poles; ``size``, ``seen``: sums of magnitudes of the products that made A and C.
 
@@ -125,7 +161,8 @@ def _by_modes(
         return None
     out, entering = np.linalg.norm(np.abs(C @ V) + unit * (seen @ v), axis=0), np.linalg.norm(into, axis=1)
     blur = 3.0 * unit * np.linalg.norm(seen @ v, axis=0) * entering
-    return Loop(poles, np.einsum("ik,kj->kij", C @ V, into), out, entering + lost, mixed, lost, blur)
+    residues = np.einsum("ik,kj->kij", C @ V, into)
+    return Loop(poles, residues, out, entering + lost, mixed, lost, blur, direct)
 
 
 def bound_error(loop: Loop, near: Float[np.ndarray, "place pole"]) -> Float[np.ndarray, " place"]:

@@ -52,7 +52,7 @@ def form_sum(loop: Loop, limits: list[Limit], omega: np.ndarray) -> _Form:
     """The inequalities at frequencies ``omega`` [rad a sample], as forms of what is held back."""
     z = np.exp(1j * omega)
     on, slews = [limit.output for limit in limits], np.array([[limit.slew] for limit in limits], dtype=float)
-    W = np.einsum("zk,kij->zij", 1.0 / (z[:, None] - loop.poles), loop.residues)
+    W = np.einsum("zk,kij->zij", 1.0 / (z[:, None] - loop.poles), loop.residues) + loop.direct
     asked, own = W[:, on][:, :, on], np.equal.outer(on, on).astype(float)
     before = (asked - own) / z[:, None, None]
     sector = np.array([[limit.sector] for limit in limits])
@@ -151,6 +151,7 @@ def bound_sum(
     ones, count, n = np.ones_like(half), len(DELAYS), np.array(DELAYS, dtype=float)
     twice = np.sqrt(max(Counter(limit.output for limit in limits).values()))  # an output with two forces
     W = twice * _bounds(z, half, loop.poles, np.linalg.norm(loop.residues, axis=(1, 2)))
+    W[0] += twice * np.linalg.norm(loop.direct)
     moves = twice * bound_error(loop, np.maximum(np.abs(z[:, None] - loop.poles) - half[:, None], 0.0))
     u = W + twice * np.array([ones, 0.0 * ones, 0.0 * ones])
     change = np.array([np.minimum(2.0, high), ones, ones])

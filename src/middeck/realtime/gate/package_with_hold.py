@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from middeck.errors import ConfigError
-from middeck.realtime.engine.interface.settings import EngineSettings
+from middeck.realtime.engine.interface.settings import Drive, EngineSettings
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.filter_sections import LoopPath
 from middeck.realtime.package.package import ControllerPackage
@@ -64,15 +64,17 @@ def with_hold(package: ControllerPackage, settings: EngineSettings) -> Controlle
     )
 
 
-def with_drives(package: ControllerPackage, settings: EngineSettings) -> ControllerPackage | None:
-    """``package`` with the tighter limits of its own and the engine's; None beside a hold, which has more.
+def drives_of(held: ControllerPackage, settings: EngineSettings) -> tuple[Drive, ...]:
+    """The drive of each output of a package beside the hold."""
+    return tuple(settings.drives[settings.outputs.index(port)] for port in held.outputs)
+
+
+def with_drives(package: ControllerPackage, settings: EngineSettings) -> ControllerPackage:
+    """``package`` without a hold, with the tighter limits of its own and of the engine's drives.
 
     Both keep the last output within their bounds, so that one after the other they are the tighter ones.
     """
-    if settings.hold:
-        return None
-    drives = {drive.port.name: drive for drive in settings.drives}
-    own = [drives[port.name] for port in package.outputs]
+    own = drives_of(package, settings)
     return dataclasses.replace(
         package,
         lower=np.maximum(package.lower, [drive.lower for drive in own]),

@@ -30,27 +30,37 @@ class Limit(NamedTuple):
     sector: float
 
 
-def bound_commands(package: ControllerPackage, parts: Parts) -> Float[np.ndarray, " output"]:
+def bound_commands(
+    package: ControllerPackage, parts: Parts, drives: Float[np.ndarray, " output"] | None = None
+) -> Float[np.ndarray, " output"]:
     """Most that the law asks of each output once it has settled, with inputs and outputs within ranges.
 
     From sensors that may jump, as the law alone sees them; and from what an observer of the plant makes of
     inputs and outputs, which is what the sensors read once it has settled: the smoother, the less can jump.
     Each bound holds, and the least is taken. No output comes to exceed what is asked of it, which bounds it
     anew. Raises `NumericalError` without a bound.
+
+    Beside a hold, whose sums the ``drives`` limit: what is asked for by the law itself, then of the sums.
     """
     law, m, n = parts.F - parts.E @ parts.K, len(parts.C), len(parts.A)
     by_y, none = parts.G - parts.E @ parts.D, np.zeros((len(law), m))
-    direct = np.hstack([parts.D, np.zeros((len(parts.K), len(parts.K)))])
-    peaks = [_peaks(law, np.hstack([by_y, parts.E]), parts.K, direct)]
-    for gain in _observers(parts, package.input_range, package.upper):
+    K, D, most = parts.K, parts.D, package.upper
+    if drives is not None:
+        (own, through), most = parts.own, drives
+        K, D = np.vstack([own, K - own]), np.vstack([through, D - through])
+    direct = np.hstack([D, np.zeros((len(K), len(parts.K)))])
+    peaks = [_peaks(law, np.hstack([by_y, parts.E]), K, direct)]
+    for gain in _observers(parts, package.input_range, most):
         F = np.block([[parts.A - gain @ parts.C, np.zeros((n, len(law)))], [by_y @ parts.C, law]])
         G = np.block([[gain, parts.B], [none, parts.E]])
-        peaks.append(_peaks(F, G, np.hstack([parts.D @ parts.C, parts.K]), 0.0 * direct))
-    most = package.upper
+        peaks.append(_peaks(F, G, np.hstack([D @ parts.C, K]), 0.0 * direct))
     with np.errstate(invalid="ignore"):
         for _ in range(SETTLINGS):
             asked = np.min(peaks @ np.concatenate([package.input_range, most]), axis=0)
-            most = np.clip(asked, np.finfo(float).tiny, most)
+            if drives is not None:
+                commands, hold = np.split(asked, 2)
+                asked = np.concatenate([commands, hold + np.minimum(commands, package.upper)])
+            most = np.clip(asked[-len(most) :], np.finfo(float).tiny, most)
     if not np.isfinite(asked).all():
         raise NumericalError("what the law asks for has no bound", hint="ranges of inputs, limits")
     return np.asarray(asked)
@@ -88,12 +98,13 @@ def _peaks(F: np.ndarray, G: np.ndarray, H: np.ndarray, J: np.ndarray) -> np.nda
 
 def reached_limits(package: ControllerPackage, asked: np.ndarray) -> list[Limit]:
     """Limits that commands of at most ``asked`` reach, and the sectors that these leave them."""
-    found = [
-        Limit(i, False, 1.0 - L / w)
-        for i, (L, w) in enumerate(zip(package.upper, asked, strict=True))
-        if w > L
-    ]
+    found = reached_sizes(package.upper, asked)
     steps = asked + np.minimum(asked, package.upper)
     return found + [
         Limit(i, True, 1.0 - s / e) for i, (s, e) in enumerate(zip(package.slew, steps, strict=True)) if e > s
     ]
+
+
+def reached_sizes(upper: np.ndarray, asked: np.ndarray) -> list[Limit]:
+    """Limits of size that commands of at most ``asked`` reach."""
+    return [Limit(i, False, 1.0 - L / w) for i, (L, w) in enumerate(zip(upper, asked, strict=True)) if w > L]

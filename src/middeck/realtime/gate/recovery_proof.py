@@ -16,16 +16,25 @@ Let the loop without limits be stable, and let some sum of these, as a quadratic
 constant (a kernel that looks ahead meets outputs that are not limited any more, but the motion is bounded
 and the kernel's first moment finite), and below c |(n, m)| - e |(n, m)|^2, with c of the state at the start.
 So the sums of squares of n and m are bounded, whichever the sample, and the motion dies out.
+
+Beside a hold, p, the law's own limits of size act first, v = c - n, and those of the drives on the sum,
+u = p + v - m. Each is a saturation of its own: n (v - h * v) >= 0 and n (k c - n) >= 0, m (u - h * u) >= 0
+and m (k' (p + v) - m) >= 0, and the same argument holds. A limit of slew of the law begins where the limit of
+the sum has left it, and that of size may then overrule it: beside a hold with such limits no proof is tried.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
-from middeck.realtime.gate.limited_loop import Loop, close_loop, in_units_of, split_loop
+from middeck.realtime.engine.interface.settings import Drive
+from middeck.realtime.gate.limited_loop import Loop, Parts, close_loop, in_units_of, split_loop
 from middeck.realtime.gate.multipliers import dies_out
-from middeck.realtime.gate.reached_limits import Limit, bound_commands, reached_limits
+from middeck.realtime.gate.reached_limits import Limit, bound_commands, reached_limits, reached_sizes
 from middeck.realtime.package.package import ControllerPackage
 from middeck.systems.plants.plant import Plant
 
@@ -36,27 +45,35 @@ QUARTERS = 4
 """How often the commands that may be asked for are quartered to see where a proof begins."""
 
 
-def why_unproved(package: ControllerPackage, plant: Plant, *, required: bool = False) -> str:
+def why_unproved(
+    package: ControllerPackage,
+    plant: Plant,
+    *,
+    drives: Sequence[Drive] = (),
+    required: bool = False,
+) -> str:
     """Why it is not proved that motions within the sensors' ranges die out, whichever limits act when.
 
     Empty where it is proved: of the law at full authority, with what it learns of its outputs, and of no
-    other limits than its own. A reason says nothing of the loop. No proof is tried for more limits or states
-    than `TOLD` (`REQUIRED`, where a verdict hangs on it), limits that differ by sign, single precision, or a
-    plant with a direct term.
+    other limits than its own. Of a ``package`` beside a hold, its inner loop, these are limits of c, and
+    those of the engine's ``drives``, one for each of its outputs, limit the sum. A reason says nothing of the
+    loop. No proof is tried for more limits or states than `TOLD` (`REQUIRED`, where a verdict hangs on it),
+    limits that differ by sign, single precision, or a plant with a direct term.
     """
     try:
         with np.errstate(all="ignore"):  # what is no number proves nothing
-            return _reason(package, plant, *(REQUIRED if required else TOLD), required)
+            return _reason(package, plant, drives, required)
     except (NumericalError, ConfigError) as error:
         return error.what
     except ValueError:  # of NumPy and SciPy
         return "numbers overflow"
 
 
-def _reason(
-    package: ControllerPackage, plant: Plant, most_limits: int, most_states: int, required: bool
-) -> str:
-    if np.any(package.lower != -package.upper):
+def _reason(package: ControllerPackage, plant: Plant, drives: Sequence[Drive], required: bool) -> str:
+    most_limits, most_states = REQUIRED if required else TOLD
+    if drives and np.isfinite(package.slew).any():
+        return "beside a hold limits of slew are not proved"
+    if np.any(package.lower != -package.upper) or any(drive.lower != -drive.upper for drive in drives):
         return "limits differ by sign"
     if package.single:
         return "in single precision a motion dies out to the bound of its rounding only"
@@ -66,16 +83,30 @@ def _reason(
     states = len(parts.A) + len(parts.F)
     if states > most_states:
         return f"the loop has {states} states, the proof takes {most_states}"
-    limits = reached_limits(package, bound_commands(package, parts))
+    sums = np.array([drive.upper for drive in drives]) if drives else None
+    limits = _limits(package, parts, sums)
     if len(limits) > most_limits:
         return f"motions within ranges may reach {len(limits)} limits, the proof takes {most_limits}"
-    loop = close_loop(in_units_of(parts, package.upper))
+    if sums is None:
+        loop = close_loop(in_units_of(parts, package.upper))
+    else:
+        loop = close_loop(in_units_of(parts, sums), package.upper / sums)
     if loop is None:
         return "the loop is too close to instability, or its modes to each other, for the digits computed"
     if not limits or dies_out(loop, limits):
         return ""
     near = _where_it_begins(loop, limits) if required else ""
     return f"no multipliers are found{near}; {HELP}"
+
+
+def _limits(
+    package: ControllerPackage, parts: Parts, sums: Float[np.ndarray, " output"] | None
+) -> list[Limit]:
+    """Those that are reached; beside a hold the law's own, then those of the sums."""
+    asked = bound_commands(package, parts, sums)
+    if sums is None:
+        return reached_limits(package, asked)
+    return reached_sizes(np.concatenate([package.upper, sums]), asked)
 
 
 def _where_it_begins(loop: Loop, limits: list[Limit]) -> str:

@@ -19,6 +19,7 @@ from middeck.control.analysis.stability.stability import (
 from middeck.control.law.compensator import Compensator, locate_ports
 from middeck.control.qualification import align_plant
 from middeck.errors import ConfigError, NumericalError
+from middeck.realtime.engine.interface.settings import Drive
 from middeck.realtime.gate.linear_law import faded_laws, limited_law, linear_law
 from middeck.realtime.gate.reached_slews import reached_slews
 from middeck.realtime.gate.recovery_proof import why_unproved
@@ -42,7 +43,7 @@ PROVED, UNPROVED = "; proved for limits that come and go", "; not proved for lim
 AT_ONCE, NOR_AT_ONCE = ", of size and slew at once", ", nor for size and slew at once"
 WITHIN = ", at full authority, while the sensors stay within their ranges"
 BEHIND = " (the engine's effort trip stands behind)"
-BESIDE_HOLD = "beside a hold there are limits of the law and of the sum"
+NOT_TRIED = "no proof is tried"
 ALL_TOGETHER = 6
 """Most outputs of which all sets are tried."""
 
@@ -180,7 +181,13 @@ def check_model(package: ControllerPackage, name: str, plant: Plant, least: Gate
 
 
 def check_recovery(
-    package: ControllerPackage, name: str, plant: Plant, *, held: bool, alone: ControllerPackage | None
+    package: ControllerPackage,
+    name: str,
+    plant: Plant,
+    *,
+    held: bool,
+    alone: ControllerPackage | None,
+    sums: Sequence[Drive] = (),
 ) -> GateStep:
     """Nothing grows on ``plant`` while some outputs are limited, from none of what they are asked for to 0.9.
 
@@ -191,9 +198,9 @@ def check_recovery(
     without. An output whose limit of slew a growing motion within the sensors' ranges does not reach
     (`reached_slews`) has none, but in a law that is unstable by itself. These are loops that stay so, each
     with limits of one kind. For limits that come and go, of size and slew at once, a proof is tried
-    (`why_unproved`) and told, of the law ``alone`` with all limits that act on it; None where a hold adds
-    more. It decides of a law that is unstable by itself, which may run away where the proof ends: it passes
-    with that proof only.
+    (`why_unproved`) and told, of the law ``alone`` with all limits that act on it, beside a hold with those
+    of the drives of ``sums`` besides; None where it is not tried. It decides of a law that is unstable by
+    itself, which may run away where the proof ends: it passes with that proof only.
     """
     step, core = f"recovery {name}", package.core
     moved = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
@@ -225,7 +232,9 @@ def check_recovery(
         return _step(step, [f"not decided: {getattr(error, 'what', error)}"], "")
     said = f"nothing grows at any of {len(limits)} limits of outputs"
     said += f", but at {unheld} what does so without the law too" if unheld else ""
-    reason = BESIDE_HOLD if alone is None else why_unproved(alone, plant, required=package.unstable)
+    reason = NOT_TRIED
+    if alone is not None:
+        reason = why_unproved(alone, plant, drives=sums, required=package.unstable)
     if reason and package.unstable:
         return _step(step, [f"{said}, but it is unstable by itself, and not proved to recover: {reason}"], "")
     if not reason:
