@@ -91,6 +91,15 @@ def test_a_spring_to_a_held_grid_is_one_with_a_blank_grid(tmp_path, cards):
     assert "springs to the ground" in note
 
 
+def test_a_spring_between_held_grids_is_left_out_by_name(tmp_path):
+    made = convert(tmp_path, HERE, TO_GRIDS, SPC1, "CBUSH,33,5,901,902,,,,0\nCBUSH,34,5,902,,,,,0")
+    assert alike(made.environment, convert(tmp_path, BLANK).environment)
+    (to_ground,) = [note for note in made.notes if "springs to the ground" in note]
+    (left_out,) = [note for note in made.notes if "left out" in note]
+    assert to_ground.startswith("'bush31', 'bush32': ")
+    assert left_out == "'bush33', 'bush34': left out, SPC or PS hold all of its ends"
+
+
 def test_what_a_spring_does_not_resist_need_not_be_held(tmp_path):
     """Without K4 to K6 a grid at the elastic point that may turn is as good as one that may not."""
     springs = TO_GRIDS.replace(",5,", ",6,")
