@@ -69,33 +69,34 @@ class Taper:
         return "\n".join(["CEND", "BEGIN BULK", *lines, body, "ENDDATA", ""])
 
     def compliance(self, x):
-        """Strains (extension, shears, twist, curvatures) on the shear axis per section force."""
+        """Strains (extension, shears, twist, curvatures) on the shear axis per section force, at points x."""
         p = self.at(x)
-        C = np.zeros((6, 6))
-        bend = E * np.array([[p["I2"], -p["I12"]], [-p["I12"], p["I1"]]])
-        own = np.zeros((3, 3))
-        own[0, 0], own[1:, 1:] = 1.0 / (E * p["A"]), np.linalg.inv(bend)
+        C = np.zeros((len(x), 6, 6))
+        bend = E * np.moveaxis(np.array([[p["I2"], -p["I12"]], [-p["I12"], p["I1"]]]), 2, 0)
+        own = np.zeros((len(x), 3, 3))
+        own[:, 0, 0], own[:, 1:, 1:] = 1.0 / (E * p["A"]), np.linalg.inv(bend)
         # Moments about the centroid of an axial force on the axis; the extension there of curvatures.
-        T = np.eye(3)
-        T[1, 0], T[2, 0] = -p["n2"], p["n1"]
-        C[np.ix_([0, 4, 5], [0, 4, 5])] = T.T @ own @ T
-        C[3, 3] = 1.0 / (G * p["J"])
+        T = np.tile(np.eye(3), (len(x), 1, 1))
+        T[:, 1, 0], T[:, 2, 0] = -p["n2"], p["n1"]
+        C[:, [[0], [4], [5]], [0, 4, 5]] = T.mT @ own @ T
+        C[:, 3, 3] = 1.0 / (G * p["J"])
         for i, k in zip((1, 2), self.k, strict=True):
-            C[i, i] = 1.0 / (k * G * p["A"]) if k else 0.0
+            C[:, i, i] = 1.0 / (k * G * p["A"]) if k else 0.0
         return C
 
     def mass(self, x):
-        """6x6 of shift and turn of the shear axis, per length."""
+        """6x6 of shift and turn of the shear axis, per length, at points x."""
         p = self.at(x)
-        M = np.zeros((6, 6))
-        for m, y, z, own in (
-            (RHO * p["A"], p["n1"], p["n2"], RHO * np.array([[p["I2"], -p["I12"]], [-p["I12"], p["I1"]]])),
-            (p["nsm"], p["m1"], p["m2"], 0.5 * p["nsi"] * np.eye(2)),
-        ):
-            T = np.hstack([np.eye(3), -skew(np.array([0.0, y, z]))])
-            M += m * T.T @ T
-            M[4:, 4:] += own
-            M[3, 3] += np.trace(own)
+        M = np.zeros((len(x), 6, 6))
+        bend = RHO * np.array([[p["I2"], -p["I12"]], [-p["I12"], p["I1"]]])
+        bare = 0.5 * p["nsi"] * np.eye(2)[:, :, None]
+        for m, y, z, own in ((RHO * p["A"], p["n1"], p["n2"], bend), (p["nsm"], p["m1"], p["m2"], bare)):
+            T = np.zeros((len(x), 3, 6))
+            T[:, :, :3] = np.eye(3)
+            T[:, 0, 4], T[:, 0, 5], T[:, 1, 3], T[:, 2, 3] = z, -y, -z, y
+            M += m[:, None, None] * (T.mT @ T)
+            M[:, 4:, 4:] += np.moveaxis(own, 2, 0)
+            M[:, 3, 3] += own[0, 0] + own[1, 1]
         return M
 
     def quadrature(self, cells):
@@ -128,19 +129,17 @@ def test_a_beam_that_nearly_ends_in_a_point_turns_by_the_logarithm(tmp_path, end
 
 
 def forces(arm):
-    """Forces of a section under unit loads at ``arm`` beyond it."""
-    B = np.eye(6)
-    B[4, 2], B[5, 1] = -arm, arm
+    """Forces of a section under unit loads at each ``arm`` beyond it."""
+    B = np.tile(np.eye(6), (len(arm), 1, 1))
+    B[:, 4, 2], B[:, 5, 1] = -arm, arm
     return B
 
 
 def flexibility(taper):
     """Motion of end B under loads there, in own axes, with end A clamped."""
-    parts = [
-        taper.L * w * forces(taper.L * (1.0 - x)).T @ taper.compliance(x) @ forces(taper.L * (1.0 - x))
-        for x, w in zip(*taper.quadrature(20), strict=True)
-    ]
-    return sum(parts)
+    x, w = taper.quadrature(20)
+    B = forces(taper.L * (1.0 - x))
+    return np.einsum("p,pij->ij", taper.L * w, B.mT @ taper.compliance(x) @ B)
 
 
 def article(tmp_path, text, formulation="consistent"):
@@ -194,11 +193,10 @@ def test_mass_is_the_integral(tmp_path, campaign, formulation):
         taper = Taper(rng)
         structure, _ = article(tmp_path, taper.deck(rng), formulation)
         summary = summarise(structure)
-        whole = np.zeros((6, 6))
-        for x, w in zip(*taper.quadrature(4), strict=True):
-            T = np.eye(6)
-            T[:3, 3:] = -skew(np.array([taper.L * x, 0.0, 0.0]))
-            whole += w * taper.L * T.T @ taper.mass(x) @ T
+        x, w = taper.quadrature(4)
+        T = np.tile(np.eye(6), (len(x), 1, 1))
+        T[:, 2, 4], T[:, 1, 5] = -taper.L * x, taper.L * x
+        whole = np.einsum("p,pij->ij", taper.L * w, T.mT @ taper.mass(x) @ T)
         R = own_axes(taper)
         whole = R @ whole @ R.T
         assert summary.mass == pytest.approx(whole[0, 0], rel=DIGITS)
@@ -215,28 +213,17 @@ def frequencies(taper, cells=12, count=4):
     # Integrals of C, C s and C s^2 from A up to each point.
     ends = np.concatenate([[0.0], x])
     points, weights = np.polynomial.legendre.leggauss(2)
-    powers = np.zeros((3, n, 6, 6))
-    total = np.zeros((3, 6, 6))
-    for i in range(n):
-        half = 0.5 * (ends[i + 1] - ends[i])
-        for p, v in zip(points, weights, strict=True):
-            s = ends[i] + half * (1.0 + p)
-            C = half * v * taper.compliance(s / taper.L)
-            total = total + np.array([C, C * s, C * s * s])
-        powers[:, i] = total
-    zero, arm = forces(0.0), forces(1.0) - forces(0.0)
-    least = np.minimum.outer(np.arange(n), np.arange(n))
-    B = [zero + xi * arm for xi in x]
-    F = np.zeros((n, 6, n, 6))
-    for i in range(n):
-        for j in range(n):
-            c0, c1, c2 = powers[:, least[i, j]]
-            F[i, :, j] = B[i].T @ c0 @ B[j] - arm.T @ c1 @ B[j] - B[i].T @ c1 @ arm + arm.T @ c2 @ arm
-    root = np.zeros((n, 6, 6))
-    for i in range(n):
-        size, axes = np.linalg.eigh(w[i] * taper.mass(x[i] / taper.L))
-        root[i] = axes * np.sqrt(np.maximum(size, 0.0))
-    A = np.einsum("iab,iajc,jcd->ibjd", root, F, root).reshape(6 * n, 6 * n)
+    half = 0.5 * np.diff(ends)[:, None]
+    s = (ends[:-1, None] + half * (1.0 + points)).ravel()
+    C = (half * weights).ravel()[:, None, None] * taper.compliance(s / taper.L)
+    parts = np.array([C, s[:, None, None] * C, (s * s)[:, None, None] * C])
+    powers = np.cumsum(parts.reshape(3, n, 2, 6, 6).sum(axis=2), axis=1)
+    c0, c1, c2 = powers[:, np.minimum.outer(np.arange(n), np.arange(n))]
+    B, arm = forces(x), (forces(np.ones(1)) - forces(np.zeros(1)))[0]
+    F = B.mT[:, None] @ (c0 @ B - c1 @ arm) - arm.T @ (c1 @ B - c2 @ arm)
+    size, axes = np.linalg.eigh(w[:, None, None] * taper.mass(x / taper.L))
+    root = axes * np.sqrt(np.maximum(size, 0.0))[:, None]
+    A = (root.mT[:, None] @ F @ root).transpose(0, 2, 1, 3).reshape(6 * n, 6 * n)
     return 1.0 / np.sqrt(np.linalg.eigvalsh(A)[::-1][:count]) / (2.0 * np.pi)
 
 

@@ -63,8 +63,8 @@ def examples(text: str) -> list[list[str]]:
 
 
 def quicker(arguments: list[str]) -> list[str]:
-    """The example, but it watches the computer for a second, draws twelve modes, or searches no order."""
-    if arguments[0] in ("compare", "modes", "path") and "--figure" in arguments:
+    """The example, but it watches the computer for a second, takes twelve modes, or searches no order."""
+    if arguments[0] == "path" or (arguments[0] in ("compare", "modes") and "--figure" in arguments):
         return [*arguments, "--count", "12"]
     if arguments[0] == "identify" and "--states" not in arguments:
         return [*arguments, "--states", "8"]

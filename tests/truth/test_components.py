@@ -152,7 +152,7 @@ def test_rows_of_modes_without_geometric_stiffness_are_marked():
     rng = np.random.default_rng(5)
     whole, part = bent_beam(rng, 30.0)
     modes = md.solve_modes(md.solve_equilibrium(with_component(whole, part, count=20), _environments(rng)))
-    felt = felt_stiffness(modes)
+    felt = felt_stiffness(modes.equilibrium, modes.omega**2, modes.shapes)
     (warning,) = [text for text in modes.warnings if "no geometric stiffness" in text]
     assert f"up to {100.0 * felt.max():.2g} %" in warning
     assert f"mode {felt.argmax()} " in warning

@@ -87,8 +87,8 @@ def test_a_band_beside_the_drive_is_refused_wherever_it_begins(band_hz: tuple[fl
 
 @pytest.mark.parametrize("seed", repeats(range(8), 2))
 def test_a_linear_sweep_is_estimated_where_it_turns_from_line_to_line(seed: int) -> None:
-    """At its ends a sweep is as smooth as a motion that decays: those lines erred by up to 600 times the
-    largest response, and each of twelve clean records was said to leave up to all of it unexplained."""
+    """At its ends a sweep is as smooth as a motion that decays: those lines erred by up to 560 times the
+    largest response, and each of nine clean records was said to leave up to all of it unexplained."""
     rng = np.random.default_rng([244, seed])
     hz = np.cumsum([rng.uniform(6.0, 8.0), rng.uniform(4.0, 8.0)])
     plant = hz, rng.uniform(0.01, 0.02, 2), 400.0 * hz * rng.choice([-1.0, 1.0], 2), 0.011

@@ -70,7 +70,7 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
         **figure_5(comparison),
         "unpaired": dict(zip(("orbit", "lab"), comparison.unpaired, strict=True)),
         "clamped": sorted({clamp.node for clamp in lab.equilibrium.environment.clamps}),
-        "left_out_stiffness": felt_stiffness(lab),
+        "left_out_stiffness": felt_stiffness(lab.equilibrium, lab.omega**2, lab.shapes),
         "gravity_m_s2": float(np.linalg.norm(lab.equilibrium.environment.gravity)),
         "warnings": (*both_sides(orbit, lab), *comparison.warnings, *_without_flexible(comparison)),
     }

@@ -121,7 +121,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
         "most_strained": most_strained(modes, count),
         "damping": zeta,
         "mesh_error": [e if np.isfinite(e) else None for e in estimate_mesh_error(modes, count).tolist()],
-        "left_out_stiffness": felt_stiffness(modes)[:count],
+        "left_out_stiffness": felt_stiffness(rest, modes.omega**2, modes.shapes)[:count],
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
         "imbalance": rest_imbalance(rest)._asdict(),

@@ -91,7 +91,7 @@ class _Unfolding:
         self.states = n + 2 * len(self.sections)
         self.first = self.states + m + p
         most = 3 * len(self.sections) + n + 4 * p + len(package.paths) + m
-        self.rows = list(np.eye(self.first, self.first + most))
+        self.rows = np.eye(self.first + most) * (np.arange(self.first + most) < self.first)
         self.sums: list[Sum] = []
 
     def done(self) -> LinearLaw:
@@ -112,7 +112,8 @@ class _Unfolding:
         wanted = [self.add([], [], [inner[i], c[i]]) for i in range(p)]
         missing = [self.add([], [], [i], rounded=True) for i in e]
         moved = [self.state(i, filtered, missing) for i in range(n)]
-        rows = np.array(self.rows)[:, : self.first + len(self.sums)]
+        used = self.first + len(self.sums)
+        rows = self.rows[:used, :used]
         update = rows[[*moved, *nexts]]
         return LinearLaw(
             F=update[:, : self.states], G=update[:, self.states :],
@@ -147,17 +148,18 @@ class _Unfolding:
         """A new signal, the sum in this order, ``plus`` last, with an error of its own."""
         kept = np.array(coefficients, dtype=self.kept)
         cut = [*0.5 * np.spacing(np.abs(kept)).astype(float), *[UNIT if rounded else 0.0] * len(plus)]
-        all_of, terms = [*kept.astype(float).tolist(), *[1.0] * len(plus)], [*signals, *plus]
-        row = np.zeros(len(self.rows[0]))
-        for coefficient, signal in zip(all_of, terms, strict=True):
-            row += coefficient * self.rows[signal]
-        row[self.first + len(self.sums)] += 1.0
-        self.rows.append(row)
+        all_of = [*kept.astype(float).tolist(), *[1.0] * len(plus)]
+        terms = np.array([*signals, *plus], dtype=int)
+        new = self.first + len(self.sums)
+        # One term after the other, as `rounding_of` counts them.
+        parts = np.array(all_of)[:, None] * self.rows[terms, :new]
+        np.add.reduce(parts, axis=0, initial=0.0, out=self.rows[new, :new])
+        self.rows[new, new] = 1.0
         self.sums.append(
             Sum(
                 coefficients=np.array(all_of),
-                signals=np.array(terms, dtype=int),
+                signals=terms,
                 cut=np.array(cut, dtype=float),
             )
         )
-        return len(self.rows) - 1
+        return new

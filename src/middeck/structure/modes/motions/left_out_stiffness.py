@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.elements.component import ComponentElement
 from middeck.structure.model.component import Component, body_of, component_doubts
 from middeck.structure.rest.equilibrium import Equilibrium
-
-if TYPE_CHECKING:
-    from middeck.structure.modes.solve import Modes
 
 # Least relative change of a frequency that is reported.
 FELT = 1e-3
@@ -52,9 +47,11 @@ def left_out(
     return out
 
 
-def felt_stiffness(modes: Modes) -> Float[np.ndarray, " mode"]:
+def felt_stiffness(
+    equilibrium: Equilibrium, lam: Float[np.ndarray, " mode"], shapes: Float[np.ndarray, "coordinate mode"]
+) -> Float[np.ndarray, " mode"]:
     """`left_out` of the component with the largest share of each mode; zero below `FELT`."""
-    cost = left_out(modes.equilibrium, modes.omega**2, modes.shapes).max(axis=0, initial=0.0)
+    cost = left_out(equilibrium, lam, shapes).max(axis=0, initial=0.0)
     return np.where(cost > FELT, cost, 0.0)
 
 
