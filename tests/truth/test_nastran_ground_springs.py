@@ -132,26 +132,26 @@ def test_a_held_grid_with_more_than_springs_stays_in_the_article(tmp_path, more)
     assert "'bush31': SPC or PS hold grid '901', where more than springs stands" in note
 
 
-@pytest.mark.parametrize(("first", "last"), [(1, 2), (2, 1)])
-def test_axes_that_turn_with_the_first_grid_are_named(tmp_path, first, last):
+@pytest.mark.parametrize(
+    ("stiffness", "is_felt"),
+    [("1.+5,1.+3,1.+5,.3,9.,90.", True), ("1.+5,1.+5,1.+5,.3,9.,90.", False), ("1.+3,1.+5,1.+5,.3,9.,9.", False)],
+)
+def test_axes_that_turn_with_the_first_grid_are_named_where_that_is_felt(tmp_path, stiffness, is_felt):
     """A body whose centre lies beside a soft hinge rolls over; the other grid is held, with a mass on it."""
-    cards = [
-        "GRID,1",
-        "GRID,2",
-        "CONM2,11,1,,1.,0.,.1,0.",
-        "CONM2,12,2,,1.",
-        "PBUSH,5,K,1.+5,1.+5,1.+5,.3,9.,9.",
-    ]
-    cards += [f"CBUSH,31,5,{first},{last},,,,0", "SPC1,1,123456,2", "GRAV,30,,9.81,0.,0.,-1."]
-    path = tmp_path / "a.dat"
-    path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
-    rest = md.solve_equilibrium(*setup(tmp_path, convert_deck(read_deck(path), SI, "consistent", "a")))
-    told = [
-        text
-        for text in rest_warnings(rest)
-        if "with its first frame 'g1', while its second, 'g2', stayed" in text
-    ]
-    assert len(told) == (first == 1)
+    told, hz = [], []
+    for first, last in ((1, 2), (2, 1)):
+        cards = ["GRID,1", "GRID,2", "CONM2,11,1,,1.,0.,.1,0.\n,.1,,.2,,,.3", "CONM2,12,2,,1."]
+        cards += [f"PBUSH,5,K,{stiffness}", f"CBUSH,31,5,{first},{last},,,,0"]
+        cards += ["SPC1,1,123456,2", "GRAV,30,,9.81,0.,0.,-1."]
+        path = tmp_path / "a.dat"
+        path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
+        rest = md.solve_equilibrium(*setup(tmp_path, convert_deck(read_deck(path), SI, "consistent", "a")))
+        said = "with its first frame 'g1', while its second, 'g2', stayed"
+        told.append(any(said in text for text in rest_warnings(rest)))
+        assert any("the article turned by" in text for text in rest_warnings(rest))
+        hz.append(md.solve_modes(rest).frequency_hz)
+    assert told == [is_felt, False]
+    assert np.allclose(*hz, rtol=1e-6, atol=0.0) != is_felt
 
 
 def test_springs_that_alone_join_the_deck_stay_in_it(tmp_path):
