@@ -155,7 +155,9 @@ def _heading(side: str, port: Port, path: Path) -> str:
     read = None if found is None or ";" in heading else (found[2], found[3].strip())
     if read != (port.name, port.unit) or not heading.isprintable():
         what = f"{port.name!r} in {port.unit!r} is no heading of a CSV column"
-        raise DataError(what, where=str(path), hint="a name without brackets and semicolons, or write .npz or .h5")
+        raise DataError(
+            what, where=str(path), hint="a name without brackets and semicolons, or write .npz or .h5"
+        )
     return heading
 
 
