@@ -123,7 +123,7 @@ class LoadSets:
         return {"gravity_m_s2": size, "gravity_direction": along}, notes
 
     def down(self) -> np.ndarray | None:
-        """The direction of gravity: of the sets that are converted, else of all GRAV; None where they differ."""
+        """The direction of gravity, of the sets that are converted or else of all GRAV, if they have one."""
         falls = [g for g in self.gravity.values() if np.any(g)]
         falls = falls or [self._acceleration(1.0, e, []) for e in self.entries if e.name == "GRAV"]
         ways = [g / np.linalg.norm(g) for g in falls if np.any(g)]
@@ -133,8 +133,9 @@ class LoadSets:
         """A note on where down is in a deck without gravity."""
         down = self.down()
         there = any(entry.name == "GRAV" for entry in self.entries)
+        has = "GRAV of several directions" if there else "no GRAV, which would tell the vertical"
         says = (
-            f"the deck has {'GRAV of several directions' if there else 'no GRAV, which would tell the vertical'}"
+            f"the deck has {has}"
             if down is None
             else f"down is {down.round(6).tolist()} by a GRAV that is not selected"
         )
