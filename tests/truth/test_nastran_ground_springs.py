@@ -247,3 +247,29 @@ def test_the_modes_of_a_boom_on_such_springs_are_those_of_a_suspension(tmp_path)
     budget = build_budget(free, hung, 8)
     np.testing.assert_allclose(budget.frequency_hz[6:, 0], free.frequency_hz[6:], rtol=1e-9)
     assert np.all(budget.share_hz[:6, 0] > 0.1)
+
+
+def test_an_elastic_point_on_a_grid_to_rounding_turns_nothing(tmp_path):
+    """S of 1 at a grid that is held but for one turn: what rounding leaves of an arm is no stiffness."""
+    cards, K, values = ["GRID,1", "CONM2,1,1,,2.,,,,\n,.3,,.4,,,.5"], np.zeros((6, 6)), [500.0, 400.0, 600.0]
+    a, b = np.array([-0.80991, -0.27974, -0.81585]), np.array([-0.15645, -0.01633, 0.81848])
+    other = np.array([0.5, -0.25, 0.4])
+    assert np.any(a + 1.0 * (b - a) != b)
+    cards += [f"GRID,10,,{','.join(map(repr, a.tolist()))}", f"GRID,200,,{','.join(map(repr, b.tolist()))}"]
+    cards += [f"GRID,11,,{','.join(map(repr, other.tolist()))}", "RBE2,40,1,123456,10,11"]
+    cards += ["PBUSH,5,K,500.,400.,600.", "CBUSH,31,5,10,200,,,,0\n,1.", "SPC1,1,1356,200"]
+    cards += ["PBUSH,6,K,500.,400.,600.,70.,80.,90.", "CBUSH,32,6,11,,,,,0"]
+    for point, law in ((b, [*values, 0.0, 0.0, 0.0]), (other, [*values, 70.0, 80.0, 90.0])):
+        carried = np.eye(6)
+        carried[:3, 3:] = np.cross(np.eye(3), point)
+        if point is b:  # grid 200 gives way along y
+            law = [500.0, 0.0, 600.0, 0.0, 0.0, 0.0]
+        K += carried.T @ np.diag(law) @ carried
+    path = tmp_path / "a.dat"
+    path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
+    made = convert_deck(read_deck(path), SI, "consistent", "a")
+    assert any("nothing holds rotations of grid '200'" in note for note in made.notes)
+    modes = md.solve_modes(md.solve_equilibrium(*setup(tmp_path, made)), 6)
+    M = np.diag([2.0, 2.0, 2.0, 0.3, 0.4, 0.5])
+    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)) / (2.0 * np.pi)
+    np.testing.assert_allclose(modes.frequency_hz, expected, rtol=1e-9)

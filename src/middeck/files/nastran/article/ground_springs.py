@@ -15,7 +15,7 @@ from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.constraints.rigid_links import ALL
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.masses_and_springs.direct_matrices import carried_motion
-from middeck.files.nastran.masses_and_springs.spring_elements import APART, Tie
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie, arm_from
 from middeck.structure.model.connectivity import some_names
 
 NOTHING = 1e-9  # of a spring's largest stiffness, shifts and turns apart
@@ -98,8 +98,7 @@ def _joining(basis: Basis, parts: Parts, standing: Standing, ground: set[int]) -
 
 def _resists(tie: Tie, end: int, grid: int, parts: Parts, places: Places) -> bool:
     """Whether a spring resists a component of the grid that carries its ``end`` that nothing holds."""
-    arm = tie.points[end] - places.grids[grid]
-    arm = np.where(np.linalg.norm(arm) > APART * np.linalg.norm(places.grids[grid]), arm, 0.0)
+    arm = arm_from(places.grids[grid], tie.points[end])
     axes = np.kron(np.eye(2), places.displacement_axes(grid))
     turn = np.kron(np.eye(2), tie.axes)
     carried = carried_motion(arm) @ axes
