@@ -9,6 +9,9 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
+from middeck.cli.shown.component_doubts import WITHOUT
+from middeck.cli.shown.screen import Table
+from middeck.cli.verbs import compare
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
@@ -170,3 +173,21 @@ def test_up_is_against_the_gravity_that_is_converted(tmp_path: Path, case, loads
     deck.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", *case, "BEGIN BULK", *cards, "ENDDATA", ""]))
     found = convert_deck(read_deck(deck), parse_units("m-kg-s-N"), "consistent", "a").document.get("up")
     assert (None if found is None else list(found)) == up
+
+
+@pytest.mark.parametrize(("cost", "marked"), [([0.12, 0.0, 0.03], True), ([0.0] * 3, False)])
+def test_a_comparison_marks_every_mode_that_lacks_geometric_stiffness(cost, marked) -> None:
+    """Those of the suspension too, and the note stands where a column does."""
+    kinds = {"orbit": ["rigid", "rigid", "flexible"], "lab": ["suspension", "suspension", "flexible"]}
+    sides = {
+        side: {"kind": kind, "name": ["a", "b", "c"], "frequency_hz": [1.0, 2.0, 3.0]}
+        for side, kind in kinds.items()
+    }
+    document = sides | {"article": "a", "environment": "lab", "pairs": [(2, 2)], "ratio": [1.0]}
+    document |= {"matrix": np.eye(3), "mac": np.eye(3), "left_out_stiffness": cost, "clamped": []}
+    document |= {"gravity_m_s2": 9.81, "subspace_angle_deg": [], "unpaired": {"orbit": [], "lab": []}}
+    tables = compare._tables(document)
+    _, hung, pairs = (part for part in tables if isinstance(part, Table))
+    shown = [["12 %", ""], ["3 %"]] if marked else [["a", "b"], ["c"]]
+    assert [[row[-1] for row in table.rows] for table in (hung, pairs)] == shown
+    assert (WITHOUT in tables) == marked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -89,20 +90,10 @@ def _without_flexible(comparison: ModeComparison) -> Iterator[str]:
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
     orbit, lab, environment = document["orbit"], document["lab"], document["environment"]
-    headers = ["", "frequency Hz", "kind", "name"]
+    cost = document["left_out_stiffness"]
     lists = [
-        Table(
-            title,
-            headers,
-            [
-                [str(i), f"{f:.5f}", kind, name]
-                for i, (f, kind, name) in enumerate(
-                    zip(side["frequency_hz"], side["kind"], side["name"], strict=True)
-                )
-                if kind != "flexible"
-            ],
-        )
-        for title, side in (("rigid-body modes in orbit", orbit), (f"suspension modes in {environment}", lab))
+        _others("rigid-body modes in orbit", orbit, [0.0] * len(orbit["kind"])),
+        _others(f"suspension modes in {environment}", lab, cost),
     ]
     pairs = [
         [
@@ -118,18 +109,27 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         for (i, j), ratio in zip(document["pairs"], document["ratio"], strict=True)
     ]
     titles = ["orbit", "Hz", environment, "Hz", "ratio", "cross-orthogonality", "MAC", "name in orbit"]
-    felt = [document["left_out_stiffness"][j] for _, j in document["pairs"]]
+    felt = [cost[j] for _, j in document["pairs"]]
     angles = ", ".join(f"{a:.3f}" for a in document["subspace_angle_deg"]) or "none"
+    tables = [*lists, without_stiffness(Table("pairs of flexible modes", titles, pairs), felt)]
     return [
         f"article      {document['article']}",
         f"compared     orbit: free, no gravity; {_held(document)}",
-        *(table for table in lists if table.rows),
-        without_stiffness(Table("pairs of flexible modes", titles, pairs), felt),
+        *(table for table in tables[:2] if table.rows),
+        tables[2],
         CROSS_NOTE,
-        *([WITHOUT] if any(felt) else []),
+        *([WITHOUT] if any("may be off" in table.headers for table in tables) else []),
         *_unpaired(document),
         f"\nangles between the rigid-body and the suspension subspaces, deg: {angles}",
     ]
+
+
+def _others(title: str, side: dict[str, Any], cost: Sequence[float]) -> Table:
+    """The modes of one side that are not flexible, each with its number."""
+    others = [i for i, kind in enumerate(side["kind"]) if kind != "flexible"]
+    rows = [[f"{i}", f"{side['frequency_hz'][i]:.5f}", side["kind"][i], side["name"][i]] for i in others]
+    table = Table(title, ["", "frequency Hz", "kind", "name"], rows)
+    return without_stiffness(table, [cost[i] for i in others])
 
 
 def _held(document: dict[str, Any]) -> str:
