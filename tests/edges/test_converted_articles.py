@@ -9,6 +9,9 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
+from middeck.files.nastran.article.convert import convert_deck
+from middeck.files.nastran.deck.deck import read_deck
+from middeck.files.nastran.deck.units import parse_units
 from middeck.structure.correlation.measured_modes import measure_modes, sensor_rows
 from middeck.structure.correlation.placing import place_channels
 
@@ -148,3 +151,22 @@ def test_the_report_of_a_deck_names_defaults_and_whose_choice_they_are(
     assert article.up.tolist() == [0.0, 0.0, 1.0]
     damping = article.damping
     assert (damping.flexible, damping.suspension) == (0.01, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("case", "loads", "up"),
+    [
+        (["LOAD = 20"], "", [0.0, 0.0, 1.0]),
+        (["LOAD = 30"], "LOAD,30,1.,2.,20", [0.0, 0.0, 1.0]),
+        ([], "", None),
+        (["LOAD = 40"], "FORCE,40,2,,1.,1.", None),
+    ],
+)
+def test_up_is_against_the_gravity_that_is_converted(tmp_path: Path, case, loads, up) -> None:
+    """A deck may have an acceleration of launch before its weight: of several none is down by itself."""
+    cards = ["GRID,1", "GRID,2,,1.", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,1.-4,1.-8,2.-8,2.-8"]
+    cards += ["CBAR,1,1,1,2,0.,1.,0.", "SPC1,1,123456,1", "GRAV,10,,98.,1.", "GRAV,20,,9.81,0.,0.,-1.", loads]
+    deck = tmp_path / "a.dat"
+    deck.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", *case, "BEGIN BULK", *cards, "ENDDATA", ""]))
+    found = convert_deck(read_deck(deck), parse_units("m-kg-s-N"), "consistent", "a").document.get("up")
+    assert (None if found is None else list(found)) == up

@@ -586,6 +586,23 @@ def test_json_and_settings(capfd, tmp_path):
         parse_units("")
 
 
+def test_a_deck_that_only_rounding_refuses_says_so(capfd, tmp_path):
+    """Grids in one place by two systems, and a spring across: apart in single precision."""
+    place = [f"{0.8 * f(np.radians(37.0)):.12f}" for f in (np.cos, np.sin)]
+    bulk = PLAIN + "CORD2C,8,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,8,8,.8,37.,0.\nRBE2,8,1,123456,8\n"
+    bulk += f"GRID*,9,,{place[0]},{place[1]}\n*,0.\nCONM2,9,9,,1.\nCELAS2,9,50.,8,1,9,1\n"
+    path = tmp_path / "a.dat"
+    path.write_text(f"BEGIN BULK\n{bulk}ENDDATA\n")
+    ask = ("convert", path, "--units", "m-kg-s-N", "--reals")
+    assert middeck(capfd, *ask, "double").code == 0
+    ended = middeck(capfd, *ask, "single")
+    assert ended.code == 2
+    assert "CELAS2 9: a spring across the line between its grids" in ended.err
+    assert "try: --reals double" in ended.err
+    path.write_text(f"BEGIN BULK\n{bulk}CBAR,7,77,1,8,0.,1.,0.\nENDDATA\n")
+    assert "--reals" not in middeck(capfd, *ask, "single").err
+
+
 def test_reals_in_single_precision(capfd, tmp_path):
     """Of fields, lists (PBARL) and parameters; not of matrices, and none that single precision lacks."""
     bulk = PLAIN + "GRID,8,,.1\nMAT1,8,7.1+10,,.3,2701.\nPBARL,8,8,,BAR\n,.1,.3\nCBAR,8,8,1,8,0.,1.,0.\n"

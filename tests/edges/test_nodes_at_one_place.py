@@ -66,5 +66,13 @@ def test_nodes_that_may_move_apart_stay_a_question_with_an_answer(model) -> None
     assert "2 channels of nodes that are not in the model are left out: 11" in left
 
 
+def test_the_number_decides_between_a_grid_and_what_is_pinned_to_it() -> None:
+    """As between the grids of an RBE2 of shifts alone, which turn apart."""
+    ball = Link(name="ball", first="g402", second="g11", along="xyz")
+    found = placed(two_bars(ball, end="g11"))
+    assert found.channels == ("g401 y", "g11 y", "g11 z")
+    assert found.warnings == ()
+
+
 def test_the_number_decides_between_nodes_that_may_move_apart() -> None:
     assert placed(two_bars(end="g11")).channels == ("g401 y", "g11 y", "g11 z")

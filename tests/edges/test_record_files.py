@@ -360,9 +360,11 @@ def test_any_node_comes_back_from_a_universal_file(tmp_path, node):
     ("port", "said"),
     [
         (Port("y", "N", Channel(node="12345678901")), "longer than 10"),
-        (Port("y", "N", Channel(node="NONE")), "NONE is no name in a universal file"),
-        (Port("NONE", "N"), "NONE is no name"),
-        (Port("y", "NONE"), "NONE is no name"),
+        (Port("y", "N", Channel(node="NONE")), "'NONE' is no name in a universal file"),
+        (Port("NONE", "N"), "'NONE' is no name"),
+        (Port("y", "NONE"), "'NONE' is no name"),
+        (Port("y ", "N"), "'y ' is no name"),
+        (Port("y", " N"), "' N' is no name"),
     ],
 )
 def test_what_a_universal_file_would_lose_is_refused(tmp_path, port, said):
@@ -372,7 +374,13 @@ def test_what_a_universal_file_would_lose_is_refused(tmp_path, port, said):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("port", [Port("y [N]", "N"), Port("y ", "N"), Port("a\nb", "N"), Port("y", "N]")])
+@pytest.mark.parametrize(
+    "port",
+    [
+        *(Port("y [N]", "N"), Port("y ", "N"), Port("a\nb", "N"), Port("y", "N]")),
+        *(Port("a;b", "N"), Port("y", "N;m"), Port("y", "N ")),
+    ],
+)
 def test_a_heading_that_would_not_be_read_back_is_refused(tmp_path, port):
     x = np.arange(6.0).reshape(1, 1, 6, 1)
     with pytest.raises(DataError, match="is no heading of a CSV column"):

@@ -15,6 +15,7 @@ from cli_runner import ROOT, middeck
 from middeck.errors import DataError
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.structure.correlation.survey_drawing import build_survey_drawing
+from middeck.structure.model.article import AttachPoint, Bushing
 from structure_builders import TURNING_TUBE, body, member, structure
 from structure_builders import node as node_at
 
@@ -224,3 +225,19 @@ def test_a_ring_stays_closed_and_a_hub_is_the_mean_of_its_arms() -> None:
     assert frozenset((star["h"], star["d"])) not in lines
     # With one measured node nothing is joined: it is a mark.
     assert drawn_along(plane(star, ["ha", "hb", "hc", "hd"]), {"a": 1.0}) == {}
+
+
+def test_a_bushing_joins_what_is_measured_on_both_its_sides() -> None:
+    """A boom on an isolator, of which its tip was measured: it is drawn, not left afloat."""
+    light, places = body(0.1, inertia=(1e-4, 1e-4, 1e-4)), {"a": 0.0, "b": 1.0, "c": 1.0, "d": 2.0}
+    parts = structure(
+        [node_at(name, (x, 0.0, 0.0), light) for name, x in places.items()],
+        [member(*two, TURNING_TUBE, 2) for two in ("ab", "cd")],
+        attach=[AttachPoint(name, name, np.zeros(3)) for name in "bc"],
+    )
+    isolator = Bushing(name="isolator", start="b", end="c", stiffness=np.diag([1e4] * 3 + [10.0] * 3))
+    parts = replace(parts, bushings=(isolator,))
+    modes = md.solve_modes(md.solve_equilibrium(parts, md.Environment.orbit()))
+    lines = drawn_along(modes, {"a": 0.0, "d": 2.0})
+    assert lines[frozenset([(0.0, 0.0), (1.0, 0.0)])] == pytest.approx([0.0, 1.0], abs=1e-5)
+    assert lines[frozenset([(1.0, 0.0), (2.0, 0.0)])] == pytest.approx([1.0, 2.0], abs=1e-5)

@@ -71,6 +71,20 @@ def test_the_fundamental_is_the_models_and_not_the_lowest_measured(chosen: list[
         assert "of the model only suspension modes have more than 10 % of the effective mass" in said
 
 
+def test_a_model_far_off_in_one_mode_fails_though_that_has_no_partner() -> None:
+    """The others agree, so that 20 % is likelier a mode of something else: not a verdict that is open."""
+    modes = solve_modes(
+        solve_equilibrium(straight_beam(TURNING_TUBE, 2.0, 4), Environment.clamped("a", gravity=0.0))
+    )
+    test = bare(measure_modes(modes, [("b", "y"), ("b", "z")], chosen=[0, 2, 4, 6]))
+    far = dataclasses.replace(test, frequency_hz=test.frequency_hz * np.array([1.2, 1.0, 1.0, 1.0]))
+    found = compare_frequencies(modes, far, ECSS)
+    assert found.unpaired == (0,)
+    assert [f.worst for f in found.findings if f.criterion.group is Scope.FUNDAMENTAL] == [None]
+    assert found.verdict == "does not pass"
+    assert compare_frequencies(modes, test, ECSS).verdict == "open"
+
+
 def test_either_mode_of_a_repeated_fundamental_is_it() -> None:
     """A round beam bends in two planes at one frequency; a test may measure either."""
     modes = solve_modes(

@@ -92,6 +92,15 @@ def test_a_spring_to_a_held_grid_is_one_with_a_blank_grid(tmp_path, cards):
     assert "springs to the ground" in note
 
 
+def test_a_spring_between_held_grids_is_left_out_by_name(tmp_path):
+    made = convert(tmp_path, HERE, TO_GRIDS, SPC1, "CBUSH,33,5,901,902,,,,0\nCBUSH,34,5,902,,,,,0")
+    assert alike(made.environment, convert(tmp_path, BLANK).environment)
+    (to_ground,) = [note for note in made.notes if "springs to the ground" in note]
+    (left_out,) = [note for note in made.notes if "left out" in note]
+    assert to_ground.startswith("'bush31', 'bush32': ")
+    assert left_out == "'bush33', 'bush34': left out, SPC or PS hold all of its ends"
+
+
 def test_what_a_spring_does_not_resist_need_not_be_held(tmp_path):
     """Without K4 to K6 a grid at the elastic point that may turn is as good as one that may not."""
     springs = TO_GRIDS.replace(",5,", ",6,")
@@ -123,26 +132,26 @@ def test_a_held_grid_with_more_than_springs_stays_in_the_article(tmp_path, more)
     assert "'bush31': SPC or PS hold grid '901', where more than springs stands" in note
 
 
-@pytest.mark.parametrize(("first", "last"), [(1, 2), (2, 1)])
-def test_axes_that_turn_with_the_first_grid_are_named(tmp_path, first, last):
+@pytest.mark.parametrize(
+    ("stiffness", "is_felt"),
+    [("1.+5,1.+3,1.+5,.3,9.,90.", True), ("1.+5,1.+5,1.+5,.3,9.,90.", False)],
+)
+def test_axes_that_turn_with_the_first_grid_are_named_where_that_is_felt(tmp_path, stiffness, is_felt):
     """A body whose centre lies beside a soft hinge rolls over; the other grid is held, with a mass on it."""
-    cards = [
-        "GRID,1",
-        "GRID,2",
-        "CONM2,11,1,,1.,0.,.1,0.",
-        "CONM2,12,2,,1.",
-        "PBUSH,5,K,1.+5,1.+5,1.+5,.3,9.,9.",
-    ]
-    cards += [f"CBUSH,31,5,{first},{last},,,,0", "SPC1,1,123456,2", "GRAV,30,,9.81,0.,0.,-1."]
-    path = tmp_path / "a.dat"
-    path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
-    rest = md.solve_equilibrium(*setup(tmp_path, convert_deck(read_deck(path), SI, "consistent", "a")))
-    told = [
-        text
-        for text in rest_warnings(rest)
-        if "with its first frame 'g1', while its second, 'g2', stayed" in text
-    ]
-    assert len(told) == (first == 1)
+    told, hz = [], []
+    for first, last in ((1, 2), (2, 1)):
+        cards = ["GRID,1", "GRID,2", "CONM2,11,1,,1.,0.,.1,0.\n,.1,,.2,,,.3", "CONM2,12,2,,1."]
+        cards += [f"PBUSH,5,K,{stiffness}", f"CBUSH,31,5,{first},{last},,,,0"]
+        cards += ["SPC1,1,123456,2", "GRAV,30,,9.81,0.,0.,-1."]
+        path = tmp_path / "a.dat"
+        path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
+        rest = md.solve_equilibrium(*setup(tmp_path, convert_deck(read_deck(path), SI, "consistent", "a")))
+        said = "with its first frame 'g1', while its second, 'g2', stayed"
+        told.append(any(said in text for text in rest_warnings(rest)))
+        assert any("the article turned by" in text for text in rest_warnings(rest))
+        hz.append(md.solve_modes(rest).frequency_hz)
+    assert told == [is_felt, False]
+    assert np.allclose(*hz, rtol=1e-6, atol=0.0) != is_felt
 
 
 def test_springs_that_alone_join_the_deck_stay_in_it(tmp_path):
@@ -238,3 +247,29 @@ def test_the_modes_of_a_boom_on_such_springs_are_those_of_a_suspension(tmp_path)
     budget = build_budget(free, hung, 8)
     np.testing.assert_allclose(budget.frequency_hz[6:, 0], free.frequency_hz[6:], rtol=1e-9)
     assert np.all(budget.share_hz[:6, 0] > 0.1)
+
+
+def test_an_elastic_point_on_a_grid_to_rounding_turns_nothing(tmp_path):
+    """S of 1 at a grid that is held but for one turn: what rounding leaves of an arm is no stiffness."""
+    cards, K, values = ["GRID,1", "CONM2,1,1,,2.,,,,\n,.3,,.4,,,.5"], np.zeros((6, 6)), [500.0, 400.0, 600.0]
+    a, b = np.array([-0.80991, -0.27974, -0.81585]), np.array([-0.15645, -0.01633, 0.81848])
+    other = np.array([0.5, -0.25, 0.4])
+    assert np.any(a + 1.0 * (b - a) != b)
+    cards += [f"GRID,10,,{','.join(map(repr, a.tolist()))}", f"GRID,200,,{','.join(map(repr, b.tolist()))}"]
+    cards += [f"GRID,11,,{','.join(map(repr, other.tolist()))}", "RBE2,40,1,123456,10,11"]
+    cards += ["PBUSH,5,K,500.,400.,600.", "CBUSH,31,5,10,200,,,,0\n,1.", "SPC1,1,1356,200"]
+    cards += ["PBUSH,6,K,500.,400.,600.,70.,80.,90.", "CBUSH,32,6,11,,,,,0"]
+    for point, law in ((b, [*values, 0.0, 0.0, 0.0]), (other, [*values, 70.0, 80.0, 90.0])):
+        carried = np.eye(6)
+        carried[:3, 3:] = np.cross(np.eye(3), point)
+        if point is b:  # grid 200 gives way along y
+            law = [500.0, 0.0, 600.0, 0.0, 0.0, 0.0]
+        K += carried.T @ np.diag(law) @ carried
+    path = tmp_path / "a.dat"
+    path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
+    made = convert_deck(read_deck(path), SI, "consistent", "a")
+    assert any("nothing holds rotations of grid '200'" in note for note in made.notes)
+    modes = md.solve_modes(md.solve_equilibrium(*setup(tmp_path, made)), 6)
+    M = np.diag([2.0, 2.0, 2.0, 0.3, 0.4, 0.5])
+    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)) / (2.0 * np.pi)
+    np.testing.assert_allclose(modes.frequency_hz, expected, rtol=1e-9)

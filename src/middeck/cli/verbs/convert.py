@@ -18,9 +18,12 @@ from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
     from middeck.cli.given.checked_options import ConvertSettings
+    from middeck.files.nastran.article.article_sections import Formulation
     from middeck.files.nastran.article.convert import Conversion
     from middeck.files.nastran.deck.deck import Deck
     from middeck.files.nastran.deck.units import Units
+
+IN_DOUBLE = "--reals double: rounded, grids that two systems put in one place are apart"
 
 EXAMPLES = """\
   middeck convert data/nastran-truss/full.dat --units mm-kg-s-mN -o full.toml
@@ -101,7 +104,12 @@ def verb(
     source, known, name, parts = _read(deck, chosen, target)
     asked = chosen.mass_formulation
     formulation = asked_formulation(source) if asked == "deck" else asked
-    made = convert_deck(source, known, formulation, name, parts)
+    try:
+        made = convert_deck(source, known, formulation, name, parts)
+    except ConfigError as error:
+        if chosen.reals == "single" and _is_converted_in_double(deck, chosen, formulation):
+            error.hint = IN_DOUBLE
+        raise
     if target and made.holds and not held_target:
         raise _not_held(source.path)
     damping = DampingForm()  # what an article without [damping] has
@@ -130,6 +138,19 @@ def verb(
     }
     lines = [*summary_lines(numbers), *measure_lines(numbers), *(about_lines(about) if about else ())]
     show(as_json, document, *_blocks(document), *lines)
+
+
+def _is_converted_in_double(deck: str, chosen: ConvertSettings, formulation: Formulation) -> bool:
+    """Whether only the rounding of its numbers keeps a deck from being converted."""
+    from middeck.files.nastran.article.convert import convert_deck
+    from middeck.files.nastran.deck.deck import read_deck
+    from middeck.files.nastran.deck.units import parse_units
+
+    try:
+        convert_deck(read_deck(deck, chosen.subcase), parse_units(chosen.units or ""), formulation, "a")
+    except ConfigError:
+        return False
+    return True
 
 
 def _read(

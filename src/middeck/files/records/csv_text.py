@@ -151,9 +151,13 @@ def _heading(side: str, port: Port, path: Path) -> str:
     """The heading of a column; `DataError` for a name or a unit that would not be read back from it."""
     heading = f"{side}:{port.name} [{port.unit}]"
     found = HEADING.fullmatch(heading)
-    if found is None or found.group(2, 3) != (port.name, port.unit) or not heading.isprintable():
+    # A semicolon would be taken for the separator of the file.
+    read = None if found is None or ";" in heading else (found[2], found[3].strip())
+    if read != (port.name, port.unit) or not heading.isprintable():
         what = f"{port.name!r} in {port.unit!r} is no heading of a CSV column"
-        raise DataError(what, where=str(path), hint="a name without brackets, or write .npz or .h5")
+        raise DataError(
+            what, where=str(path), hint="a name without brackets and semicolons, or write .npz or .h5"
+        )
     return heading
 
 

@@ -88,9 +88,12 @@ def _e13(x: float) -> str:
 
 
 def stated(text: str) -> str:
-    """A name or a unit as the format has it, `NONE` for an empty one; `DataError` where it is called that."""
-    if text == NONE:
-        raise DataError(f"{NONE} is no name in a universal file", hint="another name, or write .npz or .h5")
+    """A name or a unit as the format has it, `NONE` for an empty one.
+
+    Raises `DataError` where it is called that, and where it ends in blanks, which would be lost.
+    """
+    if text == NONE or text != text.strip():
+        raise DataError(f"{text!r} is no name in a universal file", hint="another name, or write .npz or .h5")
     return text or NONE
 
 

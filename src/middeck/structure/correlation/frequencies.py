@@ -66,8 +66,8 @@ class FrequencyComparison:
 
     @property
     def verdict(self) -> str:
-        """Open where no criterion is missed and the profile is not shown to be met."""
-        missed = any(f.worst is not None and not f.met for f in self.findings)
+        """Open where no criterion is missed, all measured modes have partners, and too little is known."""
+        missed = self.unpaired or any(f.worst is not None and not f.met for f in self.findings)
         return "passes" if self.passed else "does not pass" if missed else "open"
 
 

@@ -31,8 +31,11 @@ def below_the_test(modes: Modes, measured: MeasuredModes, paired: Container[int]
     below = [i for i in flexible_modes(modes) if modes.frequency_hz[i] < low and i not in paired]
     if not below:
         return []
-    lie = f"{len(below)} flexible modes lie" if len(below) > 1 else "a flexible mode lies"
-    return [f"{lie} below all that was measured, the lowest of them {_called(modes, below[0])}"]
+    if below[1:]:
+        lie = f"{len(below)} flexible modes lie below all that was measured, the lowest of them"
+    else:
+        lie = "a flexible mode lies below all that was measured:"
+    return [f"{lie} {_called(modes, below[0])}"]
 
 
 def not_judged(modes: Modes, profile: Profile, criteria: Sequence[Criterion]) -> list[str]:

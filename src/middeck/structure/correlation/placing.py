@@ -98,11 +98,11 @@ def _place(
         return by_number, []
     reach = NEAR * _size(model)
     near = next((names for kind in kinds if (names := _near(kind, at, reach))), [])
+    if by_number is not None and (by_number in near or not near):
+        return by_number, _elsewhere(model, number, by_number, at)
     if len(near) > 1:
         pinned = _pinned_to(model, near)
         near = [name for name in near if name not in pinned]
-    if by_number is not None and (by_number in near or not near):
-        return by_number, _elsewhere(model, number, by_number, at)
     if len(near) != 1:
         several = (
             f"node {number} of the test stands where {' and '.join(near)} do: which of them is it? Give "

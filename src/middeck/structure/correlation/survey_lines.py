@@ -34,7 +34,7 @@ class Traced(NamedTuple):
 
 
 def trace_article(model: Model, measured: Sequence[str]) -> Traced:
-    """Lines between the ``measured`` nodes along members, links, joints and components."""
+    """Lines between the ``measured`` nodes along members, links, joints, components and springs."""
     chains = list(_chains(model, set(measured)))
     names = tuple(dict.fromkeys([*measured, *(name for _, chain in chains for name in chain)]))
     index = {name: i for i, name in enumerate(names)}
@@ -61,6 +61,8 @@ def _chains(model: Model, measured: set[str]) -> Iterator[tuple[str, tuple[str, 
     for what, parts in (("link", structure.links), ("component", structure.components)):
         for part in parts:
             yield from ((what, (part.frames[0], frame)) for frame in part.frames[1:])
+    for what, ends in (("spring", model.spring_ends), ("bushing", model.bushing_ends)):
+        yield from ((what, (model.frames[i], model.frames[j])) for i, j in model.points.frame[ends])
 
 
 def _shares(

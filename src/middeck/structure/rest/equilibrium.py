@@ -24,7 +24,7 @@ from middeck.structure.elements.frames import Configuration, frame_poses, rigid_
 from middeck.structure.elements.motion_since_drawn import whole_motion
 from middeck.structure.elements.rotations import rotation_log
 from middeck.structure.elements.trees import Poses
-from middeck.structure.model.article import JointState, LoadCase, Structure
+from middeck.structure.model.article import Bushing, JointState, LoadCase, Structure
 from middeck.structure.model.clamps import free_translations
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.environment_checks import check_environment
@@ -37,6 +37,7 @@ from middeck.structure.rest.suspension_tuning import TunedSuspension, environmen
 from middeck.values import record
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
+UNLIKE = 1e-6  # of a bushing's stiffness: what it gains by other axes is felt
 # Turn [rad] of a node of which one turn alone is held: its square is what the order of the two others makes.
 ONE_HELD = 1e-3
 # Largest turn of a bushing: its law ends at pi, and beyond a right angle a fall may have passed that.
@@ -339,10 +340,13 @@ def _turned_axes(equilibrium: Equilibrium) -> list[str]:
     """A sentence on bushings whose first frame turned by more than `FAR_TURN`, and whose second did not."""
     model, poses = equilibrium.model, equilibrium.poses
     frames = model.points.frame[model.bushing_ends]
-    turn = {
-        i: float(np.linalg.norm(rotation_log(poses.R[i] @ model.drawn.R[i].T))) for i in np.unique(frames)
-    }
-    far = [k for k, (a, b) in enumerate(frames) if turn[a] > FAR_TURN >= turn[b]]
+    turned = {i: poses.R[i] @ model.drawn.R[i].T for i in np.unique(frames)}
+    turn = {i: float(np.linalg.norm(rotation_log(R))) for i, R in turned.items()}
+    far = [
+        k
+        for k, (a, b) in enumerate(frames)
+        if turn[a] > FAR_TURN >= turn[b] and _has_axes(model.structure.bushings[k], turned[b].T @ turned[a])
+    ]
     if not far:
         return []
     k = max(far, key=lambda k: turn[frames[k, 0]])
@@ -353,6 +357,17 @@ def _turned_axes(equilibrium: Equilibrium) -> list[str]:
         f"{second!r}, stayed" + (f" (and {len(far) - 1} more)" if far[1:] else "") + ": the frame that its "
         "axes belong to, such as one that stands for the ground, must be its first"
     ]
+
+
+def _has_axes(bushing: Bushing, turn: Float[np.ndarray, "3 3"]) -> bool:
+    """Whether its law is another where its axes follow the other frame, from which the first has turned.
+
+    Both see the same components of the rotation vector, so that shifts alone may tell.
+    """
+    by = sla.block_diag(bushing.axes.T @ turn @ bushing.axes, np.eye(3))
+    K = np.real(bushing.stiffness)
+    size = np.repeat(np.sqrt([np.trace(K[:3, :3]), np.trace(K[3:, 3:])]), 3)
+    return bool(np.any(np.abs(by @ K @ by.T - K) > UNLIKE * np.outer(size, size)))
 
 
 def _is_held(equilibrium: Equilibrium) -> bool:

@@ -15,7 +15,7 @@ from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.constraints.rigid_links import ALL
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.masses_and_springs.direct_matrices import carried_motion
-from middeck.files.nastran.masses_and_springs.spring_elements import APART, Tie
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie, arm_from
 from middeck.structure.model.connectivity import some_names
 
 NOTHING = 1e-9  # of a spring's largest stiffness, shifts and turns apart
@@ -51,16 +51,18 @@ def ground_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
     alone = _joining(basis, parts, standing, ground)
     ground = ground - alone
     grounded = {tie.name for tie, _, grid in ends if grid in ground}
+    still = list(dict.fromkeys(tie.name for tie in parts.ties if {*map(on, tie.grids)} <= ground))
 
     def note(grids: set[int], how: str, what: str, *, stay: bool = True) -> list[str]:
         found = [(tie.name, grid) for tie, _, grid in ends if grid in grids]
-        found = [(name, grid) for name, grid in found if not (stay and name in grounded)]
+        found = [(name, grid) for name, grid in found if name not in (grounded if stay else still)]
         springs = list(dict.fromkeys(name for name, _ in found))
         numbers = some_names([f"{grid}" for grid in sorted({grid for _, grid in found})])
         return [f"{some_names(springs)}: SPC or PS hold {how}grid {numbers}{what}"] if found else []
 
     notes = [
         *note(ground, "", f", where nothing else stands; {TO_GROUND}", stay=False),
+        *([f"{some_names(still)}: left out, SPC or PS hold all of its ends"] if still else []),
         *note(partly, "only part of what they resist at ", f"; {STAY}"),
         *note(firm & loaded, "", f", where more than springs stands; {STAY}"),
         *note(alone, "", f", which alone joins the deck; {STAY}"),
@@ -96,8 +98,7 @@ def _joining(basis: Basis, parts: Parts, standing: Standing, ground: set[int]) -
 
 def _resists(tie: Tie, end: int, grid: int, parts: Parts, places: Places) -> bool:
     """Whether a spring resists a component of the grid that carries its ``end`` that nothing holds."""
-    arm = tie.points[end] - places.grids[grid]
-    arm = np.where(np.linalg.norm(arm) > APART * np.linalg.norm(places.grids[grid]), arm, 0.0)
+    arm = arm_from(places.grids[grid], tie.points[end])
     axes = np.kron(np.eye(2), places.displacement_axes(grid))
     turn = np.kron(np.eye(2), tie.axes)
     carried = carried_motion(arm) @ axes

@@ -123,15 +123,19 @@ class LoadSets:
         return {"gravity_m_s2": size, "gravity_direction": along}, notes
 
     def down(self) -> np.ndarray | None:
-        """The direction of the first GRAV of the deck, whether selected or not."""
-        known = [self._acceleration(1.0, entry, []) for entry in self.entries if entry.name == "GRAV"]
-        return next((g / np.linalg.norm(g) for g in known if np.any(g)), None)
+        """The direction of gravity, of the sets that are converted or else of all GRAV, if they have one."""
+        falls = [g for g in self.gravity.values() if np.any(g)]
+        falls = falls or [self._acceleration(1.0, e, []) for e in self.entries if e.name == "GRAV"]
+        ways = [g / np.linalg.norm(g) for g in falls if np.any(g)]
+        return ways[0] if ways and np.allclose(ways, ways[0], rtol=0.0, atol=ALIKE) else None
 
     def _down(self) -> str:
         """A note on where down is in a deck without gravity."""
         down = self.down()
+        there = any(entry.name == "GRAV" for entry in self.entries)
+        has = "GRAV of several directions" if there else "no GRAV, which would tell the vertical"
         says = (
-            "the deck has no GRAV, which would tell the vertical"
+            f"the deck has {has}"
             if down is None
             else f"down is {down.round(6).tolist()} by a GRAV that is not selected"
         )

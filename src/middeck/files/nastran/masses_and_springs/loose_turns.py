@@ -9,7 +9,7 @@ from collections.abc import Collection, Container, Iterable, Mapping
 import numpy as np
 
 from middeck.files.nastran.deck.coordinates import Places
-from middeck.files.nastran.masses_and_springs.spring_elements import Tie
+from middeck.files.nastran.masses_and_springs.spring_elements import Tie, arm_from
 from middeck.files.nastran.members.members import Bar, own_axes
 from middeck.structure.model.connectivity import separate_parts
 
@@ -47,7 +47,7 @@ def loose_turns(
         for end, (grid, place) in enumerate(zip(ends, bar.ends, strict=True)):
             if grid in firm or _is_hinged(bar, end):
                 continue
-            arm = place - places.grids[grid]
+            arm = arm_from(places.grids[grid], place)
             stiffness[grid] += _about(_end_stiffness(bar, end), arm)
             if shape.i1 > 0.0 or shape.i2 > 0.0 or arm.any() or (shape.j > 0.0 and ends[1 - end] in firm):
                 alive.add(grid)
@@ -57,7 +57,7 @@ def loose_turns(
         turn = np.kron(np.eye(2), tie.axes)
         for grid, point in zip([carriers.get(g, g) for g in tie.grids], tie.points, strict=True):
             if grid not in firm:
-                own = _about(turn @ tie.stiffness @ turn.T, point - places.grids[grid])
+                own = _about(turn @ tie.stiffness @ turn.T, arm_from(places.grids[grid], point))
                 stiffness[grid] += own
                 alive |= {grid} if own.any() else set()
     for part in separate_parts([f"{grid}" for grid in stiffness], twists):

@@ -38,6 +38,12 @@ class Tie(NamedTuple):
         return f"{'bush' if self.entry.name == 'CBUSH' else 'spring'}{self.entry.id}"
 
 
+def arm_from(place: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """From a place to a point; zero where only their rounding is between them."""
+    arm = point - place
+    return arm if np.linalg.norm(arm) > APART * np.linalg.norm(place) else np.zeros(3)
+
+
 def read_ties(
     entries: Entries, places: Places, scalars: Container[int], held: Mapping[int, str], faults: list[Fault]
 ) -> list[Tie]:
