@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
-from middeck.control.analysis.stability.crowded_roots import Ring, find_crowded
+from middeck.control.analysis.stability.crowded_roots import Ring, find_crowd
 from middeck.systems.plants.plant import remove_delays
 from middeck.systems.poles.rounding import poles_with_rounding
 
@@ -38,7 +38,7 @@ def follow_roots(
     none.
 
     ``rounding`` of each open pole (`find_open_poles`). The latter lead to no root, or lie too far left to be
-    followed.
+    followed. Where Newton's method loses a root that counts, a ring may hold all that crowd there.
     """
     upper = near[np.imag(near) >= 0.0]
     upper = upper[np.argsort(-np.real(upper), kind="stable")]
@@ -55,9 +55,9 @@ def follow_roots(
     for each in start[lost]:
         if any(ring.holds(each) for ring in rings):
             continue
-        crowded = find_crowded(lambda s: _determinant(halves, s), each, with_conjugates(upper), open_poles)
-        if crowded is not None:
-            ring, inside = crowded
+        crowd = find_crowd(lambda s: _determinant(halves, s), each, with_conjugates(upper), open_poles)
+        if crowd is not None:
+            ring, inside = crowd
             rings.append(ring)
             found = np.append(found[~ring.holds(found)], inside[np.imag(inside) >= 0.0])
             left = left[~ring.holds(left)]
