@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,21 @@ def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
     refused = middeck(capfd, "modes", slack)
     assert refused.code != 0
     assert refused.err.count("the default environment") == 1
+
+
+def test_the_laboratory_stands_where_nobody_made_one(tower: Path, capfd: pytest.CaptureFixture[str]):
+    """Outside the project its name is enough, and it is the default."""
+    for asked, place, held in (
+        ((), "lab", "suspension"),
+        (("--environment", "lab"), "lab", "suspension"),
+        (("--environment", "orbit"), "orbit", "rigid"),
+    ):
+        ended = middeck(capfd, "modes", tower, "--count", 9, *asked, "--json")
+        assert ended.code == 0, ended.err
+        found = json.loads(ended.out)
+        assert (found["environment"], found["kind"]) == (place, [held] * 6 + ["flexible"] * 3)
+        told = [w for w in found["warnings"] if "hangs this article by every attach point" in w]
+        assert len(told) == (place == "lab")
 
 
 def test_every_verb_says_that_an_article_hangs_far_from_level(capfd: pytest.CaptureFixture[str]):

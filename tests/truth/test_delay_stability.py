@@ -14,9 +14,11 @@ import scipy.linalg as sla
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
+from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.analysis.stability.crowded_roots import find_crowd
 from middeck.control.analysis.stability.delayed_roots import follow_roots
-from middeck.control.analysis.stability.stability import decide_stability
+from middeck.control.analysis.stability.stability import decide_loop, decide_stability
 from middeck.control.h2.noise_rms import integrate_noise
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
@@ -512,22 +514,27 @@ def test_a_plant_that_a_law_leaves_undecided_counts_as_lost_among_many(late: flo
     assert 0 < undecided < 24
 
 
+HEAVY_RATES = np.concatenate([[0.0, 0.2, 22.0, 89.0, 190.0, 454.0], np.geomspace(1600.0, 2e4, 6)])
+HEAVY_DAMPING = np.concatenate([[0.0, 0.8], np.full(10, 0.005)])
+HEAVY_DRIVES = np.concatenate([[0.1, 1.0, 3.0, 2.0, 1.5, 0.3], np.full(6, 0.05)])
+HEAVY_READS = np.concatenate([[-0.03, 1.0, -3.0, 2.0, -1.0, 0.3], np.full(6, 0.02)])
+
+
+def _held_heavy_body(authority: float) -> tuple[Plant, Compensator]:
+    modes = sum_of_modes(HEAVY_RATES, HEAVY_DAMPING, HEAVY_DRIVES[:, None], HEAVY_READS[None])
+    late = delay_plant(grouped_plant(modes, (FORCE,), (WAY,)), 0.01)
+    model = approximate_delays(late, approximation_order(late))
+    return late, design_lqg(model, unit_weights(("force",), 1e-9, process=1e-4), authority)
+
+
+@pytest.mark.filterwarnings("ignore:margin and damping are uncertain")  # by the per cent
 @pytest.mark.parametrize("authority", [1.0, 1e4])
 def test_a_heavy_body_that_a_law_holds_slowly_beside_fast_modes(authority: float) -> None:
     """Slow roots beside modes to 3 kHz look like integrators that rounding has split. The margin is where
     roots by the argument principle begin; regulator and estimator make them double, known to a per cent.
     """
-    omega = np.concatenate([[0.0, 0.2, 22.0, 89.0, 190.0, 454.0], np.geomspace(1600.0, 2e4, 6)])
-    zeta = np.concatenate([[0.0, 0.8], np.full(10, 0.005)])
-    drives = np.concatenate([[0.1, 1.0, 3.0, 2.0, 1.5, 0.3], np.full(6, 0.05)])
-    reads = np.concatenate([[-0.03, 1.0, -3.0, 2.0, -1.0, 0.3], np.full(6, 0.02)])
-    modes = sum_of_modes(omega, zeta, drives[:, None], reads[None])
-    late = delay_plant(grouped_plant(modes, (FORCE,), (WAY,)), 0.01)
-    model = approximate_delays(late, approximation_order(late))
-    law = design_lqg(model, unit_weights(("force",), 1e-9, process=1e-4), authority)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "margin and damping are uncertain")  # by that per cent
-        found = decide_stability(late, law)
+    late, law = _held_heavy_body(authority)
+    found = decide_stability(late, law)
 
     poles, vectors = np.linalg.eig(law.system.A)
     gains = (law.system.C @ vectors)[0] * np.linalg.solve(vectors, law.system.B.astype(complex))[:, 0]
@@ -536,7 +543,8 @@ def test_a_heavy_body_that_a_law_holds_slowly_beside_fast_modes(authority: float
     def right_of(line: float) -> int:
         """Roots of 1 - K G exp(-s T), which is one where |s| is large: its turns, and the poles there."""
         s = line + 1j * np.concatenate([[0.0], half])[:, None]
-        G = np.sum(drives * reads / (s**2 + 2.0 * zeta * omega * s + omega**2), axis=1)
+        modes = s**2 + 2.0 * HEAVY_DAMPING * HEAVY_RATES * s + HEAVY_RATES**2
+        G = np.sum(HEAVY_DRIVES * HEAVY_READS / modes, axis=1)
         K, s = np.sum(gains / (s - poles), axis=1), s[:, 0]
         phase = np.unwrap(np.angle(1.0 - K * G * np.exp(-0.01 * s)))
         return round((phase[0] - phase[-1]) / np.pi) + int(np.sum(np.append(poles, [0.0, 0.0]).real > line))
@@ -544,6 +552,78 @@ def test_a_heavy_body_that_a_law_holds_slowly_beside_fast_modes(authority: float
     assert found.stable
     assert [right_of(share * found.margin) for share in (0.1, -0.95)] == [0, 0]
     assert right_of(-1.05 * found.margin) > 0
+
+
+@pytest.mark.parametrize("seed", repeats(range(50), 2))
+@pytest.mark.parametrize("states", ["own", "scaled", "mixed"])
+def test_last_digits_of_a_law_that_holds_a_heavy_body_decide_nothing(
+    states: str, seed: int, held_heavy_body: tuple[Plant, Compensator]
+) -> None:
+    """Its slowest roots are double, at -0.01050338 and -0.0114677 rad/s (50 digits): not to be found one by
+    one.
+    """
+    late, law = held_heavy_body
+    rng = np.random.default_rng([5, seed])
+    system, n = law.system, len(law.system.A)
+    T = np.eye(n)
+    if states == "scaled":
+        T = np.diag(10.0 ** rng.uniform(-6.0, 6.0, n))
+    if states == "mixed":
+        turns = [np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in "ab"]
+        T = turns[0] @ np.diag(np.geomspace(1.0, 10.0, n)) @ turns[1]
+    back = np.linalg.inv(T)
+    A, B, C = (
+        M * (1.0 + 1e-15 * rng.standard_normal(M.shape))
+        for M in (T @ system.A @ back, T @ system.B, system.C @ back)
+    )
+    found = decide_loop(form_loop(late, dataclasses.replace(law, dynamics=StateSpace(A, B, C, system.D))))
+    assert found.decays
+    assert found.growing == 0
+    assert found.margin == pytest.approx(0.01050338, rel=0.01 if states != "mixed" else 0.05)
+
+
+@pytest.fixture(scope="module")
+def held_heavy_body() -> tuple[Plant, Compensator]:
+    return _held_heavy_body(1e4)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-7])
+@pytest.mark.parametrize("middle", [-2.0 + 0.0j, -2.0 + 30.0j])
+def test_roots_that_crowd_beside_a_pole_are_found_from_a_ring(middle: complex, noise: float) -> None:
+    """Two double roots, one of them on a pole: within the root of noise on the ring."""
+    truth = middle + np.array([0.1, 0.1, -0.12, -0.12])
+    pole = np.array([middle + 0.1 + 1e-7])
+    rng = np.random.default_rng(0)
+
+    def determinant(s: np.ndarray) -> np.ndarray:
+        f = np.prod(s[:, None] - truth, axis=1) / (s - pole) * np.exp(-0.1 * s) / (s + 7.0)
+        return f * (1.0 + noise * rng.standard_normal(len(s)))
+
+    starts = truth + 1e-3 * np.array([1.0, -1.0, 2.0, 1.0])
+    others = np.array([middle - 3.0, middle + 3.0])
+    crowd = find_crowd(determinant, starts[0], np.append(starts, others), pole)
+    assert crowd is not None
+    ring, roots = crowd
+    inside = truth[ring.holds(truth)]
+    assert len(roots) == len(inside) == int(np.sum(ring.holds(starts)))
+    assert abs(np.mean(roots) - np.mean(inside)) < 1e-9 + noise
+    far = np.abs(roots[:, None] - inside).min(axis=1)
+    assert np.all(far < 1e-5 + 10.0 * np.sqrt(noise))
+    if not middle.imag:
+        assert np.sort_complex(roots) == pytest.approx(np.sort_complex(np.conj(roots)), abs=0.0)
+
+
+def test_a_ring_whose_roots_may_lie_on_either_side_of_the_axis_tells_nothing() -> None:
+    """A double root at -a, and noise that splits it by more than a: undecided; by less: found."""
+    for a, told in ((1e-5, False), (1e-2, True)):
+        rng = np.random.default_rng(1)
+
+        def determinant(s: np.ndarray) -> np.ndarray:
+            return (s + a) ** 2 * (1.0 + 1e-6 * rng.standard_normal(len(s)))  # noqa: B023
+
+        starts = np.array([-a + 1e-4, -a - 1e-4, 5.0, -5.0], dtype=complex)
+        crowd = find_crowd(determinant, starts[0], starts, np.zeros(0, dtype=complex))
+        assert (crowd is not None) is told
 
 
 def test_a_real_root_beside_such_a_pole_stays_real_and_counts_once() -> None:

@@ -36,9 +36,11 @@ AVERAGED = 20
 # the cube of the distance, and REACH halves out it is fainter than FAINTEST.
 EDGE, REACH = 0.01, 4
 # Amplitude of the inputs about a line that no transient has, as a share of all and of that of the middle
-# line, below which the ends of the band say nothing: a sweep is there when a record begins and ends, and
-# turns from line to line no more than a motion that decays. Of noise, one line in 1e8 has so little.
-SMOOTH = 0.2
+# line, below which the ends of the band may say nothing: a sweep is there when a record begins and ends, and
+# turns from line to line no more than a motion that decays. Of noise, one line in 1e8 has so little. A sweep
+# that is followed by rest has little of it, and is estimated well: lost are lines whose deviation is this
+# share of the largest response.
+SMOOTH, LOST = 0.2, 0.1
 
 
 def scatter_of_local_models(
@@ -75,14 +77,14 @@ def scatter_of_local_models(
     if excited is None:
         # Whole periods have no leakage.
         lines = lines[_between_driven(U, lines, narrowest.half)]
-    lines = lines[_excited(U, lines, narrowest.half, frequency, band_hz)]
+    excited, told = _excited(U, lines, narrowest.half, frequency, band_hz)
+    lines = lines[excited]
     models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
     # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
     sizes = by_input, by_output = np.abs(U).max(axis=(0, 1)), np.abs(Y).max(axis=(0, 1))
     scaled = U / by_input, Y / by_output
-    return _in_units(
-        _by_choice(*scaled, frequency, lines, models, _choice(*scaled, lines, models)), *sizes, stride
-    )
+    found = _by_choice(*scaled, frequency, lines, models, _choice(*scaled, lines, models))
+    return _in_units(_without_lost_ends(found, told), *sizes, stride)
 
 
 Lines = tuple[np.ndarray, np.ndarray, Int[np.ndarray, " line"], float]
@@ -129,8 +131,11 @@ def _models(
 
 def _excited(
     U: np.ndarray, lines: np.ndarray, half: int, frequency: np.ndarray, band_hz: tuple[float, float] | None
-) -> np.ndarray:
-    """Lines where the inputs do more than a transient could; refuses inputs that are alike there."""
+) -> tuple[Bool[np.ndarray, " line"], Bool[np.ndarray, " excited"]]:
+    """Lines where the inputs do more than a transient could, and which of these lie between its smooth ends.
+
+    Refuses inputs that are alike there.
+    """
     refuse_silence(np.ones(len(lines), dtype=bool), band_hz)
     rows, own, x = local_fit.window_rows(len(U), lines, half)
     Q = local_fit.transient_basis(x, own, None)
@@ -140,7 +145,7 @@ def _excited(
     raw = np.convolve(np.sum(np.abs(U) ** 2, axis=(1, 2)), np.ones(2 * half + 1), mode="valid")
     excited = power[:, -1] > FAINTEST**2 * raw.max()
     whole = np.sum(np.abs(window) ** 2, axis=(1, 2, 3))
-    excited &= _between_ends(np.sum(np.abs(rough) ** 2, axis=(1, 2, 3)) / np.where(whole > 0.0, whole, 1.0))
+    share = np.sum(np.abs(rough) ** 2, axis=(1, 2, 3)) / np.where(whole > 0.0, whole, 1.0)
     if not excited.any():
         raise DataError(
             "the inputs' spectra are as smooth as a transient: no local model can tell the two apart",
@@ -148,14 +153,39 @@ def _excited(
             "record",
         )
     refuse_alike(excited & (power[:, 0] * WORST_CONDITION**2 <= power[:, -1]), frequency[lines])
-    return excited
+    return excited, _between_ends(share)[excited]
 
 
 def _between_ends(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
     """Lines from the first to the last with enough of the ``share`` of the inputs that no transient has."""
     told = np.flatnonzero(share >= SMOOTH**2 * np.median(share))
-    place = np.arange(len(share))
-    return (place >= told[0]) & (place <= told[-1])
+    return _between(told, len(share))
+
+
+def _between(places: np.ndarray, count: int) -> Bool[np.ndarray, " line"]:
+    line = np.arange(count)
+    return (line >= places[0]) & (line <= places[-1])
+
+
+def _without_lost_ends(found: ResponseScatter, told: Bool[np.ndarray, " line"]) -> ResponseScatter:
+    """Without the smooth ends of the band, as far in as a line of theirs is lost for every output."""
+    assert found.total is not None
+    if told.all() or not told.any():
+        return found
+    largest = np.abs(found.H[told]).max(axis=0)
+    lost = np.all(np.any(found.total > (LOST * largest) ** 2, axis=2), axis=1) & ~told
+    first, last = np.flatnonzero(told)[[0, -1]]
+    place = np.arange(len(told))
+    low, high = np.flatnonzero(lost & (place < first)), np.flatnonzero(lost & (place > last))
+    kept = (place > low.max(initial=-1)) & (place < high.min(initial=len(told)))
+    return dataclasses.replace(
+        found,
+        **{
+            field.name: value[kept]
+            for field in dataclasses.fields(found)
+            if (value := getattr(found, field.name)) is not None
+        },
+    )
 
 
 def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndarray, " line"]:

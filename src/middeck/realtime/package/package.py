@@ -10,12 +10,14 @@ from jaxtyping import Bool, Float
 from middeck.errors import ConfigError
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath
+from middeck.realtime.package.shown_characters import is_shown
 from middeck.signals.ports import Port
 from middeck.values import record
 
 STATES, CHANNELS, SECTIONS, RAMP, SAMPLES, TEXT = 1024, 64, 256, 1 << 24, 4096, 64
 """Most states, inputs or outputs, filters or paths, samples of a ramp, test samples, and bytes of a name."""
 HERE = "controller package"
+LETTERS = "Latin, Greek, Cyrillic or East Asian characters, signs of mathematics and arrows"
 NEAR = 1e-9
 """How far the poles of an undeclared law may seem to lie outside the unit circle: their own rounding."""
 
@@ -202,8 +204,8 @@ def check_ports(side: str, ports: tuple[Port, ...], where: str = HERE) -> None:
         _refuse(f"two {side} of one name among {', '.join(names)}", "names that differ", where)
     for port in ports:
         for text, what in ((port.name, "name"), (port.unit, "unit")):
-            if not text.isprintable() or len(text.encode()) > TEXT or (what == "name" and not text.strip()):
-                _refuse(f"{side}: the {what} {text!r}", f"printable, {TEXT} bytes at most", where)
+            if not is_shown(text) or len(text.encode()) > TEXT or (what == "name" and not text.strip()):
+                _refuse(f"{side}: the {what} {text!r}", f"{LETTERS}, {TEXT} bytes at most", where)
 
 
 def _refuse(what: str, hint: str, where: str = HERE) -> None:

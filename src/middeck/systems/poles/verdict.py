@@ -62,10 +62,10 @@ def may_cross(system: LinearSystem, roundings: float = ROUNDINGS) -> bool:
     if chain:
         return bool(near.any())
     A = balance_states(system).A
-    return any(_is_reached(A, s, roundings) for s in beside[near & (np.imag(poles) >= 0.0)])
+    return any(is_reached(A, s, roundings) for s in beside[near & (np.imag(poles) >= 0.0)])
 
 
-def _is_reached(A: np.ndarray, point: complex, roundings: float) -> bool:
+def is_reached(A: np.ndarray, point: complex, roundings: float) -> bool:
     """Whether so many roundings of the entries of A may put a pole at the point: not if |R| |A| is small.
 
     R = (point - A)^-1, magnitudes by entries (Rump 1999, SIAM Review 41, "Ill-conditioned matrices are

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
+from middeck.control.analysis.stability.crowded_roots import Ring, find_crowd
 from middeck.systems.plants.plant import remove_delays
 from middeck.systems.poles.rounding import poles_with_rounding
 
@@ -37,7 +38,7 @@ def follow_roots(
     none.
 
     ``rounding`` of each open pole (`find_open_poles`). The latter lead to no root, or lie too far left to be
-    followed.
+    followed. Where Newton's method loses a root that counts, a ring may hold all that crowd there.
     """
     upper = near[np.imag(near) >= 0.0]
     upper = upper[np.argsort(-np.real(upper), kind="stable")]
@@ -47,8 +48,20 @@ def follow_roots(
     start = np.concatenate([upper[:count], light + 1e-6 * np.abs(light)])
     roots, is_root = _newton(halves, start, open_poles, rounding, reach)
     own = np.arange(len(start)) < len(upper[:count])
-    roots = _once(roots[is_root], start[is_root], own[is_root])
-    return with_conjugates(roots), with_conjugates(np.append(start[own & ~is_root], upper[count:]))
+    kept = _once(roots, start, own, is_root)
+    found, left = roots[kept], start[own & ~is_root]
+    lost = np.setdiff1d(np.flatnonzero(own & (np.real(start) > -reach)), kept)
+    rings: list[Ring] = []
+    for each in start[lost]:
+        if any(ring.holds(each) for ring in rings):
+            continue
+        crowd = find_crowd(lambda s: _determinant(halves, s), each, with_conjugates(upper), open_poles)
+        if crowd is not None:
+            ring, inside = crowd
+            rings.append(ring)
+            found = np.append(found[~ring.holds(found)], inside[np.imag(inside) >= 0.0])
+            left = left[~ring.holds(left)]
+    return with_conjugates(found), with_conjugates(np.append(left, upper[count:]))
 
 
 def with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
@@ -56,17 +69,17 @@ def with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:
     return np.concatenate([upper, np.conj(upper[np.imag(upper) > 0.0])])
 
 
-def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray) -> Complex[np.ndarray, " root"]:
-    """Distinct roots; a root is kept twice where two poles of the approximation coincide."""
+def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray, is_root: np.ndarray) -> list[int]:
+    """Numbers of distinct roots; a root is kept twice where two poles of the approximation coincide."""
     kept: list[int] = []
-    for i in range(len(roots)):
+    for i in np.flatnonzero(is_root):
         size = np.abs(roots[i])
         close = ONE_ROOT if own[i] else RESTS
         same = [k for k in kept if np.abs(roots[k] - roots[i]) <= close * size]
         apart = [np.abs(start[k] - start[i]) > TWO_STARTS * size for k in same]
         if not same or (own[i] and not any(apart)):
-            kept.append(i)
-    return roots[kept]
+            kept.append(int(i))
+    return kept
 
 
 def find_open_poles(loop: FeedbackLoop) -> tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:

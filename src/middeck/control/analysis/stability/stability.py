@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -29,7 +30,7 @@ from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.rounding import LIGHTEST, ROUNDINGS, is_vague, poles_with_rounding
 from middeck.systems.poles.stability import all_decay, growth_limits, growth_rates, none_grows
-from middeck.systems.poles.verdict import CURE, OPEN, may_cross
+from middeck.systems.poles.verdict import CURE, OPEN, is_reached, may_cross
 from middeck.systems.state_space.statespace import LinearSystem
 from middeck.values import record
 
@@ -120,12 +121,12 @@ def find_roots(loop: FeedbackLoop, *, known: bool = False) -> Complex[np.ndarray
     found, counted = 0, None
     orders = _orders(loop, open_poles)
     for order, apart in itertools.product(orders, (True,) if vague else (False, True)):
-        near, blur = _near(loop, order, apart)
+        near, crosses = _near(loop, order, apart)
         roots, others = follow_roots(halves, near, open_poles, rounding, reach)
         walls = clear_walls(np.real(np.concatenate([near, roots, open_poles])), reach)
         for wall in walls if order == orders[-1] else walls[:1]:
             more = None
-            if np.all(np.abs(np.real(near) - wall) > blur) and np.all(np.abs(np.real(near)) >= blur):
+            if not crosses(wall):
                 more = count_more(loop, halves, order, np.concatenate([near, roots]), wall)
             found = int(np.sum(np.real(roots) > wall))
             counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
@@ -162,17 +163,28 @@ def _parts(loop: FeedbackLoop) -> tuple[LinearSystem, LinearSystem]:
 
 def _near(
     loop: FeedbackLoop, order: int, apart: bool
-) -> tuple[Complex[np.ndarray, " root"], Float[np.ndarray, " root"]]:
+) -> tuple[Complex[np.ndarray, " root"], Callable[[float], bool]]:
     """Poles of the loop with approximated delays, those near zero replaced by their mean or ``apart``.
 
-    Where they stay apart, also how far rounding may move them. Modes that are slow beside the entries of A
-    need that: `growth_rates` takes them for integrators that rounding has split, and no root is near their
-    mean.
+    Where they stay apart, also whether rounding may move one across a vertical line or the axis. Modes that
+    are slow beside the entries of A need that: `growth_rates` takes them for integrators that rounding has
+    split, and no root is near their mean.
     """
-    if apart:
-        return poles_with_rounding(close_channels(approximate_halves(loop, order)).A)
-    near = loop_poles(loop, order)
-    return near, np.zeros(len(near))
+    if not apart:
+        return loop_poles(loop, order), lambda wall: False
+    A = close_channels(approximate_halves(loop, order)).A
+    near, blur = poles_with_rounding(A)
+
+    def crosses(wall: float) -> bool:
+        """To first order, and by the resolvent where that says so: poles that nearly coincide move less."""
+        upper = np.imag(near) >= 0.0
+        return any(
+            is_reached(A, complex(line, s.imag), 1.0)
+            for line in (0.0, wall)
+            for s in near[upper & (np.abs(np.real(near) - line) <= blur)]
+        )
+
+    return near, crosses
 
 
 def _orders(loop: FeedbackLoop, open_poles: np.ndarray) -> list[int]:

@@ -117,9 +117,10 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
         notes.append(f"no shear flexibility in sections of shape {', '.join(sorted(stiff))}")
     if deck.bulk_only:
         notes.append("bulk data only: no case control, nothing is selected")
-    kept, left = bool(entries.of("ASET", "ASET1")), entries.idle["OMIT"] + entries.idle["OMIT1"]
-    if kept or left:
-        by = "to its ASET" if kept else "by OMIT"
+    # All of these are of the set to which a deck reduces; names end in 1 in the other form of a card.
+    kept = dict.fromkeys(name.removesuffix("1") for name in REDUCTION if entries.of(name))
+    if kept or entries.idle["OMIT"] + entries.idle["OMIT1"]:
+        by = f"to its {', '.join(kept)}" if kept else "by OMIT"
         notes.append(f"the deck reduces {by}: the article keeps all degrees of freedom")
     for card in entries.of("MAT1"):
         if doubt := doubt_modulus(basis.units, card["e"] or 0.0):
