@@ -109,3 +109,31 @@ def test_a_mass_matrix_in_turned_axes_is_that_of_a_body(tmp_path, kind):
     ).document["node"][1]
     for key in ("mass_kg", "cg_m", "inertia_kg_m2"):
         np.testing.assert_allclose(found[key], body[key], atol=1e-15)
+
+
+@pytest.mark.parametrize("shape", ["BAR", "TUBE", "ROD"])
+def test_a_shape_gives_a_bar_its_section(tmp_path, shape):
+    """PBARL: I1 bends in the plane of the orientation vector; J of the rectangle is by its series."""
+    E, G, nsm = 7e10, 7e10 / 2.6, 0.3
+    wide, high, r, s = 0.02, 0.05, 0.03, 0.025
+    n = np.arange(1, 60, 2)
+    series = np.sum(np.tanh(n * np.pi * high / (2.0 * wide)) / n**5)
+    ring = {"TUBE": (r, s), "ROD": (r, 0.0)}.get(shape, (0.0, 0.0))
+    area, quarter = np.pi * (ring[0] ** 2 - ring[1] ** 2), 0.25 * np.pi * (ring[0] ** 4 - ring[1] ** 4)
+    A, I1, I2, J = {
+        "BAR": (
+            wide * high,
+            wide * high**3 / 12.0,
+            high * wide**3 / 12.0,
+            high * wide**3 / 3.0 * (1.0 - 192.0 * wide / (np.pi**5 * high) * series),
+        )
+    }.get(shape, (area, quarter, quarter, 2.0 * quarter))
+    dims = {"BAR": f"{wide},{high}", "TUBE": f"{r},{s}", "ROD": f"{r}"}[shape]
+    bulk = f"PBARL,2,1,,{shape}\n,{dims},{nsm}\nGRID,3,,0.,1.\nCBAR,12,2,2,3,0.,0.,1."
+    document = converted(tmp_path, bulk).document
+    (bar,) = [strut for strut in document["strut"] if strut["name"] == "bar12"]
+    section = document["section"][bar["section"]]
+    np.testing.assert_allclose(bar["up"], [0.0, 0.0, 1.0], atol=1e-15)
+    given = [section[key] for key in ("EA_n", "EI_z_nm2", "EI_y_nm2", "rho_A_kg_per_m")]
+    np.testing.assert_allclose(given, [E * A, E * I1, E * I2, 2700.0 * A + nsm], rtol=1e-14)
+    assert section["GJ_nm2"] == pytest.approx(G * J, rel=2e-3 if shape == "BAR" else 1e-14)
