@@ -94,25 +94,66 @@ def test_sigterm_ends_it_alike(tmp_path: Path, after: str | float) -> None:
     assert ("figure-4.svg" in whole_files_only(tmp_path / "out")) == isinstance(after, str)
 
 
-SWALLOWED = """
+LOST = {
+    "in a weak-reference callback": """
+class Value: pass
+value = Value()
+watched = weakref.ref(value, lambda _: (interrupt(), time.sleep(0.0)))
+del value
+""",
+    "in an import that may fail": """
+try:
+    try:
+        interrupt()
+    except KeyboardInterrupt:
+        raise ImportError("core failed to import") from None
+except Exception:
+    pass
+""",
+}
+
+
+def run_interrupted(steps: str) -> subprocess.CompletedProcess[str]:
+    """A program that catches interruptions as the command line does, taking ``steps`` and waiting."""
+    program = f"""
 import os, signal, sys, time, weakref
 from middeck.cli.main import catch_interrupts
 
-class Value: pass
-seen, value = catch_interrupts(), Value()
-watched = weakref.ref(value, lambda _: (os.kill(os.getpid(), signal.SIGINT), time.sleep(0.0)))
-del value
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+
+seen = catch_interrupts()
+{steps}
 print("goes on")
 try:
     time.sleep(20.0)
 except KeyboardInterrupt:
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
     sys.exit(130 if seen() else 1)
 """
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
 
 
-def test_an_interruption_that_python_drops_in_a_callback_comes_again() -> None:
-    done = subprocess.run([sys.executable, "-c", SWALLOWED], capture_output=True, text=True, timeout=60)
+@pytest.mark.parametrize("steps", LOST.values(), ids=LOST.keys())
+def test_a_lost_interruption_comes_again(steps: str) -> None:
+    done = run_interrupted(steps)
     assert (done.returncode, done.stdout, done.stderr) == (130, "goes on\n", "")
+
+
+def test_an_interruption_does_not_come_again_while_it_is_cleaned_up_after() -> None:
+    done = run_interrupted(
+        """
+try:
+    try:
+        interrupt()
+    finally:
+        time.sleep(0.3)
+        print("cleaned")
+except KeyboardInterrupt:
+    pass
+"""
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "cleaned\ngoes on\n", "")
 
 
 def test_a_campaign_of_interruptions(tmp_path: Path, campaign) -> None:

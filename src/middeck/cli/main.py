@@ -43,9 +43,9 @@ def run() -> NoReturn:
     interrupted = catch_interrupts()
     warnings.showwarning = _show_warning  # ty: ignore[invalid-assignment]
     code = execute(sys.argv[1:], interrupted)
-    _count_alike()
     # Python takes handlers away as it ends: a signal that is on its way would kill it.
     signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    _count_alike()
     sys.exit(code)
 
 
@@ -62,10 +62,15 @@ def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
 
             traceback.print_exc()
         if interrupted():  # whatever the interruption was turned into on its way up
-            return _say("interrupted", INTERRUPTED)
+            return _end_interrupted()
         return _explain(_translated(error, arguments))
     except KeyboardInterrupt:
-        return _say("interrupted", INTERRUPTED)
+        return _end_interrupted()
+
+
+def _end_interrupted() -> int:
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    return _say("interrupted", INTERRUPTED)
 
 
 def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
@@ -154,24 +159,32 @@ AGAIN_S = 0.05
 def catch_interrupts() -> Callable[[], bool]:
     """Raise KeyboardInterrupt on SIGINT and SIGTERM; the answer tells whether that has happened.
 
-    An exception that reaches Python inside a weak-reference callback or a destructor is dropped (imports are
-    full of those); the interruption is then raised again a moment later.
+    An interruption can be lost on its way up: Python drops what reaches it inside a weak-reference callback or a
+    destructor, and an extension that is being imported turns it into an ImportError, which its importer may
+    accept. It is therefore raised again every moment while nothing handles it.
     """
     seen: list[int] = []
 
     def interrupt(number: int, frame: Any) -> None:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        # No thread: one that still raises while Python ends is a fatal error of Python.
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+        if number == signal.SIGALRM and _handles_interruption(sys.exc_info()[1]):
+            return
         seen.append(number)
         raise KeyboardInterrupt
 
     def dropped(lost: Any) -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             sys.__unraisablehook__(lost)
-            return
-        # No thread: one that still raises while Python ends is a fatal error of Python.
-        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, interrupt)
     sys.unraisablehook = dropped
     return lambda: bool(seen)
+
+
+def _handles_interruption(error: BaseException | None) -> bool:
+    """Whether a KeyboardInterrupt, or what was raised out of one, is being cleaned up after."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
