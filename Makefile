@@ -25,8 +25,10 @@ test: $(VENV)/dev.stamp  ## lint, types, import contract beside tests and docs e
 test-all: export MIDDECK_LONG = 1  ## the same with every long campaign whole; each file has its row in tests/results.json
 test-all: test
 
+# Rewriting the assertions of a fresh checkout takes each worker as long as importing all; locals are shown instead.
+suite: export PYTHONDONTWRITEBYTECODE =
 suite: $(VENV)/dev.stamp  ## three workers for two cores: one of them often waits for an engine
-	$(BIN)/python -m pytest -rs -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -rs -n 3 --dist loadfile --no-loadscope-reorder --assert=plain --showlocals
 
 kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs
 	$(BIN)/python .ci/kernels.py -o out/kernels
