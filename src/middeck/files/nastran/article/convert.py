@@ -8,7 +8,7 @@ import numpy as np
 from middeck.files.nastran.article.article_sections import Formulation
 from middeck.files.nastran.article.documents import Documents, Settled, write_documents
 from middeck.files.nastran.article.floating_parts import check_whole
-from middeck.files.nastran.article.ground_springs import ground_springs
+from middeck.files.nastran.article.ground_springs import ground_springs, idle_springs
 from middeck.files.nastran.article.nodes_and_riders import find_standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, read_parts, set_out
 from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
@@ -101,8 +101,11 @@ def _settle(basis: Basis, parts: Parts, components: list[Component]) -> Settled:
     """What stands, and what the ground holds; raises `ConfigError` if that is not one structure."""
     left_out: list[LeftOut] = []
     standing = find_standing(basis, parts, components, left_out)
-    check_whole(basis, parts, standing)
-    return Settled(basis, *ground_springs(basis, parts, standing), left_out)
+    idle = idle_springs(basis, parts, standing)
+    check_whole(basis, idle.parts, idle.standing)
+    grounded = ground_springs(basis, idle.parts, idle.standing)
+    ground, notes = idle.grids | grounded.grids, idle.notes + grounded.notes
+    return Settled(basis, grounded.parts, grounded.standing, ground, notes, left_out)
 
 
 def _count(settled: Settled, made: Documents) -> dict[str, int]:
