@@ -89,6 +89,24 @@ def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
     assert refused.err.count("the default environment") == 1
 
 
+@pytest.mark.parametrize(
+    ("asked", "is_default"),
+    [((), True), (("--environment", "lab"), False), (("--environment=lab",), False)],
+)
+def test_an_environment_that_was_typed_is_not_called_the_default(
+    tower: Path, capfd: pytest.CaptureFixture[str], asked: tuple[str, ...], is_default: bool
+):
+    """In the warning on where it hangs, and in the hint of what cannot be solved there."""
+    slack = tower.with_name("slack.toml")
+    slack.write_text(
+        TEXT.replace("[-0.2, 0.1, 0.1]", "[0.3, 0.1, 0.1]").replace("[0.0, 0.3, 0.0]", "[0.5, 0.3, 0.0]")
+    )
+    for article in (tower, slack):
+        said = middeck(capfd, "modes", article, *asked).err
+        assert ("'lab', the default environment," in said) == is_default
+        assert ("'lab', the built-in environment," in said) != is_default
+
+
 def test_the_laboratory_stands_where_nobody_made_one(tower: Path, capfd: pytest.CaptureFixture[str]):
     """Outside the project its name is enough, and it is the default."""
     for asked, place, held in (
