@@ -33,7 +33,8 @@ def hung_anywhere(structure: Structure, *files: Path) -> tuple[str, ...]:
     names = some_names([point.name for point in structure.attach_points])
     return (
         f"'lab', the {_how_named()} environment, hangs this article by every attach point ({names}), with "
-        "gravity along -y: is that your test? --environment names another; [suspension] in the article names points",
+        "gravity along -y: is that your test? --environment names another; [suspension] in the article names "
+        "points",
     )
 
 
