@@ -1,4 +1,4 @@
-"""A suspension mode is named by what brings it back: on springs an article sways, on cables it is a pendulum."""
+"""A suspension mode has the name of what brings it back: springs make it a sway, cables a pendulum."""
 
 import dataclasses
 

@@ -174,7 +174,7 @@ def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, lam: np.ndarray, shap
 
 
 def _are_sprung(equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray) -> list[bool]:
-    """Whether devices, springs and bushings restore each mode by their strain more than weight and pull do."""
+    """Whether strain of devices, springs and bushings restores each mode more than weight and pull do."""
     elastic = device_strain(equilibrium, shapes)
     others = 0.5 * lam - strain_energy(equilibrium, shapes).sum(axis=1) - elastic
     return (elastic > np.abs(others)).tolist()
@@ -183,7 +183,7 @@ def _are_sprung(equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray) -
 def _hung_label(motion: str, gravity: Float[np.ndarray, "3"], on_springs: bool) -> str:
     """The usual name of a rigid motion under gravity, and of a payload's turn; others keep their own.
 
-    A pendulum is what weight, or the pull of a loaded cable, brings back; on springs the same motion is a sway.
+    A pendulum is what weight, or the pull of a loaded cable, brings back; on springs that motion is a sway.
     """
     what, _, axis = motion.partition(" ")
     if what == "gimbal":
