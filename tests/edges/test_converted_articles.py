@@ -13,6 +13,7 @@ from cli_runner import middeck
 from middeck.cli.shown.component_doubts import WITHOUT
 from middeck.cli.shown.screen import Table
 from middeck.cli.verbs import compare
+from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
@@ -86,6 +87,24 @@ def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
     refused = middeck(capfd, "modes", slack)
     assert refused.code != 0
     assert refused.err.count("the default environment") == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "is_default"),
+    [((), True), (("--environment", "lab"), False), (("--environment=lab",), False)],
+)
+def test_an_environment_that_was_typed_is_not_called_the_default(
+    tower: Path, capfd: pytest.CaptureFixture[str], asked: tuple[str, ...], is_default: bool
+):
+    """In the warning on where it hangs, and in the hint of what cannot be solved there."""
+    slack = tower.with_name("slack.toml")
+    slack.write_text(
+        TEXT.replace("[-0.2, 0.1, 0.1]", "[0.3, 0.1, 0.1]").replace("[0.0, 0.3, 0.0]", "[0.5, 0.3, 0.0]")
+    )
+    for article in (tower, slack):
+        said = middeck(capfd, "modes", article, *asked).err
+        assert ("'lab', the default environment," in said) == is_default
+        assert ("'lab', the built-in environment," in said) != is_default
 
 
 def test_the_laboratory_stands_where_nobody_made_one(tower: Path, capfd: pytest.CaptureFixture[str]):
@@ -187,8 +206,9 @@ def test_up_is_against_the_gravity_that_is_converted(tmp_path: Path, case, loads
     cards += ["CBAR,1,1,1,2,0.,1.,0.", "SPC1,1,123456,1", "GRAV,10,,98.,1.", "GRAV,20,,9.81,0.,0.,-1.", loads]
     deck = tmp_path / "a.dat"
     deck.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", *case, "BEGIN BULK", *cards, "ENDDATA", ""]))
-    found = convert_deck(read_deck(deck), parse_units("m-kg-s-N"), "consistent", "a").document.get("up")
-    assert (None if found is None else list(found)) == up
+    document = convert_deck(read_deck(deck), parse_units("m-kg-s-N"), "consistent", "a").document
+    assert document.get("up") == up
+    assert (f"\nup = {up}\n" in document_text(document, "a")) == (up is not None)
 
 
 @pytest.mark.parametrize(("cost", "marked"), [([0.12, 0.0, 0.03], True), ([0.0] * 3, False)])

@@ -260,9 +260,9 @@ def test_the_verb_prints_what_the_room_computes(capfd: Capture, lab: Modes):
         rng=np.random.default_rng(4),
         runs=50,
     )
-    assert document["schema"] == "middeck.correlate/1"
+    assert document["schema"] == "middeck.correlate/2"
     assert document["passed"] == found.passed
-    assert document["pairs"] == found.pairs.tolist()
+    assert [document["model_index"], document["test_index"]] == found.pairs.T.tolist()
     assert document["mac"] == found.evaluation.mac.tolist()
     assert document["cross_orthogonality"] == found.evaluation.cross_orthogonality.tolist()
     assert list(document["comac"].values()) == found.evaluation.comac.tolist()
@@ -271,6 +271,26 @@ def test_the_verb_prints_what_the_room_computes(capfd: Capture, lab: Modes):
         assert entry["worst"] == finding.worst
         assert entry["source"] == finding.criterion.source
         assert entry["probability_of_a_correct_model"]["low_95"] == finding.probability.interval[0]
+
+
+@pytest.mark.parametrize("shapes", [True, False])
+def test_documents_count_from_zero_and_texts_as_the_survey(tmp_path: Path, capfd: Capture, shapes: bool):
+    """The model's modes as `modes` counts them, measured ones from one in texts; and which has no partner."""
+    measured, test = load_measured_modes(SURVEY), tmp_path / "test.csv"
+    shown = np.column_stack([np.arange(1, 9), measured.frequency_hz * np.array([0.01] + [1.0] * 7)])
+    test.write_text("mode,frequency [Hz]\n" + "".join(f"{n:.0f},{hz!r}\n" for n, hz in shown.tolist()))
+    ask = ("correlate", ARTICLE, SURVEY if shapes else test, *(("--runs", 2) if shapes else ()))
+    document, text = json.loads(middeck(capfd, *ask, "--json").out), middeck(capfd, *ask).out
+    table = text.partition("\npairs")[2].partition("\n\n")[0].splitlines()
+    rows = [line.split()[:4] for line in table if line.split()[:1] and line.split()[0].isdigit()]
+    assert [int(row[1]) for row in rows] == document["model_index"]
+    assert [int(row[0]) for row in rows] == [j + 1 for j in document["test_index"]]
+    hz = (shown[:, 1], measured.frequency_hz)[shapes]
+    assert document["measured_hz"] == [hz[j] for j in document["test_index"]]
+    alone = {*range(8)} - {*document["test_index"]}
+    assert alone == {*document["unpaired_test_index"]}
+    assert all(f"measured mode {j + 1} of" in " ".join(document["warnings"]) for j in alone)
+    assert bool(alone) != shapes
 
 
 @pytest.mark.parametrize("profile", repeats(PROFILE_NAMES, 2))

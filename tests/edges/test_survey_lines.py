@@ -159,7 +159,7 @@ def test_correlate_shows_the_test_beside_the_model(tmp_path: Path, capfd: pytest
     document = json.loads(ended.out)
     data = json.loads(page.read_text().split('id="data">')[1].split("</script>")[0])
     assert [side["label"] for side in data["sides"]] == ["test", "model"]
-    assert len(data["rows"]) == len(document["pairs"]) + len(document["unpaired"])
+    assert len(data["rows"]) == len(document["name"]) + len(document["unpaired_test_index"])
     for row, hz in zip(data["rows"], document["measured_hz"], strict=False):
         assert row[0]["hz"] == pytest.approx(hz, rel=1e-4)
     assert len(data["sides"][0]["lines"]) == 4  # the four struts between five nodes

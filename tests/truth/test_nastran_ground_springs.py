@@ -169,6 +169,37 @@ def test_a_spring_between_held_grids_is_left_out(tmp_path):
     assert alike(made.environment, convert(tmp_path, BLANK).environment)
 
 
+@pytest.mark.parametrize(
+    ("cards", "held"),
+    [
+        ("CBUSH,33,5,903,904,,,,0", "123456"),
+        ("CBUSH,33,6,903,904,,,,0", "123"),  # all that it resists
+        ("CBUSH,33,5,903,,,,,0", "123456"),
+        ("CELAS2,33,100.,903,1,904,1", "123456"),
+        ("CELAS2,33,100.,903,1", "1"),
+        ("CBUSH,33,5,903,904,,,,0\nFORCE,30,903,,1.,0.,0.,1.", "123456"),
+        ("CBUSH,33,5,905,904,,,,0\nGRID,905,,3.\nRBE2,40,903,123456,905", "123456"),
+    ],
+)
+def test_a_spring_that_the_ground_holds_at_both_ends_is_no_second_structure(tmp_path, cards, held):
+    """It does nothing, whatever else stands in the deck."""
+    grids = f"GRID,903,,2.\nGRID,904,,2.\nSPC1,1,{held},903,904\n"
+    for here, springs in ((HERE + SPC1, TO_GRIDS), ("", BLANK)):
+        made, bare = convert(tmp_path, here, springs, grids, cards), convert(tmp_path, here, springs)
+        assert alike(made.document, bare.document)
+        assert alike(made.environment, bare.environment)
+        row = (cards.partition(",")[0], 1, "no stiffness, or the ground holds all of its ends")
+        assert row in made.left_out
+
+
+def test_a_deck_of_which_the_ground_holds_everything_is_refused(tmp_path):
+    cards = ["GRID,1", "GRID,2,,1.", "PBUSH,5,K,1.,1.,1.", "CBUSH,3,5,1,2,,,,0", "SPC1,1,123456,1,2"]
+    path = tmp_path / "a.dat"
+    path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
+    with pytest.raises(ConfigError, match="the ground holds all"):
+        convert_deck(read_deck(path), SI, "consistent", "a")
+
+
 def test_a_spring_between_the_ground_and_a_held_member_is_one_to_the_ground(tmp_path):
     """It does nothing while the clamp holds, and is named once."""
     member = "GRID,4,,-.5,.5\nCBAR,14,1,1,4,0.,0.,1.\nSPC1,1,123456,4\n"

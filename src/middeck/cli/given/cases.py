@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.cli.options import Case
+from middeck.cli.options import Case, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import MiddeckError
 from middeck.files.disk.kind_of_content import ARTICLE
@@ -32,9 +32,15 @@ def hung_anywhere(structure: Structure, *files: Path) -> tuple[str, ...]:
         return ()
     names = some_names([point.name for point in structure.attach_points])
     return (
-        f"'lab', the default environment, hangs this article by every attach point ({names}), with gravity "
-        "along -y: is that your test? --environment names another; [suspension] in the article names points",
+        f"'lab', the {_how_named()} environment, hangs this article by every attach point ({names}), with "
+        "gravity along -y: is that your test? --environment names another; [suspension] in the article names "
+        "points",
     )
+
+
+def _how_named() -> str:
+    """What to call the program's own environment: the default only where nobody typed it."""
+    return "built-in" if typed("environment") or typed("environments") else "default"
 
 
 def tilted(rest: Equilibrium) -> tuple[str, ...]:
@@ -110,8 +116,8 @@ def solve_in(
             modes = solve_modes(rest, most, standstill=standstill)
     except MiddeckError as error:
         # A slipped unit shows as a mechanism or as no rest at all: what may be the cause comes first.
-        default = "'lab', the default environment, hangs every attach point: give one with --environment"
-        hung = [default] if files[-1] == BUILT_IN["lab"] and not hung_anywhere(structure, *files) else []
+        lab = f"'lab', the {_how_named()} environment, hangs every attach point: give one with --environment"
+        hung = [lab] if files[-1] == BUILT_IN["lab"] and not hung_anywhere(structure, *files) else []
         advice = [*doubts, *hung, *error.hint.split("; ")]
         error.hint = "; ".join(a for i, a in enumerate(advice) if not any(a in told for told in advice[:i]))
         raise

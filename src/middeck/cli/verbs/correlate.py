@@ -159,17 +159,20 @@ def _draw(found: Correlation | FrequencyComparison, file: str, test: str) -> Non
 
 
 def describe(found: Correlation) -> dict[str, Any]:
-    """The JSON document; matrices have a row for each mode of the model, a column for each measured one."""
+    """The JSON document; matrices have a row for each mode of the model, a column for each measured one.
+
+    Keys that end in ``index`` count from zero, whatever a text or a figure calls the measured modes.
+    """
     judged, theirs = found.evaluation, found.pairs[:, 1]
     return {
-        "schema": "middeck.correlate/1",
+        "schema": "middeck.correlate/2",
         **_common(found),
         "probability_of_a_correct_model": _probability(found.probability),
         "criteria": [_criterion(f) for f in found.findings],
         "frequency_error": judged.frequency_error,
         "pair_mac": judged.mac[judged.pairs[:, 0], theirs],
         **fields(judged, "cross_orthogonality", "self_orthogonality", "mac"),
-        "mac_modes": found.candidates,
+        "mac_model_index": found.candidates,
         "comac": dict(zip(found.measured.channels, judged.comac, strict=True)),
         "phase_collinearity": found.phase_collinearity,
         "effective_mass_fraction": found.effective_mass.fraction[found.pairs[:, 0]],
@@ -183,7 +186,7 @@ def describe(found: Correlation) -> dict[str, Any]:
 def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
     """The JSON document of a survey of frequencies alone."""
     return {
-        "schema": "middeck.correlate-frequencies/1",
+        "schema": "middeck.correlate-frequencies/2",
         **_common(found),
         "criteria": [
             {
@@ -195,7 +198,7 @@ def describe_frequencies(found: FrequencyComparison) -> dict[str, Any]:
         ],
         "unjudged": [str(c) for c in found.unjudged],
         "frequency_error": found.frequency_error,
-        "undecided": found.undecided,
+        "undecided_test_index": found.undecided,
     }
 
 
@@ -208,13 +211,14 @@ def _common(found: Correlation | FrequencyComparison) -> dict[str, Any]:
         "profile": found.profile.name,
         "profile_title": found.profile.title,
         **fields(found, "passed", "verdict"),
-        "pairs": found.pairs,
+        "model_index": ours,
+        "test_index": theirs,
         "name": [modes.name[i] for i in ours],
         "frequency_hz": modes.frequency_hz[ours],
         "measured_hz": found.measured.frequency_hz[theirs],
         **_damping(modes, ours, found.measured.damping[theirs]),
-        "unpaired": found.unpaired,
-        "unmeasured": found.unmeasured,
+        "unpaired_test_index": found.unpaired,
+        "unmeasured_model_index": found.unmeasured,
         "warnings": (*modes.warnings, *found.warnings),
     }
 
@@ -236,7 +240,7 @@ def _damping(modes: md.Modes, ours: np.ndarray, measured: np.ndarray) -> dict[st
 def _damping_columns(document: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     """Headers and cells of the pairs' damping; none where the test states none."""
     if document["damping"] is None:
-        return [], [[] for _ in document["pairs"]]
+        return [], [[] for _ in document["name"]]
     both = zip(document["measured_damping"], document["damping"], strict=True)
     cells = [["" if zeta is None else f"{100.0 * zeta:.2f}" for zeta in pair] for pair in both]
     return ["test zeta %", "model zeta %"], cells
@@ -251,7 +255,7 @@ def _judged(criterion: dict[str, Any], key: str) -> list[str]:
 
 
 def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
-    keys = ("measured_hz", "frequency_hz", "frequency_error", "name")
+    keys = ("model_index", "test_index", "measured_hz", "frequency_hz", "frequency_error", "name")
     damping, cells = _damping_columns(document)
     rows = [
         [
@@ -261,12 +265,10 @@ def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
             f"{m:.4f}",
             f"{100.0 * e:+.2f}",
             *zeta,
-            "no" if j in document["undecided"] else "yes",
+            "no" if j in document["undecided_test_index"] else "yes",
             n,
         ]
-        for (i, j), t, m, e, n, zeta in zip(
-            document["pairs"], *(document[k] for k in keys), cells, strict=True
-        )
+        for i, j, t, m, e, n, zeta in zip(*(document[k] for k in keys), cells, strict=True)
     ]
     judged = [
         [
@@ -364,7 +366,7 @@ def _pairs(document: dict[str, Any]) -> Table:
             f"{own[j]:.4f}",
             document["name"][p],
         ]
-        for p, (i, j) in enumerate(document["pairs"])
+        for p, (i, j) in enumerate(zip(document["model_index"], document["test_index"], strict=True))
     ]
     headers = ["test", "model", "test Hz", "model Hz", "error %", *damping]
     headers += ["MAC", "cross", "off", "self off", "name"]

@@ -25,11 +25,9 @@ def document_text(document: Mapping[str, Any], head: str) -> str:
             groups = {key: t for key, t in table.items() if isinstance(t, Mapping)}
             for heading, part in {f"{name}.{k}": t for k, t in groups.items()}.items() or [(name, table)]:
                 lines += ["", f"[{heading}]", *_keys(part)]
-        elif isinstance(table, list):
+        elif _is_tables(table):
             for row in table:
-                inner = {
-                    k: v for k, v in row.items() if isinstance(v, list) and v and isinstance(v[0], Mapping)
-                }
+                inner = {k: v for k, v in row.items() if _is_tables(v)}
                 lines += [
                     "",
                     f"[[{name}]]",
@@ -42,7 +40,13 @@ def document_text(document: Mapping[str, Any], head: str) -> str:
 
 
 def _keys(table: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_value(v)}" for key, v in table.items() if not isinstance(v, Mapping | list)]
+    return [
+        f"{key} = {_value(v)}" for key, v in table.items() if not (isinstance(v, Mapping) or _is_tables(v))
+    ]
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
 
 
 def _value(value: Any) -> str:

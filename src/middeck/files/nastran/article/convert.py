@@ -1,4 +1,4 @@
-"""From a deck to the document of an article: nodes, members, bodies and rigid links, in SI units."""
+"""From a deck to the documents of an article and of what holds it, with a report on the cards."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -6,15 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from middeck.files.nastran.article.article_sections import Formulation
+from middeck.files.nastran.article.documents import Documents, Settled, write_documents
 from middeck.files.nastran.article.floating_parts import check_whole
-from middeck.files.nastran.article.ground_springs import ground_springs
-from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
-from middeck.files.nastran.article.loads import LoadSets
-from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
-from middeck.files.nastran.article.nodes_and_riders import Standing, find_standing
-from middeck.files.nastran.article.parts import Basis, LeftOut, read_parts, set_out
-from middeck.files.nastran.article.springs import scalar_tables, spring_tables
-from middeck.files.nastran.article.struts import pin_tables, strut_tables
+from middeck.files.nastran.article.ground_springs import ground_springs, idle_springs
+from middeck.files.nastran.article.nodes_and_riders import find_standing
+from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, read_parts, set_out
 from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
@@ -84,66 +80,49 @@ def convert_deck(
     parts = read_parts(basis, [] if components else lacking)
     direct = {} if parts.direct is None else {f"{name}-{NAME}.npz": parts.direct}
     components = {**(components or {}), **direct}
-    left_out: list[LeftOut] = []
-    standing = find_standing(basis, parts, list(components.values()), left_out)
-    check_whole(basis, parts, standing)
-    parts, standing, ground, grounded = ground_springs(basis, parts, standing)
-    sets = LoadSets(basis, parts, standing, ground)
-    cases = sets.cases(units)
-
-    sections, struts, tapers = strut_tables(basis, parts, standing)
-    pinned, pins = pin_tables(basis, parts, standing)
-    nodes, rotors = node_tables(basis, standing)
-    points, bushings, grounds = spring_tables(basis, parts, standing)
-    single, scalars = scalar_tables(basis, parts)
-    clamps = ground_clamps(basis, parts, standing)
-    loose, unheld = loose_clamps(basis, parts, standing)
-    constants, gravity = sets.constants(bool(clamps or grounds or single.grounds))
-
-    idle = len(parts.held) - len(clamps) - len(ground)
-    left_out += account_left_out(basis, parts, standing)
-    left_out += [("SPC, PS", idle, "at grids without an element or a mass")] if idle else []
-    left_out += sets.refused
-    converted = count_converted(basis, parts, standing)
-    converted |= {
-        "clamped grids": len(clamps),
-        "springs to the ground": len(grounds + single.grounds),
-        "load cases": len(cases),
-        "gravity": min(len(constants), 1),
-    }
+    settled = _settle(basis, parts, list(components.values()))
+    made = write_documents(name, settled, components)
     reference, lost = _reference(basis)
-    coordinates = 6 * len(nodes + pinned) + len(single.nodes) + sum(c.modal for c in components.values())
-    document = _head(name, deck, sets.down()) | {
-        "section": sections,
-        "node": nodes + pinned + single.nodes,
-        "strut": struts,
-        "attach": carried_points(basis, standing) + points + single.attach,
-        "bushing": bushings + single.bushings,
-        "component": _component_tables(components),
-        "link": rider_links(standing) + _tables(standing, "link") + pins,
-        **{kind: _tables(standing, kind) for kind in ("interpolation", "equation")},
-        "load_case": cases,
-    }
+    notes = [f"{fault.place}: {fault.what}" for fault in lacking]
+    notes += note_doubts(basis, settled.parts, made.coordinates)
     return Conversion(
-        document=_filled(document),
+        document=made.article,
         read={card: len(found) for card, found in deck.entries.by_name.items()},
-        converted=converted,
-        left_out=tuple(left_out),
-        notes=(
-            *(f"{fault.place}: {fault.what}" for fault in lacking),
-            *note_doubts(basis, parts, coordinates),
-            *grounded,
-            *tapers,
-            *scalars,
-            *unheld,
-            *rotors,
-            *gravity,
-            *lost,
-        ),
-        environment=_supports(name, constants, clamps + loose + single.clamps, grounds + single.grounds),
+        converted=_count(settled, made),
+        left_out=(*settled.left_out, *_left_out(settled, made), *made.refused),
+        notes=(*notes, *settled.notes, *made.notes, *lost),
+        environment=made.environment,
         components=components,
         reference=reference,
     )
+
+
+def _settle(basis: Basis, parts: Parts, components: list[Component]) -> Settled:
+    """What stands, and what the ground holds; raises `ConfigError` if that is not one structure."""
+    left_out: list[LeftOut] = []
+    standing = find_standing(basis, parts, components, left_out)
+    idle = idle_springs(basis, parts, standing)
+    check_whole(basis, idle.parts, idle.standing)
+    grounded = ground_springs(basis, idle.parts, idle.standing)
+    ground, notes = idle.grids | grounded.grids, idle.notes + grounded.notes
+    return Settled(basis, grounded.parts, grounded.standing, ground, notes, left_out)
+
+
+def _count(settled: Settled, made: Documents) -> dict[str, int]:
+    """Cards and what became of them, by name."""
+    return count_converted(settled.basis, settled.parts, settled.standing) | {
+        "clamped grids": made.clamped,
+        "springs to the ground": len(made.environment.get("bushing", ())),
+        "load cases": len(made.article.get("load_case", ())),
+        "gravity": int("constants" in made.environment),
+    }
+
+
+def _left_out(settled: Settled, made: Documents) -> list[LeftOut]:
+    """Cards that the documents have no part for, and what holds grids that are not there."""
+    rows = account_left_out(settled.basis, settled.parts, settled.standing)
+    idle = len(settled.parts.held) - made.clamped - len(settled.ground)
+    return rows + ([("SPC, PS", idle, "at grids without an element or a mass")] if idle else [])
 
 
 def _reference(basis: Basis) -> tuple[tuple[int, np.ndarray] | None, list[str]]:
@@ -156,36 +135,3 @@ def _reference(basis: Basis) -> tuple[tuple[int, np.ndarray] | None, list[str]]:
         return (grid, basis.units.length * at), []
     lost = [f"PARAM GRDPNT names grid {grid}, which is not there: the mass is about the origin"]
     return (0, np.zeros(3)), lost if grid else []
-
-
-def _head(name: str, deck: Deck, down: np.ndarray | None) -> dict[str, Any]:
-    title = f"{name} (from {deck.path.rsplit('/', 1)[-1]})"
-    up = [] if down is None else -down + 0.0
-    return {"schema": 1, "name": name, "title": title, "up": up, "mesh": {"elements_per_strut": 1}}
-
-
-def _supports(
-    name: str, constants: dict[str, Any], clamps: list[dict[str, Any]], bushings: list[dict[str, Any]]
-) -> dict[str, Any]:
-    found = {"schema": 1, "name": f"{name}-supports", "constants": constants or []}
-    return _filled(found | {"clamp": clamps, "bushing": bushings})
-
-
-def _component_tables(components: Mapping[str, Component]) -> list[dict[str, Any]]:
-    return [
-        {"name": part.name, "file": file, "nodes": dict(zip(part.grids, part.frames, strict=True))}
-        | (
-            {"offsets_m": dict(zip(part.grids, part.fixed_at.tolist(), strict=True))}
-            if np.any(part.fixed_at)
-            else {}
-        )
-        for file, part in components.items()
-    ]
-
-
-def _tables(standing: Standing, kind: str) -> list[dict[str, Any]]:
-    return [c.table for c in standing.tied if c.kind == kind]
-
-
-def _filled(document: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in document.items() if not isinstance(value, list) or value}

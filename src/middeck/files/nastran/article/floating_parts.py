@@ -3,6 +3,7 @@
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
 from middeck.files.nastran.deck.entries import raise_some
+from middeck.files.nastran.masses_and_springs.scalars import MASSES, SPRINGS
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.connectivity import separate_parts, some_names
 
@@ -12,7 +13,11 @@ def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
     single = {f"s{point}": element.entry for element in parts.scalars for point in element.points}
     separate = find_pieces(basis, parts, standing)
     if not separate:
+        idle = basis.entries.of("CBUSH", *SPRINGS, *MASSES, "CONM1", "CONM2")
         message = "there is no bar, beam or rod in this deck, and no spring or mass"
+        message = (
+            "the ground holds all springs and masses of this deck: nothing in it moves" if idle else message
+        )
         raise_some([Fault(file=basis.deck.path, line=0, key="", message=message)])
     grid = basis.entries.numbered("GRID")
     raise_some(

@@ -4,6 +4,7 @@ Many decks write a spring to the ground so, instead of with a blank GB. It belon
 not to the article, and its axes are those of the ground, whichever grid its card names first.
 """
 
+from collections.abc import Container
 from itertools import compress
 from typing import NamedTuple
 
@@ -32,42 +33,68 @@ class Grounded(NamedTuple):
     notes: list[str]
 
 
+class _Ends(NamedTuple):
+    """Ends of springs (spring, which end, grid that carries it), and where the ground holds these grids.
+
+    At ``bare`` grids nothing but springs stands, nor is rigid with them; of ``partly`` held ones the springs
+    resist more than is held.
+    """
+
+    ends: list[tuple[Tie, int, int]]
+    bare: set[int]
+    partly: set[int]
+    loaded: set[int]
+
+    def note(self, grids: set[int], how: str, what: str, but: Container[str] = ()) -> list[str]:
+        """A note on the springs at some grids, ``but`` those."""
+        found = [(tie.name, grid) for tie, _, grid in self.ends if grid in grids and tie.name not in but]
+        springs = list(dict.fromkeys(name for name, _ in found))
+        numbers = some_names([f"{grid}" for grid in sorted({grid for _, grid in found})])
+        return [f"{some_names(springs)}: SPC or PS hold {how}grid {numbers}{what}"] if found else []
+
+
+def idle_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
+    """The deck without springs of which SPC or PS hold all ends, and the grids that have no others."""
+    found = _find_ends(basis, parts, standing)
+    held = found.bare - found.partly
+    idle = [tie for tie in parts.ties if {*map(standing.carrier, tie.grids)} <= held]
+    names = list(dict.fromkeys(tie.name for tie in idle))
+    moving = [tie for tie in parts.ties if tie.name not in names]
+    unmet = held - {standing.carrier(grid) for tie in moving for grid in tie.grids}
+    notes = [f"{some_names(names)}: left out, SPC or PS hold all of its ends"] if names else []
+    rest = parts._replace(ties=moving)
+    return Grounded(*_without(rest, standing, unmet), frozenset(unmet), notes)
+
+
 def ground_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
     """Springs to held grids as springs to the ground, where nothing else is on the grid or rigid with it.
 
     All motions of such a grid that its springs resist must be held. Springs that alone join the pieces of the
     deck stay what they are.
     """
-    on = standing.carrier
-    ends = [
-        (tie, k, on(grid)) for tie in parts.ties if len(tie.grids) > 1 for k, grid in enumerate(tie.grids)
+    found = _find_ends(basis, parts, standing)
+    firm = {grid for _, _, grid in found.ends if parts.held.get(grid) == ALL}
+    ground = found.bare - found.partly
+    alone = _joining(basis, parts, standing, ground)
+    ground = ground - alone
+    grounded = {tie.name for tie, _, grid in found.ends if grid in ground}
+    notes = [
+        *found.note(ground, "", f", where nothing else stands; {TO_GROUND}"),
+        *found.note(found.partly, "only part of what they resist at ", f"; {STAY}", grounded),
+        *found.note(firm & found.loaded, "", f", where more than springs stands; {STAY}", grounded),
+        *found.note(alone, "", f", which alone joins the deck; {STAY}", grounded),
     ]
+    return Grounded(*_without(parts, standing, ground), frozenset(ground), notes)
+
+
+def _find_ends(basis: Basis, parts: Parts, standing: Standing) -> _Ends:
+    on = standing.carrier
+    ends = [(tie, k, on(grid)) for tie in parts.ties for k, grid in enumerate(tie.grids)]
     loaded = standing.linked | {*standing.riders.values(), *standing.bodies}
     loaded |= {on(grid) for bar in parts.bars for grid in bar.grids}
     bare = {grid for _, _, grid in ends if grid in parts.held} - loaded
     partly = {grid for tie, k, grid in ends if grid in bare and _resists(tie, k, grid, parts, basis.places)}
-    firm = {grid for _, _, grid in ends if parts.held.get(grid) == ALL}
-    ground = bare - partly
-    alone = _joining(basis, parts, standing, ground)
-    ground = ground - alone
-    grounded = {tie.name for tie, _, grid in ends if grid in ground}
-    still = list(dict.fromkeys(tie.name for tie in parts.ties if {*map(on, tie.grids)} <= ground))
-
-    def note(grids: set[int], how: str, what: str, *, stay: bool = True) -> list[str]:
-        found = [(tie.name, grid) for tie, _, grid in ends if grid in grids]
-        found = [(name, grid) for name, grid in found if name not in (grounded if stay else still)]
-        springs = list(dict.fromkeys(name for name, _ in found))
-        numbers = some_names([f"{grid}" for grid in sorted({grid for _, grid in found})])
-        return [f"{some_names(springs)}: SPC or PS hold {how}grid {numbers}{what}"] if found else []
-
-    notes = [
-        *note(ground, "", f", where nothing else stands; {TO_GROUND}", stay=False),
-        *([f"{some_names(still)}: left out, SPC or PS hold all of its ends"] if still else []),
-        *note(partly, "only part of what they resist at ", f"; {STAY}"),
-        *note(firm & loaded, "", f", where more than springs stands; {STAY}"),
-        *note(alone, "", f", which alone joins the deck; {STAY}"),
-    ]
-    return Grounded(*_without(parts, standing, ground), frozenset(ground), notes)
+    return _Ends([end for end in ends if len(end[0].grids) > 1], bare, partly, loaded)
 
 
 def _without(parts: Parts, standing: Standing, ground: set[int]) -> tuple[Parts, Standing]:

@@ -12,7 +12,7 @@ from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unre
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import doubt_modulus
-from middeck.files.nastran.masses_and_springs.scalars import MASSES
+from middeck.files.nastran.masses_and_springs.scalars import MASSES, SPRINGS
 from middeck.files.nastran.masses_and_springs.spring_elements import ROW
 
 REDUCTION = ("ASET", "ASET1", "BSET", "BSET1", "QSET", "QSET1", "CSET", "CSET1")
@@ -62,6 +62,11 @@ def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[Lef
     elsewhere = any(e["seid"] for e in entries.of("GRDSET"))
     inside = [e for e in entries.of("GRID") if e["seid"] or (elsewhere and e["seid"] is None)]
     rows.append(("GRID SEID", len(inside), "which superelement they are in: the article is not divided"))
+    moved = {id(part.entry) for part in (*parts.ties, *parts.scalars)}
+    still = Counter(e.name for e in entries.of("CBUSH", *SPRINGS) if id(e) not in moved)
+    rows += [
+        (name, count, "no stiffness, or the ground holds all of its ends") for name, count in still.items()
+    ]
     cards = Counter(e["name"] for e in entries.of("DMIG"))
     damping = damping_names(deck)
     selected = {*deck.selection.matrices.values(), *chain.from_iterable(damping.values())}

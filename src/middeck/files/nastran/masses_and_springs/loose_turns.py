@@ -28,15 +28,17 @@ def loose_turns(
     """Orthonormal directions, in basic coordinates, of the turns that nothing holds, as columns, by grid.
 
     They are square to those that ``held``, the components of constraints, holds. Grids in ``turning`` have
-    inertia. Where hinges without inertia only twist each other, by rods with a torsion constant, all turn
-    freely together: no stiffness of a single grid shows it, and no shift depends on it.
+    inertia: those that pins leave free in some directions alone turn on. Where hinges without inertia only
+    twist each other, by rods with a torsion constant, all turn freely together: no stiffness of a single grid
+    shows it, and no shift depends on it.
     """
     firm = {
         carriers.get(grid, grid)
         for bar in bars
         if _is_firm(bar)
         for end, grid in enumerate(bar.grids)
-        if not _is_hinged(bar, end)
+        if not any(map(bar.released, (0, 1)))
+        or (carriers.get(grid, grid) in turning and not _is_hinged(bar, end))
     }
     stiffness = {grid: np.zeros((3, 3)) for grid in kept if grid not in firm}
     alive = {grid for grid in stiffness if grid in turning}
@@ -45,11 +47,13 @@ def loose_turns(
         shape = bar.section.first
         ends = [carriers.get(grid, grid) for grid in bar.grids]
         for end, (grid, place) in enumerate(zip(ends, bar.ends, strict=True)):
-            if grid in firm or _is_hinged(bar, end):
+            if grid in firm:
                 continue
             arm = arm_from(places.grids[grid], place)
             stiffness[grid] += _about(_end_stiffness(bar, end), arm)
-            if shape.i1 > 0.0 or shape.i2 > 0.0 or arm.any() or (shape.j > 0.0 and ends[1 - end] in firm):
+            twisted = shape.j > 0.0 and ends[1 - end] in firm
+            bears = (shape.i1 > 0.0 or shape.i2 > 0.0 or twisted) and not _is_hinged(bar, end)
+            if bears or arm.any():
                 alive.add(grid)
         if shape.j > 0.0 and not firm.intersection(ends) and not any(map(bar.released, (0, 1))):
             twists.append((f"{ends[0]}", f"{ends[1]}"))
@@ -103,16 +107,31 @@ def turn_clamp(grid: int, turns: np.ndarray) -> dict[str, object]:
 
 
 def _end_stiffness(bar: Bar, end: int) -> np.ndarray:
-    """Stiffness (6, 6) of one end of a bar whose other end is held, in basic coordinates; shear left out."""
+    """Stiffness (6, 6) of one end of a bar whose other end is held, in basic coordinates; shear left out.
+
+    Without what the pins of both ends release.
+    """
     cut, material, L = bar.section.first, bar.section.material, bar.length
-    K = np.zeros((6, 6))
-    K[0, 0], K[3, 3] = material.E * cut.area / L, material.G * cut.j / L
+    K = np.zeros((12, 12))
+    for way, stiffness in ((0, material.E * cut.area), (3, material.G * cut.j)):
+        K[np.ix_([way, way + 6], [way, way + 6])] = stiffness / L * np.array([[1.0, -1.0], [-1.0, 1.0]])
     for v, turn, i, sign in ((1, 5, cut.i1, 1.0), (2, 4, cut.i2, -1.0)):
-        pair = np.array([[12.0 / L**2, 6.0 * sign / L], [6.0 * sign / L, 4.0]])
-        if end:
-            pair[[0, 1], [1, 0]] *= -1.0
-        K[np.ix_([v, turn], [v, turn])] = material.E * i / L * pair
-    turn = np.kron(np.eye(2), own_axes(bar.ends[1] - bar.ends[0], bar.up))
+        bends = np.array(
+            [[1.0 / L, sign, -1.0 / L, 0.0], [1.0 / L, 0.0, -1.0 / L, sign]]
+        )  # turns off the chord
+        ends = [v, turn, v + 6, turn + 6]
+        K[np.ix_(ends, ends)] = material.E * i / L * bends.T @ [[4.0, 2.0], [2.0, 4.0]] @ bends
+    principal = own_axes(bar.ends[1] - bar.ends[0], bar.up)
+    K = _turned(K, bar.element_axes.T @ principal)
+    for k in (int(c) - 1 + 6 * k for k in (0, 1) for c in bar.released(k)):
+        K -= np.outer(K[k], K[k]) / (K[k, k] or 1.0)
+    own = slice(6 * end, 6 * end + 6)
+    return _turned(K[own, own], bar.element_axes)
+
+
+def _turned(K: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """A stiffness between shifts and turns in other axes, whose directions in the new ones are ``axes``."""
+    turn = np.kron(np.eye(len(K) // 3), axes)
     return turn @ K @ turn.T
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from middeck.structure.eigenproblem.repeated import repeated_apart
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line, turned_bodies
 from middeck.structure.modes.motions.rigid_motions import AXES, motions_within, rigid_motions
-from middeck.structure.modes.motions.strain_shares import PARTS, strain_energy
+from middeck.structure.modes.motions.strain_shares import PARTS, device_strain, strain_energy
 from middeck.structure.modes.motions.strained_parts import leading_parts, strained_parts
 from middeck.structure.modes.names.kinds import HALF, HELD, in_one_piece, strainless_motions
 from middeck.structure.rest.equilibrium import Equilibrium
@@ -52,7 +52,7 @@ def name_modes(
     """
     first = len(rigid_names)
     held = [m for m, k in enumerate(kind) if k in HELD]
-    hung = dict(zip(held, _hung_names(equilibrium, M, shapes[:, held]), strict=True))
+    hung = dict(zip(held, _hung_names(equilibrium, M, lam[held], shapes[:, held]), strict=True))
     deformed = deformation_names(equilibrium, M, lam, shapes)
     groups = repeated_apart(equilibrium.model.tree, M, lam, shapes)
     beside = {int(m): set(group.tolist()) for group in groups for m in group}
@@ -154,7 +154,7 @@ def _ordinal(count: int) -> str:
     return f"{count}{'th' if teens else {1: 'st', 2: 'nd', 3: 'rd'}.get(count % 10, 'th')}"
 
 
-def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -> list[str]:
+def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, lam: np.ndarray, shapes: np.ndarray) -> list[str]:
     """Label of each mode's largest effective mass, each motion's relative to its own.
 
     Of motions that clamps and links leave: all of an article that floats in one piece.
@@ -166,18 +166,31 @@ def _hung_names(equilibrium: Equilibrium, M: sp.csr_array, shapes: np.ndarray) -
     own = np.einsum("im,im->m", motions, M @ motions)
     own = np.where(own > 0.0, own, np.inf)  # a straight line of masses has no inertia about itself
     effective = (motions.T @ (M @ shapes)) ** 2 / own[:, None]
-    labels = [_hung_label(name, equilibrium.environment.gravity) for name in names]
-    return [labels[i] for i in np.argmax(effective, axis=0)]
+    gravity, sprung = equilibrium.environment.gravity, _are_sprung(equilibrium, lam, shapes)
+    return [
+        _hung_label(names[i], gravity, on_springs)
+        for i, on_springs in zip(np.argmax(effective, axis=0), sprung, strict=True)
+    ]
 
 
-def _hung_label(motion: str, gravity: Float[np.ndarray, "3"]) -> str:
-    """The usual name of a rigid motion of a hanging article; without gravity it keeps its own."""
+def _are_sprung(equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray) -> list[bool]:
+    """Whether strain of devices, springs and bushings restores each mode more than weight and pull do."""
+    elastic = device_strain(equilibrium, shapes)
+    others = 0.5 * lam - strain_energy(equilibrium, shapes).sum(axis=1) - elastic
+    return (elastic > np.abs(others)).tolist()
+
+
+def _hung_label(motion: str, gravity: Float[np.ndarray, "3"], on_springs: bool) -> str:
+    """The usual name of a rigid motion under gravity, and of a payload's turn; others keep their own.
+
+    A pendulum is what weight, or the pull of a loaded cable, brings back; on springs that motion is a sway.
+    """
     what, _, axis = motion.partition(" ")
     if what == "gimbal":
-        return f"payload pendulum {axis}"
+        return motion if on_springs else f"payload pendulum {axis}"
     if what == "slide" or not np.any(gravity):
         return motion
     vertical = axis == AXES[int(np.argmax(np.abs(gravity)))]
     if what == "translation":
-        return "bounce" if vertical else f"pendulum {axis}"
+        return "bounce" if vertical else f"{'sway' if on_springs else 'pendulum'} {axis}"
     return "yaw" if vertical else f"tilt {axis}"
