@@ -20,7 +20,7 @@ from middeck.files.laws.packages import _build as twin_package
 from middeck.files.laws.packages import load_package, package_document
 from middeck.realtime.engine.interface.commands import ANSWERS
 from middeck.realtime.engine.process.compile import engine_sources
-from middeck.realtime.generate.compiler import FLAGS
+from middeck.realtime.generate.compiler import compile_once
 from middeck.realtime.package.filter_sections import InputFilter, Section
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import decode_package, encode_package, hash_package
@@ -166,14 +166,10 @@ def _other_document(rng: random.Random, text: str) -> str:
     return json.dumps(document)
 
 
-def build_fuzzer(folder: Path) -> Path:
-    """The engine's reader with sanitizers, and what changes packages for it."""
-    for name, text in engine_sources().items():
-        (folder / name).write_text(text)
-    (folder / FUZZ.name).write_text(FUZZ.read_text())
-    command = ["cc", *FLAGS, *SANITIZED, "-O2", FUZZ.name, *READER, "-o", "fuzz", "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
-    return folder / "fuzz"
+def build_fuzzer() -> Path:
+    """The engine's reader with sanitizers, and what changes packages for it; compiled once."""
+    used = {name: text for name, text in engine_sources().items() if name.endswith(".h") or name in READER}
+    return compile_once("fuzz", {**used, FUZZ.name: FUZZ.read_text()}, flags=(*SANITIZED, "-O2"))
 
 
 def told_by_engine(

@@ -46,5 +46,5 @@ def _accepted_by_engine(packages: list[bytes], folder: Path, seal: bool) -> list
     for file, data in zip(files, packages, strict=True):
         file.write_bytes(data)
     count = _cases(seal, ENGINE)
-    told = told_by_engine(build_fuzzer(folder), files, count, seal=seal, every=count)
+    told = told_by_engine(build_fuzzer(), files, count, seal=seal, every=count)
     return [data for data, word in told if word == "done"]

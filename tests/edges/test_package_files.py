@@ -66,13 +66,15 @@ def test_what_is_written_is_read_back(name, ending, tmp_path):
     assert encode_package(found) == encode_package(package)
 
 
+DATA = encode_package(whole())
+
+
 def patched(at: int, form: str, value: float) -> bytes:
-    body = bytearray(encode_package(whole())[:-32])
+    body = bytearray(DATA[:-32])
     struct.pack_into(form, body, at, value)
     return sealed(bytes(body))
 
 
-DATA = encode_package(whole())
 # Words of the head stand from byte 8: format, flags, states, pairs, inputs, outputs, filters, paths, ...
 BROKEN = {
     "empty": (b"", "is empty"),

@@ -7,6 +7,7 @@ differ: there is no second way to say the same.
 """
 
 import hashlib
+import math
 import struct
 from typing import NamedTuple, NoReturn
 
@@ -251,8 +252,7 @@ class _Reader:
             _refuse("a text that is not UTF-8", self.where)
 
     def numbers(self, *shape: int) -> np.ndarray:
-        count = int(np.prod(shape))
-        return np.frombuffer(self.take(8 * count), dtype="<f8").astype(float).reshape(shape, order="F")
+        return np.frombuffer(self.take(8 * math.prod(shape)), dtype="<f8").reshape(shape, order="F")
 
     def align(self) -> None:
         self.take(-(_HEAD.size + self.at) % 8)

@@ -18,9 +18,10 @@ static uint32_t turned(uint32_t x, int by)
     return x >> by | x << (32 - by);
 }
 
-static void mix(uint32_t h[8], const unsigned char *block)
+static void mix(uint32_t state[8], const unsigned char *block)
 {
-    uint32_t w[64], v[8];
+    uint32_t w[64], a = state[0], b = state[1], c = state[2], d = state[3];
+    uint32_t e = state[4], f = state[5], g = state[6], h = state[7];
     int i;
 
     for (i = 0; i < 16; ++i)
@@ -28,18 +29,16 @@ static void mix(uint32_t h[8], const unsigned char *block)
     for (; i < 64; ++i)
         w[i] = (turned(w[i - 2], 17) ^ turned(w[i - 2], 19) ^ w[i - 2] >> 10) + w[i - 7]
              + (turned(w[i - 15], 7) ^ turned(w[i - 15], 18) ^ w[i - 15] >> 3) + w[i - 16];
-    memcpy(v, h, sizeof v);
     for (i = 0; i < 64; ++i) {
-        const uint32_t choice = (v[4] & v[5]) ^ (~v[4] & v[6]), majority = (v[0] & v[1]) ^ (v[0] & v[2]) ^ (v[1] & v[2]);
-        const uint32_t one = v[7] + (turned(v[4], 6) ^ turned(v[4], 11) ^ turned(v[4], 25)) + choice + K[i] + w[i];
-        const uint32_t two = (turned(v[0], 2) ^ turned(v[0], 13) ^ turned(v[0], 22)) + majority;
+        const uint32_t choice = (e & f) ^ (~e & g), majority = (a & b) ^ (a & c) ^ (b & c);
+        const uint32_t one = h + (turned(e, 6) ^ turned(e, 11) ^ turned(e, 25)) + choice + K[i] + w[i];
+        const uint32_t two = (turned(a, 2) ^ turned(a, 13) ^ turned(a, 22)) + majority;
 
-        memmove(v + 1, v, 7 * sizeof *v);
-        v[4] += one;
-        v[0] = one + two;
+        h = g, g = f, f = e, e = d + one;
+        d = c, c = b, b = a, a = one + two;
     }
-    for (i = 0; i < 8; ++i)
-        h[i] += v[i];
+    state[0] += a, state[1] += b, state[2] += c, state[3] += d;
+    state[4] += e, state[5] += f, state[6] += g, state[7] += h;
 }
 
 void sha256(const unsigned char *data, size_t count, unsigned char digest[32])
