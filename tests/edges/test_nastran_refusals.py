@@ -328,6 +328,7 @@ def test_only_selected_clamps_are_converted(tmp_path):
         (["SPC = 5", "SUBCASE 1", "SPC = 6", "SUBCASE 2"], r"different ones, 6 in 1, 5 in 2"),
         (["SPC = ONE"], "'ONE' is not the number of a set"),
         (["STATSUB = 1"], "without it the modes would be others"),
+        (["DSCOEFFICIENT = DEFAULT"], "DSCOEFFICIENT.*without it the modes would be others"),
         (["BGSET = 1"], "BGSET.*without it the modes would be others"),
         (["BCONTACT = ALLBODY"], "BCONTACT.*without it the modes would be others"),
     ):

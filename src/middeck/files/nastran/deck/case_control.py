@@ -19,8 +19,9 @@ _SUBCASE = re.compile(r"\s*(SUBCASE|SYM|REPCASE|SUBCOM|SUBSEQ|SYMCOM)\s*=?\s*(\d
 _SUMS = frozenset(("SUBCOM", "SUBSEQ", "SYMCOM"))
 # What may differ between subcases: a load set is a load case, and how to solve is no part of a model.
 _FREE = frozenset(("LOAD", "METHOD", "METH", "TEMPERATURE"))
-# Commands after which modes are those of another structure: a preload, a transfer function, glued surfaces.
-_OTHERS = frozenset(("STATSUB", "TFL", "BGSET", "BCONTACT"))
+# Commands after which modes are those of another structure: a preload (DSCOEFFICIENT in the rigid formats of
+# NASTRAN-95, where four letters are enough), a transfer function, glued surfaces.
+_OTHERS = re.compile("STATSUB|DSCO.*|TFL|BGSET|BCONTACT")
 
 
 class Selection(NamedTuple):
@@ -53,8 +54,8 @@ def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selecti
     """The commands of case control that modes depend on; all others are passed over.
 
     Those of ``subcase``, or of all where they agree but for loads; set 0 is none. Raises `ConfigError` for a
-    set that is no number, a preload (STATSUB), a transfer function (TFL), glue or contact (BGSET, BCONTACT),
-    a subcase that is not there, and subcases that differ.
+    set that is no number, a preload (STATSUB, DSCOEFFICIENT), a transfer function (TFL), glue or contact
+    (BGSET, BCONTACT), a subcase that is not there, and subcases that differ.
     """
     parts = _parts(lines)
     common, own = parts.pop(None), parts
@@ -124,7 +125,7 @@ def _choices(lines: Iterable[Line], faults: list[Fault]) -> dict[str, _Choice]:
                 faults.append(_fault(line, command, f"{value!r} is not the number of a set"))
             else:
                 out[command] = _Choice(line, number)
-        elif command in _OTHERS:
+        elif _OTHERS.fullmatch(command):
             faults.append(
                 _fault(line, command, "not converted yet, and without it the modes would be others")
             )
