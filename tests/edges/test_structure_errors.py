@@ -166,6 +166,7 @@ def test_motion_without_mass_or_stiffness_is_named():
     with pytest.raises(NumericalError, match="neither mass nor stiffness") as error:
         solve_modes(solve_equilibrium(parts, Environment.orbit()))
     assert "'idle'" in error.value.where
+    assert "clamp" in (error.value.hint or "")
 
 
 def changed_member(**changes) -> Structure:

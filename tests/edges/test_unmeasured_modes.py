@@ -21,7 +21,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from structure_builders import TURNING_TUBE, straight_beam
+from structure_builders import TURNING_TUBE, body, straight_beam
 
 ARTICLE, LAB = coarse("mace-simple"), ROOT / "environments/lab.toml"
 ECSS = find_profile("ecss-e-st-32-11c")
@@ -139,3 +139,20 @@ def test_modes_count_from_one_and_damping_stands_beside_the_models(
     document = json.loads(middeck(capfd, *asked, "--json").out)
     assert document["measured_damping"] == [pytest.approx(0.007), None]
     np.testing.assert_allclose(document["damping"], zeta[[FIRST, FIRST + 1]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("tip", "named"), [(1.0, False), (1e7, True)])
+def test_a_mode_that_hardly_moves_the_sensors_is_named(tip: float, named: bool) -> None:
+    """Sensors on a heavy tip read the beam's own modes too, but noise of the tip's hides them."""
+    beam = straight_beam(TURNING_TUBE, 2.0, 4)
+    ends = tuple(
+        dataclasses.replace(n, body=body(tip, inertia=(tip,) * 3)) for n in beam.nodes if n.name == "b"
+    )
+    heavy = dataclasses.replace(beam, nodes=(*(n for n in beam.nodes if n.name != "b"), *ends))
+    modes = solve_modes(solve_equilibrium(heavy, Environment.clamped("a", gravity=0.0)))
+    bending = [i for i, name in enumerate(modes.name) if name.endswith("bending x-y")][:3]
+    test = measure_modes(modes, [("b", "y"), ("b", "rz")], chosen=bending[1:])
+    said = [w for w in correlated(modes, test).warnings if "moves the sensors" in w]
+    assert bool(said) == named
+    if named:
+        assert f"of {modes.frequency_hz[bending[2]]:.4g} Hz moves the sensors" in said[0]

@@ -17,12 +17,15 @@ from middeck.plot.shapes import AZIMUTH, ELEVATION, factor_of, turned, upright
 from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.elements.beam import beam_properties
+from middeck.structure.elements.beam_centre_line import beam_curve
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import AttachPoint, Body, PointLoad, Section, Spring
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import Component
 from middeck.structure.model.environment import AnchoredSpring
 from middeck.structure.model.links import Interpolation, Link, Share
+from middeck.structure.model.section import MemberMass
 from middeck.structure.modes.results.drawing import Drawing, build_mode_drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 from repeats import repeats
@@ -320,3 +323,13 @@ def test_a_picture_is_drawn_whatever_has_no_extent(places: list[tuple[float, flo
         assert np.all(np.isfinite([*figure.get_size_inches(), *figure.axes[0].get_xlim()]))
         assert drawing.size > 0.5
         assert factor_of(drawing, 0) * np.linalg.norm(drawing.motion[0], axis=1).max() > 0.05
+
+
+def test_a_rod_is_drawn_straight_however_its_ends_turn() -> None:
+    """A cubic leaves the chord by an eighth of the length times the angle of one end; a rod does not."""
+    rod = dataclasses.replace(TUBE, EI_y=0.0, EI_z=0.0, mass=MemberMass.ROD)
+    x, turn = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]]), 1e-3
+    T = np.stack([np.eye(3), np.array([[1.0, -turn, -turn], [turn, 1.0, 0.0], [turn, 0.0, 1.0]])])[None]
+    for section, off in ((TUBE, -2.0 * turn / 8.0), (rod, 0.0)):
+        middle = beam_curve(beam_properties([section], np.array([2.0])), x, T, np.array([0.5]))[0, 0]
+        np.testing.assert_allclose(middle, [1.0, off, off], atol=1e-6)

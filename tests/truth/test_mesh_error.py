@@ -14,6 +14,7 @@ from middeck.files.setups import load_setup, load_structure
 from middeck.structure.model.article import Section, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.section import MemberMass
 from middeck.structure.modes.doubts.mesh_error import (
     BENT,
     LIMIT,
@@ -26,6 +27,8 @@ from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, member, node, straight_beam, structure
 
 FREE = np.array([4.730040745, 7.853204624, 10.99560784, 14.13716549])  # of free-free beams, k L
+
+STRAIGHT = Section(EA=1e6, GJ=0.0, EI_y=0.0, EI_z=0.0, rho_A=1.0, rho_I_y=0.0, rho_I_z=0.0)
 
 
 def modes_in(parts: Structure, environment: Environment | None = None, count: int | None = None) -> Modes:
@@ -49,6 +52,32 @@ def test_error_of_a_free_beam_in_bending_torsion_and_along(elements: int):
         m = modes.name.index(kind)
         if np.isfinite(error[m]):
             assert error[m] == pytest.approx(modes.omega[m] * L / (np.pi * speed) - 1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("mass", [MemberMass.ROD, MemberMass.COUPLED_ROD])
+@pytest.mark.parametrize("ratio", [0.05, 0.5, 2.0])
+def test_error_of_a_rod_with_a_tip_mass_has_its_sign(mass: MemberMass, ratio: float):
+    """beta tan beta = rho A L/m: too high with a third of the rod at the tip, too low with 5/12."""
+    EA, L, tip = 1e6, 2.0, 3.0
+    rod = dataclasses.replace(STRAIGHT, EA=EA, rho_A=ratio * tip / L, mass=mass)
+    held = (Clamp(node="root"), Clamp(node="tip", along="yz", about="xyz"))
+    parts = structure(
+        [node("root", (0, 0, 0)), node("tip", (L, 0, 0), body(tip, inertia=(1.0,) * 3))],
+        [member("root", "tip", rod, 1, up=(0, 1, 0))],
+    )
+    modes = modes_in(parts, Environment(title="slides", gravity=np.zeros(3), clamps=held))
+    low, high = 0.0, 0.5 * np.pi
+    for _ in range(60):
+        beta = 0.5 * (low + high)
+        low, high = (beta, high) if beta * np.tan(beta) < ratio else (low, beta)
+    true = modes.omega[0] * L / (low * np.sqrt(EA / (ratio * tip / L))) - 1.0
+    assert (true < 0.0) == (mass is MemberMass.COUPLED_ROD)
+    assert estimate_mesh_error(modes)[0] == pytest.approx(true, rel=0.3)
+    said = mesh_warnings(modes, 1)
+    assert bool(said) == (abs(true) > LIMIT)
+    for text in said:
+        assert ("too low" if true < 0.0 else "too high") in text
+        assert "elements_per_strut" not in text  # a rod that is divided is a mechanism
 
 
 @pytest.mark.parametrize("seed", range(5))

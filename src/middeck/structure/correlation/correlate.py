@@ -26,7 +26,12 @@ from middeck.structure.correlation.measured_modes import (
     seen,
     sensor_rows,
 )
-from middeck.structure.correlation.not_judged import below_the_test, fundamental_modes, not_judged
+from middeck.structure.correlation.not_judged import (
+    below_the_test,
+    fundamental_modes,
+    hardly_seen,
+    not_judged,
+)
 from middeck.structure.correlation.pass_probability import (
     CorrectModel,
     Probability,
@@ -150,6 +155,7 @@ def correlate_modes(
     pairs = np.stack([index[found.pairs[:, 0]], found.pairs[:, 1]], axis=1)
     findings = _findings(modes, measured, model, found, profile, correct, pairs)
     alone, missing = unpaired(measured, pairs), unmeasured(modes, measured, pairs)
+    faint = hardly_seen(modes, measured, spread[1], pairs, seen(rows, modes)) * (reduction is Reduction.SEREP)
     return Correlation(
         modes=modes,
         measured=measured,
@@ -167,6 +173,7 @@ def correlate_modes(
         warnings=(
             *measured.warnings,
             *units,
+            *faint,
             *_warnings(modes, measured, profile, findings, pairs, alone, missing),
         ),
     )

@@ -1,16 +1,21 @@
-"""Sentences on what a test leaves unjudged: modes below all that it measured, criteria that apply to none."""
+"""Sentences on what a test leaves unjudged: modes below all that it measured or that its sensors hardly see,
+criteria that apply to none."""
 
 from collections.abc import Container, Sequence
 from itertools import groupby
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.structure.correlation.review_criteria import Criterion, Profile, Scope
 from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.solve import Modes
+
+HIDDEN = 0.1
+"""Noise of another mode, as a part of a mode's motion at the channels, both at unit modal mass: above it
+orthogonalities by SEREP, whose limits are about this, say little of the mode."""
 
 
 def flexible_modes(modes: Modes) -> Int[np.ndarray, " mode"]:
@@ -36,6 +41,31 @@ def below_the_test(modes: Modes, measured: MeasuredModes, paired: Container[int]
     else:
         lie = "a flexible mode lies below all that was measured:"
     return [f"{lie} {_called(modes, below[0])}"]
+
+
+def hardly_seen(
+    modes: Modes,
+    measured: MeasuredModes,
+    std: Float[np.ndarray, "channel mode"],
+    pairs: Int[np.ndarray, "pair 2"],
+    shape: Float[np.ndarray, "channel mode"],
+) -> list[str]:
+    """The paired mode whose ``shape`` at the channels is the smallest, if noise of another hides it."""
+    ours, theirs = pairs.T
+    size = np.linalg.norm(shape[:, ours], axis=0)
+    relative = np.linalg.norm(std[:, theirs], axis=0) / np.linalg.norm(measured.shape[:, theirs], axis=0)
+    noise = size * relative / np.sqrt(len(shape))
+    least = int(size.argmin())
+    noise[least] = 0.0
+    most = int(noise.argmax())
+    if noise[most] <= HIDDEN * size[least]:
+        return []
+    return [
+        f"{_called(modes, int(ours[least]))} moves the sensors {size[most] / size[least]:.2g} times less "
+        f"than {_called(modes, int(ours[most]))} at equal modal mass: noise of that is "
+        f"{noise[most] / size[least]:.2g} times its motion, too much for orthogonalities by serep; measure "
+        "where it moves, or leave it out of the survey"
+    ]
 
 
 def not_judged(modes: Modes, profile: Profile, criteria: Sequence[Criterion]) -> list[str]:

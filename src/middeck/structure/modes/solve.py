@@ -206,7 +206,8 @@ def _massless(model: Model, free: Freedom, worst: int) -> NumericalError:
     return NumericalError(
         "a motion has neither mass nor stiffness",
         where=f"frame {model.frames[frame]!r}",
-        hint="give the frame, or what carries it, a mass and an inertia, or lock its axis",
+        hint="give the frame, or what carries it, a mass and an inertia, lock its axis, or clamp that motion "
+        "in the environment",
     )
 
 

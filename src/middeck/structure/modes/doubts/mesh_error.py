@@ -7,6 +7,10 @@ omega^2 and N (Przemieniecki 1968, Theory of Matrix Structural Analysis, section
 beam and h^2 for a bar or shaft. Near buckling N alone makes it large. Above an element's own clamped
 frequency the estimate fails: there a mesh lacks modes.
 
+Axial mass that is partly lumped (``coupled``) is more than the consistent mass of the same motion, by
+share rho A L/6 times the square of the stretch: that lowers the frequency, in trusses more than the rest
+lifts it.
+
 The rest state has an error too: an element is a cubic about its chord, off by the square of the angle at
 which it leaves that. For random frames that sag by up to their own size, frequencies are off by at most 1.2
 times that square, and by less than 1e-3 where no angle is above 0.04 (`tests/truth/test_mesh_error.py`).
@@ -44,29 +48,41 @@ BEYOND = 0.5
 UNCOUPLED = 1e-9  # of both bending stiffnesses: the coupling below which rounding alone turns the axes
 ORDER = 0.25  # errors fall with the fourth power of the number of elements at most: those of bending
 POINTS = 8  # Gauss points, exact for the moments of cubic loads
+MORE_ELEMENTS = "use more elements a member (mesh.elements_per_strut, or elements of a strut)"
+ONE_ELEMENT = (
+    "most of it is of rods, which have one element: to divide one, give it bending stiffness and ends that "
+    "turn freely (in a deck a CBAR with pin flags)"
+)
 
 
 def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndarray, " mode"]:
-    """Relative error of each of the lowest ``count`` frequencies (all by default): too high, by the mesh.
+    """Relative error by the mesh of each of the lowest ``count`` frequencies (default: all), negative if low.
 
     Infinite where elements vibrate by themselves at or below the mode's frequency. The error of the rest
     state is not in it (`rest_angles`).
     """
+    return _element_errors(modes, count).sum(axis=0)
+
+
+def _element_errors(modes: Modes, count: int | None) -> Float[np.ndarray, "element mode"]:
+    """What each element adds to the relative error of each of the lowest ``count`` frequencies."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     rest, omega = modes.equilibrium, modes.omega[:count]
-    if not len(rest.model.element_ends) or not count:
-        return np.zeros(count)
+    lost = np.zeros((len(rest.model.element_ends), count))
+    if not lost.size:
+        return lost
     pull = inner_forces(rest.model, rest.config, rest.loads).beam[:, STRETCH]
-    lost = np.zeros(count)
-    beyond = np.zeros(count, dtype=bool)
+    beyond = np.zeros(lost.shape, dtype=bool)
     beams, turn = _principal(rest.model.beams)
     moves = _end_moves(modes, count)
+    stretch = moves[:, 1, 0, 0] - moves[:, 0, 0, 0]
+    lost -= (beams.lumped[:, 0] * beams.rho_A * beams.length / 6.0)[:, None] * stretch**2
     moves[..., 1, :], moves[..., 2, :] = _turned(moves[..., 1, :], moves[..., 2, :], turn)
     for ends, inertia, pulled, own, critical in _parts(beams, moves, pull):
         near = omega**2 / own[:, None] - (pull / critical)[:, None]
         load = omega * (inertia @ ends) + (pulled @ ends) * _over(np.ones(count), omega)
-        lost += np.sum(np.sum(load**2, axis=1) / np.maximum(1.0 - near, 1.0 - BEYOND), axis=0)
-        beyond |= near.max(axis=0) > BEYOND
+        lost += np.sum(load**2, axis=1) / np.maximum(1.0 - near, 1.0 - BEYOND)
+        beyond |= near > BEYOND
     return np.where(beyond, np.inf, 0.5 * lost)
 
 
@@ -101,27 +117,32 @@ def _coarse_rest(modes: Modes) -> tuple[str, ...]:
 
 
 def _coarse_modes(modes: Modes, count: int) -> tuple[str, ...]:
-    error = estimate_mesh_error(modes, count)
-    if not len(error) or error.max() <= LIMIT:
+    each = _element_errors(modes, count)
+    error = each.sum(axis=0)
+    off = np.flatnonzero(np.abs(error) > LIMIT)
+    if not len(off):
         return ()
-    off = np.flatnonzero(error > LIMIT)
-    worst = int(off[np.argmax(error[off])])
+    worst = int(off[np.argmax(np.abs(error[off]))])
     f = modes.frequency_hz[worst]
     few = (
-        f"{len(off)} of the {len(error)} lowest frequencies {'is' if len(off) == 1 else 'are'} too high by "
-        f"more than {LIMIT:.2%}, because "
-        "the mesh is coarse"
+        f"{len(off)} of the {len(error)} lowest frequencies {'is' if len(off) == 1 else 'are'} "
+        f"{_side(error[off])} by more than {LIMIT:.2%}, because the mesh is coarse"
     )
-    cure = "use more elements a member (mesh.elements_per_strut, or elements of a strut)"
+    rods = bool(modes.equilibrium.model.beams.straight[int(np.argmax(np.abs(each[:, worst])))])
     if np.isinf(error[worst]):
         return (
             f"{few}; from {f:.4g} Hz (mode {worst}) on modes are missing, since members vibrate between "
-            f"their nodes there; {cure}",
+            f"their nodes there; {ONE_ELEMENT if rods else MORE_ELEMENTS}",
         )
-    off_by = f"{100.0 * error[worst]:.2g} % too high"
+    off_by = f"{100.0 * abs(error[worst]):.2g} % {_side(error[[worst]])}"
     mode = f"the worst is mode {worst} {modes.name[worst]!r} of {f:.4g} Hz, {off_by}"
-    more = max(int(np.ceil((error[worst] / LIMIT) ** ORDER)), 2)
-    return (f"{few}: {mode}; {cure}, at least {more} times as many",)
+    more = max(int(np.ceil((abs(error[worst]) / LIMIT) ** ORDER)), 2)
+    cure = ONE_ELEMENT if rods else f"{MORE_ELEMENTS}, at least {more} times as many"
+    return (f"{few}: {mode}; {cure}",)
+
+
+def _side(error: np.ndarray) -> str:
+    return "too high" if error.min() > 0.0 else "too low" if error.max() < 0.0 else "off"
 
 
 def _end_moves(modes: Modes, count: int) -> Float[np.ndarray, "element 2 2 3 mode"]:
