@@ -28,17 +28,14 @@ def loose_turns(
     """Orthonormal directions, in basic coordinates, of the turns that nothing holds, as columns, by grid.
 
     They are square to those that ``held``, the components of constraints, holds. Grids in ``turning`` have
-    inertia: those that pins leave free in some directions alone turn on. Where hinges without inertia only
-    twist each other, by rods with a torsion constant, all turn freely together: no stiffness of a single grid
-    shows it, and no shift depends on it.
+    inertia. Where hinges without inertia only twist each other, by rods with a torsion constant, all turn
+    freely together: no stiffness of a single grid shows it, and no shift depends on it.
     """
     firm = {
         carriers.get(grid, grid)
         for bar in bars
-        if _is_firm(bar)
-        for end, grid in enumerate(bar.grids)
-        if not any(map(bar.released, (0, 1)))
-        or (carriers.get(grid, grid) in turning and not _is_hinged(bar, end))
+        if _is_firm(bar) and not any(map(bar.released, (0, 1)))
+        for grid in bar.grids
     }
     stiffness = {grid: np.zeros((3, 3)) for grid in kept if grid not in firm}
     alive = {grid for grid in stiffness if grid in turning}
