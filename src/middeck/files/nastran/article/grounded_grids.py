@@ -1,5 +1,6 @@
 """What holds grids: the ground, and the environment in motions that nothing in the deck holds."""
 
+from collections.abc import Container
 from typing import Any
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
@@ -8,6 +9,7 @@ from middeck.files.nastran.constraints.constraints import joined_components
 from middeck.files.nastran.constraints.restraints import clamp
 from middeck.files.nastran.constraints.rigid_links import ALL
 from middeck.files.nastran.masses_and_springs.loose_turns import loose_turns, turn_clamp
+from middeck.files.nastran.masses_and_springs.stiffness_of_grids import loose_shifts
 from middeck.structure.model.connectivity import some_names
 
 Tables = list[dict[str, Any]]
@@ -45,7 +47,21 @@ def loose_clamps(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables
         for what, which in (("rotations", loose), ("shifts", shifts))
         if which
     ]
-    return clamps, notes
+    return clamps, notes + _free_shifts(parts, standing, taken, shifts, basis)
+
+
+def _free_shifts(
+    parts: Parts, standing: Standing, taken: dict[int, str], shifts: Container[int], basis: Basis
+) -> list[str]:
+    """A note on shifts without stiffness: weight and pull may hold them here, so that no clamp does."""
+    places = basis.places
+    grids = [grid for grid in places.grids if grid in standing.kept and grid not in shifts]
+    found = loose_shifts(grids, parts.bars, parts.ties, taken, standing.carriers, places)
+    named = some_names([f"{grid}" for grid in found])
+    what = (
+        "no stiffness in some direction, and is free in it; the deck's own program holds it by PARAM AUTOSPC"
+    )
+    return [f"grid {named} has {what}: an SPC does the same here"] if found else []
 
 
 def _joins(standing: Standing) -> dict[int, str]:

@@ -1,6 +1,7 @@
 """Bars, beams and rods of a deck as struts of an article, in units of the deck."""
 
 import re
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +60,7 @@ class Bar(NamedTuple):
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
 
+@cache  # a deck has many bars, and few lists of pins
 def _loose(first: str, second: str) -> tuple[str, str]:
     """Released components of both ends, less those without which the bar itself would be a mechanism.
 
