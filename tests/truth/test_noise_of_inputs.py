@@ -77,7 +77,7 @@ def test_deviations_of_gains_count_noise_of_a_measured_force(share, count, campa
 def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
     """A force up to half the rate has no floor that tells; the mean of its periods leaves little noise."""
     z = []
-    for seed in campaign(24, 12):
+    for seed in campaign(24):
         record, plant = repeated(seed, 0.09)
         fit = fit_record(record, states=2 * len(plant[0]), band_hz=(1.0, 45.0), sampled=False)
         z += off(fit, plant)

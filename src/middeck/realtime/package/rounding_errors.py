@@ -8,6 +8,7 @@ the law as its signals do; the l1 norm of that path bounds what comes out.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -57,6 +58,7 @@ class LinearLaw:
     loop: tuple[int, ...]
 
 
+@functools.lru_cache(maxsize=4)  # a gate asks at every step for that of one package or two
 def unfold_law(package: ControllerPackage, *, single: bool = True) -> LinearLaw:
     """The sums of ``package`` in their order, with coefficients in single precision or as they are."""
     return _Unfolding(package, single).done()
