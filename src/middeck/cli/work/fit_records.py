@@ -146,7 +146,8 @@ def _fit_record(
     fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=settings.band_hz, tell=tell)
     sampled = fit.model.sample_hz is not None
     band_hz = settings.band_hz or recognise_excitation(taken).band_hz
-    reaches = not sampled and band_hz[1] > HELD_ABOVE * taken.sample_hz
+    told = sampled or fit.model.hold_s is not None  # by the record, or by the data
+    reaches = not told and band_hz[1] > HELD_ABOVE * taken.sample_hz
     warnings = _chosen(settings, band_hz[1], taken, of_samples=True) if reaches else []
     shown_hz = settings.band_hz if sampled else band_hz
     return Identified(

@@ -27,6 +27,7 @@ from middeck.identification.fit.mode_trust import (
     standing_of_delays,
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
+from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
 from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
 from middeck.identification.model.fit_options import (
     OF_PATHS,
@@ -68,6 +69,7 @@ from middeck.signals.excitation.driven_band import driven_band, floor_variance, 
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_inputs
+from middeck.values import record as value
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
@@ -81,6 +83,7 @@ MOVED = 1.0
 # A decay rate over the least of the search that may be that, and lines between a mode and a sine that
 # may be its own.
 HARDLY, BESIDE = 1.5, 2.0
+AS_HELD = "held inputs, which the record does not say, are the shorter description"
 
 
 def fit_record(
@@ -111,7 +114,8 @@ def fit_record(
         record: One or several experiments; periods, also of an input that is found to repeat, are taken as
             one run of samples. Where it says that its inputs were ``held``, a continuous model is of what is
             behind the hold: that is divided out, and what is folded back from beyond half the rate is taken
-            off by a first fit.
+            off by a first fit. Where it does not say, and a model of band-limited inputs leaves doubts, they
+            are taken as held if that is the shorter description and leaves none (``hold_s`` of the model).
         states: Order of the model without its delays. By default that of the minimum description length:
             of the record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
@@ -174,7 +178,7 @@ def fit_samples(
             f"input_noise has the shape {input_noise.shape}",
             hint=f"(parts, {periods * samples}, {inputs}): samples of an experiment, inputs",
         )
-    measured, chosen = record, sampled is None
+    given, chosen = record, sampled is None
     if sampled is None:
         sampled = not asked.only_continuous and is_held(record, band_hz)
     asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
@@ -187,30 +191,65 @@ def fit_samples(
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
     fit = functools.partial(
-        _fit, measured, input_noise, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell
+        _fit, input_noise=input_noise, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell
     )
     if sampled:
-        found = fit(record)
+        found = fit(given, record).fit
         why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
         return dataclasses.replace(found, order_reason=why + found.order_reason)
-    if not record.held:
-        return marked(fit(record), None if record.held is None else 0.0)
     assert band_hz is not None  # sampled models alone leave it open
+    if record.held:
+        first = fit(given, release_inputs(record)).fit
+        return _behind_hold(fit, given, record, first, band_hz[1]).fit
+    made = fit(given, record)
+    if record.held is None and made.fit.warnings:
+        tell("the inputs as held ones")
+        held = (dataclasses.replace(one, held=True) for one in (given, record))
+        with contextlib.suppress(FitError):
+            other = _behind_hold(fit, *held, _without_hold(made.fit, record.sample_hz), band_hz[1])
+            if other.length < made.length - UNDECIDED and not other.fit.warnings:
+                return dataclasses.replace(other.fit, order_reason=f"{other.fit.order_reason}; {AS_HELD}")
+    return marked(made.fit, None if record.held is None else 0.0)
+
+
+@value
+class _Made:
+    """A fit and the length of its description."""
+
+    fit: FitResult
+    length: float
+
+
+def _behind_hold(
+    fit: Callable[[Record, Record], _Made], given: Record, record: Record, first: FitResult, last_hz: float
+) -> _Made:
+    """The fit of what is behind the hold of the inputs; a ``first`` one tells what is folded back."""
     behind = release_inputs(record)
-    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(fit(behind), record, band_hz[1]))
-    return marked(fit(behind), 1.0 / record.sample_hz)
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
+    made = fit(given, behind)
+    return _Made(marked(made.fit, 1.0 / record.sample_hz), made.length)
+
+
+def _without_hold(fit: FitResult, sample_hz: float) -> FitResult:
+    """What is behind the hold, of a fit in which the modes and the delay have it."""
+    model = fit.model
+    weaker = np.sinc(np.minimum(natural_hz(model) / sample_hz, 0.5))
+    late = np.maximum(model.delay_s - 0.5 / sample_hz, 0.0)
+    return dataclasses.replace(
+        fit, model=dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
+    )
 
 
 def _fit(
     measured: Record,
-    input_noise: Float[np.ndarray, "part sample input"] | None,
     record: Record,
     *,
+    input_noise: Float[np.ndarray, "part sample input"] | None,
     band_hz: tuple[float, float] | None,
     asked: FitOptions,
     weighting: Weighting | None,
     tell: Callable[[str], None],
-) -> FitResult:
+) -> _Made:
     """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
     sampled, states = asked.sample_hz is not None, asked.states
     data = record_data(record, band_hz, whole=sampled)
@@ -235,7 +274,8 @@ def _fit(
         heard = [residual_tests.heard_of(record, *of, input_noise) for of in both]
         grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
-        return _result(measured, record, fitted, reason, score, heard[1], input_noise)
+        found = _result(measured, record, fitted, reason, score, heard[1], input_noise)
+        return _Made(found, record_length(fitted.data, fitted.run))
 
 
 def _continuous(

@@ -3,15 +3,17 @@
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Complex
 
 from middeck.identification.model.measurement_model import model_response
 from middeck.identification.problem.data import Data
 from middeck.identification.record_fit.record_covariance import Rows
 from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.record_fit.residual_tests import signals
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import (
-    NOTHING,
     Lacking,
+    Term,
     TermRows,
     lacking_of,
     term_scores,
@@ -23,8 +25,7 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
     """The kind of term that is most clearly lacking."""
     model, structure = covariance.model, covariance.structure
     terms = terms_of(*model.direct.shape, structure)
-    if not terms:
-        return NOTHING
+    drifts = [Term("drift", o) for o in range(len(data.H))]
     each, residual = Rows(run, data, model, structure), run.residual(data)
     H = model_response(model, data.omega / (2.0 * np.pi))
     _, lines, columns = residual.shape
@@ -34,9 +35,18 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
         for o, left in enumerate(residual):
             J, own = each.of(o)
             place = np.flatnonzero(J.any(axis=(1, 2)))
-            lacking = np.stack([term.of(o, H[:, o, :, None] * data.U, data.s) for term in terms])
+            lacking = np.zeros((len(terms) + len(drifts), *left.shape), complex)
+            for k, term in enumerate(terms):
+                lacking[k] = term.of(o, H[:, o, :, None] * data.U, data.s)
+            lacking[len(terms) + o] = _drifting(data.H[o] - left, data)
             parts = (J[place], lacking, left[None])
             slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
             yield TermRows(place, slopes, by_terms, rest, line)
 
-    return lacking_of(terms, term_scores(rows, covariance), model)
+    return lacking_of([*terms, *drifts], term_scores(rows, covariance), model)
+
+
+def _drifting(answer: Complex[np.ndarray, "line column"], data: Data) -> Complex[np.ndarray, "line column"]:
+    """What an output's answer has more, were its gain to grow by one from the first sample to the last."""
+    x = signals(data, answer)
+    return np.fft.rfft(x * np.linspace(-0.5, 0.5, x.shape[1]), axis=1)[:, data.lines].T

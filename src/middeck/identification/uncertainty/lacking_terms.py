@@ -20,7 +20,7 @@ from middeck.identification.uncertainty.model_unknowns import ModelStructure, ti
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 
-Kind = Literal["input", "path", "output", "filter"]
+Kind = Literal["input", "path", "output", "filter", "drift"]
 # Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4, if the
 # variance of the noise is known; more often if it is estimated with the response.
 TOLD = 5.0
@@ -43,6 +43,9 @@ SAID = {
     "path": "output {output}: answers to input {input} {ms:.3g} ms {later} than to the others" + UNEQUAL,
     "output": "output {output}: is recorded {ms:.3g} ms {later} than the delay that all have in common "
     f"{BY}{SMALL}Fit a delay of each output (--delay output, delay='output')",
+    "drift": "output {output}: its gain changes during the record, by {value:+.2%} from end to end "
+    f"{BY}: a sensor or an amplifier that drifts, or an article that changes{SMALL}Let it warm up, or fit "
+    "shorter parts",
     "filter": "output {output}: what is left goes with a power of frequency times the response "
     f"{BY}: a filter before this channel alone, a clock that jitters, or modes beyond the band{SMALL}Filter "
     "inputs and outputs alike, narrow the band, or take more states",
@@ -50,7 +53,10 @@ SAID = {
 
 
 class Term(NamedTuple):
-    """A delay of an input, of a path or of an output, or a power of s of an output's filter."""
+    """A delay of an input, of a path or of an output, or a power of s of an output's filter.
+
+    A gain of an output that drifts is a term of records alone: their samples tell when it answers.
+    """
 
     kind: Kind
     output: int = -1
@@ -190,6 +196,7 @@ def lacking_of(terms: list[Term], found: TermScores, model: MeasurementModel) ->
             output=model.outputs[term.output].name,
             ms=1e3 * abs(late),
             later="later" if late > 0.0 else "earlier",
+            value=found.value[k],
             z=z[k],
         )
     modes = np.flatnonzero(found.of_modes[:, told].sum(axis=1) > MOVED)
