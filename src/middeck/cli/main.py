@@ -159,9 +159,9 @@ AGAIN_S = 0.05
 def catch_interrupts() -> Callable[[], bool]:
     """Raise KeyboardInterrupt on SIGINT and SIGTERM; the answer tells whether that has happened.
 
-    An interruption can be lost on its way up: Python drops what reaches it inside a weak-reference callback or
-    a destructor, and an extension that is being imported turns it into an ImportError, which its importer may
-    accept. It is therefore raised again every moment while nothing handles it.
+    An interruption can be lost on its way up: Python drops what reaches it inside a weak-reference callback
+    or a destructor, and an extension that is being imported turns it into an ImportError, which its importer
+    may accept. It is therefore raised again every moment while nothing handles it.
     """
     seen: list[int] = []
 
