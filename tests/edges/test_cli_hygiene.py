@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import middeck as package
-from cli_runner import ROOT, link_documents, middeck, script, share_results
+from cli_runner import HALF_RATE, ROOT, link_documents, middeck, script, share_results
 from middeck.cli import main
 from middeck.cli.app import VERBS
 from repeats import LONG, repeats
@@ -66,8 +66,8 @@ def quicker(arguments: list[str]) -> list[str]:
     """The example, but it watches the computer for a second, takes twelve modes, or searches no order."""
     if arguments[0] == "path" or (arguments[0] in ("compare", "modes") and "--figure" in arguments):
         return [*arguments, "--count", "12"]
-    if arguments[0] == "identify" and "--states" not in arguments:
-        return [*arguments, "--states", "8"]
+    if arguments[0] in ("identify", "impact") and "--states" not in arguments:
+        return [*arguments, "--states", "8" if arguments[0] == "identify" else "4"]
     if arguments[0] != "doctor":
         return arguments
     told = arguments.index("--seconds") if "--seconds" in arguments else len(arguments)
@@ -106,13 +106,12 @@ def test_the_examples_that_need_a_file_run_after_those_that_write_it(project: Pa
 def test_the_examples_of_impact_run_on_a_hammer_test(project: Path, capfd: Capture) -> None:
     page = (ROOT / "docs/how-to/impact-test.md").read_text()
     text = page.split("```python\n")[1].split("```")[0]
-    changes = ("250.0, 10000", "125.0, 5000"), ("f / 90.0", "f / 45.0"), ("f / 60.0", "f / 22.5")
-    for whole, half in changes:
+    for whole, half in HALF_RATE:
         assert whole in text
-        text = text if LONG else text.replace(whole, half)  # half of the rate, for blows as soft
+        text = text if LONG else text.replace(whole, half)
     exec(text, {})  # writes blows.csv here
     for arguments in examples(middeck(capfd, "impact", "--help").out):
-        assert middeck(capfd, *arguments).code == 0, arguments
+        assert middeck(capfd, *(arguments if LONG else quicker(arguments))).code == 0, arguments
     assert (project / "model.json").exists()
 
 
