@@ -45,6 +45,20 @@ def test_help_and_version_import_nothing_heavy(arguments: list[str], imported: l
     assert imported[LIGHT.index(arguments)] == "ended [] 0"
 
 
+def test_a_deck_is_refused_before_scipy_is_imported(tmp_path: Path) -> None:
+    deck = tmp_path / "rod.dat"
+    deck.write_text("CEND\nBEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nCROD,1,7,1,2\nENDDATA\n")
+    code = f"""
+import sys
+from middeck.cli.main import execute
+code = execute(["convert", {str(deck)!r}, "--units", "m-kg-s-N"], lambda: False)
+print(code, "scipy" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "there is no PROD 7" in done.stderr
+    assert done.stdout.split() == ["2", "False"]
+
+
 @pytest.mark.parametrize("arguments", [["--help"], *([verb, "--help"] for verb in VERBS)])
 def test_help_fits_eighty_columns_and_has_two_examples(capfd: Capture, arguments: list[str]) -> None:
     ended = middeck(capfd, *arguments)
