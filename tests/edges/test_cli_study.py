@@ -140,15 +140,37 @@ def test_a_lost_interruption_comes_again(steps: str) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "goes on\n", "")
 
 
-def test_an_interruption_does_not_come_again_while_it_is_cleaned_up_after() -> None:
-    done = run_interrupted(
-        """
-try:
+CLEANED_UP = {
+    "where it came": """
+def work():
     try:
         interrupt()
     finally:
         time.sleep(0.3)
         print("cleaned")
+""",
+    "in a generator that is left": """
+def steps():
+    try:
+        yield
+    finally:
+        time.sleep(0.3)
+        print("cleaned")
+
+def work():
+    for _ in steps():
+        interrupt()
+""",
+}
+
+
+@pytest.mark.parametrize("steps", CLEANED_UP.values(), ids=CLEANED_UP.keys())
+def test_an_interruption_does_not_come_again_while_it_is_cleaned_up_after(steps: str) -> None:
+    done = run_interrupted(
+        f"""
+{steps}
+try:
+    work()
 except KeyboardInterrupt:
     pass
 """

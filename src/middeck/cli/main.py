@@ -184,7 +184,10 @@ def catch_interrupts() -> Callable[[], bool]:
 
 
 def _handles_interruption(error: BaseException | None) -> bool:
-    """Whether a KeyboardInterrupt, or what was raised out of one, is being cleaned up after."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
+    """Whether a KeyboardInterrupt, or what was raised out of one, is being cleaned up after.
+
+    A generator that it leaves is told of its own end alone.
+    """
+    while error is not None and not isinstance(error, (KeyboardInterrupt, GeneratorExit)):
         error = error.__context__
     return error is not None
