@@ -57,20 +57,17 @@ def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
         code = app.main(list(arguments), prog_name="middeck", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except Exception as error:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)  # an interruption is lost no more
         if "--debug" in arguments:
             import traceback
 
             traceback.print_exc()
         if interrupted():  # whatever the interruption was turned into on its way up
-            return _end_interrupted()
+            return _say("interrupted", INTERRUPTED)
         return _explain(_translated(error, arguments))
     except KeyboardInterrupt:
-        return _end_interrupted()
-
-
-def _end_interrupted() -> int:
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    return _say("interrupted", INTERRUPTED)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return _say("interrupted", INTERRUPTED)
 
 
 def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
