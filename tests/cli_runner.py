@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
-from coarse_articles import coarse
+from coarse_articles import coarse, scratch
 from middeck.cli.main import execute
 from middeck.cli.work.fit_records import identify
+from middeck.control.analysis.margins.margins import measure_margins
 from middeck.identification.faults.detect import detect_faults
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -27,6 +31,8 @@ from shared_results import once
 
 ROOT = Path(__file__).parents[1]
 FITTED: dict[str, Any] = {}
+# The hammer test of a page at half of its rate, with blows as soft.
+HALF_RATE = [("250.0, 10000", "125.0, 5000"), ("f / 90.0", "f / 45.0"), ("f / 60.0", "f / 22.5")]
 
 
 class Ended(NamedTuple):
@@ -55,12 +61,15 @@ def identify_once(*asked: Any) -> Any:
 refine_once, promise_once, detect_faults_once = once(refine), once(promise), once(detect_faults)
 foresee_once, solve_there_once = once(foresee), once(solve_there)
 at_rest_once, modes_once = once(solve_equilibrium), once(solve_modes)
+margins_once = once(measure_margins)
 
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let verbs solve, search faults, fit, refine, rank and promise once where several examples ask alike."""
+    """Let verbs compute once what several examples ask alike: modes, faults, fits, margins, promises ..."""
     monkeypatch.setattr("middeck.cli.given.cases.solve_equilibrium", at_rest_once)
     monkeypatch.setattr("middeck.cli.given.cases.solve_modes", modes_once)
+    for module in ("realtime.gate.steps_on_paper", "control.qualification"):
+        monkeypatch.setattr(f"middeck.{module}.measure_margins", margins_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.identification.faults.detect.detect_faults", detect_faults_once)
@@ -70,10 +79,20 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("middeck.updating.candidates.candidates.solve_there", solve_there_once)
 
 
+@functools.cache
+def _mirror() -> Path:
+    """Its records, of three experiments each."""
+    made = Path(tempfile.mkdtemp(dir=scratch()))
+    for path in (ROOT / "data/cubespec-fsm").glob("*.npz"):
+        with np.load(path, allow_pickle=False) as whole:
+            np.savez(made / path.name, **{k: whole[k][:3] if k in ("u", "y") else whole[k] for k in whole})
+    return made
+
+
 def link_documents(folder: Path) -> None:
     """Let ``folder`` hold the project's documents and data; `make test` promises by fewer draws.
 
-    And takes a coarse mesh.
+    And takes a coarse mesh and half of the mirror's record.
     """
     for name in ("environments", "studies"):
         (folder / name).symlink_to(ROOT / name)
@@ -83,12 +102,14 @@ def link_documents(folder: Path) -> None:
         (folder / "articles" / path.name).symlink_to(coarse(path.stem) if quick else path)
     (folder / "data").mkdir()
     for path in (ROOT / "data").iterdir():
-        if path.name != "virtual-survey":
+        if path.name == "cubespec-fsm" and not LONG:
+            (folder / "data" / path.name).symlink_to(_mirror())
+        elif path.name != "virtual-survey":
             (folder / "data" / path.name).symlink_to(path)
     survey = shutil.copytree(ROOT / "data/virtual-survey", folder / "data/virtual-survey")
     text = (survey / "promise.toml").read_text(encoding="utf-8")
     assert "draws = 24 " in text
-    (survey / "promise.toml").write_text(text if LONG else text.replace("draws = 24 ", "draws = 8 "))
+    (survey / "promise.toml").write_text(text if LONG else text.replace("draws = 24 ", "draws = 4 "))
 
 
 def script(*arguments: object) -> list[str]:

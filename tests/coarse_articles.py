@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import tempfile
 from pathlib import Path
@@ -10,8 +11,11 @@ ROOT = Path(__file__).parents[1]
 
 
 @functools.cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory()  # as long as the process
+def scratch() -> Path:
+    """A folder that lasts as long as the process."""
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
 
 
 @functools.cache
@@ -19,6 +23,6 @@ def coarse(name: str) -> Path:
     """``articles/NAME.toml`` with two elements a strut in place of eight: frequencies to a few 1e-5."""
     text = (ROOT / "articles" / f"{name}.toml").read_text(encoding="utf-8")
     assert "elements_per_strut = 8" in text
-    made = Path(_folder().name) / f"{name}.toml"
+    made = scratch() / f"{name}.toml"
     made.write_text(text.replace("elements_per_strut = 8", "elements_per_strut = 2"), encoding="utf-8")
     return made

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from middeck.structure.model.article import Member, Section, Structure
+from middeck.structure.model.section import MemberMass
 from structure_builders import body, member, node, structure
 
 CORNERS = ((-1, -1), (-1, 1), (1, 1), (1, -1))
@@ -35,4 +36,32 @@ def truss(bays: int, length: float, width: float, depth: float, rng: np.random.G
                 up = (0.0, 0.31, 0.95)
                 members.append(bar(f"longeron {4 * i + c}", f"{i}{c}", f"{i + 1}{c}", strong, up))
                 members.append(bar(f"diagonal {4 * i + c}", f"{i}{c}", f"{i + 1}{other}", weak, up))
+    return structure(nodes, members)
+
+
+def rod_mast(bays: int, length: float, width: float) -> Structure:
+    """A square mast of rods along x, both faces of each bay crossed: no member bends or twists."""
+    rod = Section(
+        EA=7e6, GJ=0.0, EI_y=0.0, EI_z=0.0, rho_A=0.27, rho_I_y=0.0, rho_I_z=0.0, mass=MemberMass.ROD
+    )
+    nodes = [
+        node(f"{i}{c}", (i * length, 0.5 * y * width, 0.5 * z * width), body(5.0))
+        for i in range(bays + 1)
+        for c, (y, z) in enumerate(CORNERS)
+    ]
+    members: list[Member] = []
+    for i, c in np.ndindex(bays, 4):
+        here, beside, above, across = f"{i}{c}", f"{i}{(c + 1) % 4}", f"{i + 1}{c}", f"{i + 1}{(c + 1) % 4}"
+        for kind, (start, end) in {
+            "leg": (here, above),
+            "diagonal": (here, across),
+            "other": (beside, above),
+            "batten": (above, across),
+        }.items():
+            members.append(bar(f"{kind} {4 * i + c}", start, end, rod, (0.31, 0.53, 0.79)))
+    members += [
+        bar(f"brace {2 * i + c}", f"{i}{c}", f"{i}{c + 2}", rod, (1.0, 0.0, 0.0))
+        for i in range(1, bays + 1)
+        for c in (0, 1)
+    ]
     return structure(nodes, members)

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from doc_pages import ROOT, Block, blocks
 
-from cli_runner import link_documents, share_results
+from cli_runner import HALF_RATE, link_documents, share_results
 from middeck.cli.main import execute
 from repeats import LONG
 
@@ -39,16 +39,34 @@ PAGES = [
 ]
 # Tested elsewhere: the main job, and the verbs of make.
 ELSEWHERE = ("make ", "middeck study ")
-# What `make test` reads instead: the states of a record that are searched elsewhere, fewer random draws.
+# What `make test` reads instead: the states of a record that are searched elsewhere, fewer modes, levels and
+# random draws, shorter runs.
 SURVEY = "data/virtual-survey/mace-simple-lab.json"
+BOTH = "articles/mace-dm.toml articles/mace-simple.toml"
 QUICKER = {
-    "README.md": [("--states 28 --band 1,3000", "--sampled --band 100,1000 --states 8")],
-    "docs/tutorials/first-steps.md": [("boom/record.npz", "boom/record.npz --states 10")],
+    "README.md": [
+        ("--states 28 --band 1,3000", "--sampled --band 100,1000 --states 8"),
+        ("--through earth,mars,moon", "--through earth,mars,moon --count 12"),
+    ],
+    "docs/tutorials/first-steps.md": [("boom/record.npz", "boom/record.npz --states 10 --sampled")],
     "docs/how-to/correlate-with-a-test.md": [
         (SURVEY, f"{SURVEY} --runs 50"),
         ("--noise 0.001,0.02", "--noise 0.001,0.02 --runs 50"),
         ("runs=300", "runs=60"),
         ("default_rng(2)", "default_rng(2), runs=100"),
+    ],
+    "docs/how-to/design-a-controller.md": [("(1e1, 1e3, 1e5)", "(1e5,)"), ("drift, 40", "drift, 10")],
+    "docs/how-to/gimbals-and-friction.md": [("0.3, 40", "0.3, 20")],
+    "docs/how-to/impact-test.md": [
+        *HALF_RATE,
+        ("--band 2,60\n", "--band 2,60 --states 4\n"),
+        ("fit_impact(test)", "fit_impact(test, states=4)"),
+    ],
+    "docs/how-to/promise-what-will-happen.md": [("draws=20", "draws=6")],
+    "docs/how-to/put-a-law-on-a-computer.md": [("_s=2.0", "_s=1.0")],
+    "docs/how-to/qualify-a-compensator.md": [(f"{BOTH} --rate", f"{BOTH} --count 12 --rate")],
+    "docs/how-to/refine-on-ground-tests.md": [
+        (f"{SURVEY} --environment lab", f"{SURVEY} --environment lab --runs 50")
     ],
 }
 Names = dict[str, Any]

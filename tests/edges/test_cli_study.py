@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from cli_runner import ROOT, middeck, script
+from middeck.cli.main import execute
 from middeck.cli.shown.progress import follow
 from middeck.study.mission import CHAPTERS
 from repeats import LONG, repeats
@@ -140,20 +141,60 @@ def test_a_lost_interruption_comes_again(steps: str) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "goes on\n", "")
 
 
-def test_an_interruption_does_not_come_again_while_it_is_cleaned_up_after() -> None:
-    done = run_interrupted(
-        """
-try:
+CLEANED_UP = {
+    "where it came": """
+def work():
     try:
         interrupt()
     finally:
         time.sleep(0.3)
         print("cleaned")
+""",
+    "in a generator that is left": """
+def steps():
+    try:
+        yield
+    finally:
+        time.sleep(0.3)
+        print("cleaned")
+
+def work():
+    for _ in steps():
+        interrupt()
+""",
+}
+
+
+@pytest.mark.parametrize("steps", CLEANED_UP.values(), ids=CLEANED_UP.keys())
+def test_an_interruption_does_not_come_again_while_it_is_cleaned_up_after(steps: str) -> None:
+    done = run_interrupted(
+        f"""
+{steps}
+try:
+    work()
 except KeyboardInterrupt:
     pass
 """
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "cleaned\ngoes on\n", "")
+
+
+def test_a_lost_interruption_does_not_come_again_while_the_error_it_became_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import traceback
+
+    from middeck.cli.app import app
+
+    def lost(*_: object, **__: object) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 50.0)
+        raise ImportError("core failed to import")
+
+    left: list[float] = []
+    monkeypatch.setattr(app, "main", lost)
+    monkeypatch.setattr(traceback, "print_exc", lambda: left.append(signal.getitimer(signal.ITIMER_REAL)[0]))
+    assert execute(["--debug"], lambda: True) == 130
+    assert left == [0.0]
 
 
 def test_a_campaign_of_interruptions(tmp_path: Path, campaign) -> None:

@@ -249,6 +249,20 @@ def test_a_missing_file(tmp_path: Path):
 # The verb
 
 
+def test_channels_at_rest_are_not_among_the_lowest_comac(capfd: Capture, orbit: Modes, tmp_path: Path):
+    bent = [orbit.name.index(f"first bending x-{way}") for way in "yz"]
+    at = [(f"n{i}", way) for i in range(1, 6) for way in "xyz"]
+    test = measure_modes(orbit, at, chosen=bent, noise=NOISE, rng=rng())
+    write_measured_modes(tmp_path / "plane.json", test)
+    asked = ("correlate", ARTICLE, tmp_path / "plane.json", "--environment", "orbit", "--runs", 1)
+    document = json.loads(middeck(capfd, *asked, "--json").out)
+    at_rest = [name for name, value in document["comac"].items() if value is None]
+    assert at_rest == [f"n{i} x" for i in range(1, 6)]
+    shown = middeck(capfd, *asked).out
+    assert "at rest, in the model and within the noise of the test: 'n1 x', 'n2 x'" in shown
+    assert "n1 x" not in shown[shown.index("lowest COMAC") : shown.index("at rest")]
+
+
 def test_the_verb_prints_what_the_room_computes(capfd: Capture, lab: Modes):
     ended = middeck(capfd, "correlate", ARTICLE, SURVEY, "--runs", 50, "--seed", 4, "--json")
     assert (ended.code, ended.err) == (0, "")

@@ -2,83 +2,76 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import multiprocessing
+import os
+import time
+import warnings
 
 import numpy as np
 import pytest
 
-from engine_cases import OUTPUTS, SENSORS, plain_settings, static_package, still_article
-from middeck.errors import DataError
+from engine_cases import OUTPUTS, SENSORS, plain_settings, random_article, static_package, still_article
+from middeck.errors import ConfigError, DataError
 from middeck.realtime.engine.interface.shared_file import open_shared_file
+from middeck.realtime.engine.process import supervisor
 from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.engine.recording.run_file import read_run
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from ungated import Supervisor
 
 pytestmark = pytest.mark.usefixtures("compiler")
-RACING = """
-import sys, time
-from pathlib import Path
-sys.path.insert(0, {tests!r})
-from engine_cases import plain_settings, random_article
-from middeck.errors import ConfigError
-from middeck.realtime.engine.process import supervisor
-
-folder, looked = Path(sys.argv[1]), supervisor.{look}
-
-def look_long(*asked):
-    found = looked(*asked)
-    time.sleep(0.1)
-    return found
-
-supervisor.{look} = look_long
-settings = plain_settings(late_s=1e3)
-print("ready", flush=True)
-sys.stdin.readline()
-try:
-    {act}
-    print("alone", flush=True)
-except ConfigError as error:
-    print(error.what, flush=True)
-sys.stdin.readline()
-"""
-START = "engine = supervisor.Supervisor(settings, random_article(), folder=folder, real_time=True)"
-ATTACH = "engine = supervisor.Supervisor.attach(folder / 'engine.shared', settings)"
+FORK = multiprocessing.get_context("fork")  # so that no interpreter starts
 
 
-def race(folder, look, act, count=2):
-    """What each process says that acts at the same time; all of them live until all have said it."""
-    script = RACING.format(tests=str(__file__).rsplit("/", 2)[0], look=look, act=act)
-    started = [
-        subprocess.Popen(
-            [sys.executable, "-c", script, str(folder)],
-            text=True,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
-        for _ in range(count)
-    ]
+def contend(look, act, said, start):
+    """Act, slow between a look and what follows from it, say how it went, and live on."""
+    looked = getattr(supervisor, look)
+
+    def look_long(*asked):
+        found = looked(*asked)
+        time.sleep(0.1)
+        return found
+
+    setattr(supervisor, look, look_long)
+    start.wait()
     try:
-        for process in started:
-            assert process.stdout.readline() == "ready\n"
-        for process in started:
-            process.stdin.write("go\n")
-            process.stdin.flush()
-        return [process.stdout.readline().strip() for process in started]
+        engine = act()
+        said.send("alone")
+    except ConfigError as error:
+        engine = None
+        said.send(error.what)
+    time.sleep(60.0)
+    del engine
+
+
+def race(look, act, count=2):
+    """What each process says that acts at the same time; all of them live until all have said it."""
+    start, pipes = FORK.Barrier(count), [FORK.Pipe(duplex=False) for _ in range(count)]
+    started = [FORK.Process(target=contend, args=(look, act, said, start)) for _, said in pipes]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # threads of this process do nothing that the others need
+            for process in started:
+                process.start()
+        return [heard.recv() for heard, _ in pipes]
     finally:
         for process in started:
             process.kill()
-            process.communicate()
+            process.join()
 
 
 def test_of_several_that_start_or_take_over_one_does(tmp_path):
     """Each is slow between its look and what follows from it."""
     try:
-        said = race(tmp_path, "require_no_engine", START)
+        given = plain_settings(late_s=1e3), random_article()
+        said = race(
+            "require_no_engine",
+            lambda: supervisor.Supervisor(*given, folder=tmp_path, real_time=True),
+        )
         assert said.count("alone") == 1
         assert sum(what.startswith("an engine runs there") for what in said) == 1
-        said = race(tmp_path, "when_born", ATTACH)  # who started it has been killed
+        # Who started it has been killed.
+        said = race("when_born", lambda: supervisor.Supervisor.attach(tmp_path / "engine.shared", given[0]))
         assert said.count("alone") == 1
         assert sum(what.startswith("has a supervisor that lives") for what in said) == 1
     finally:
@@ -117,6 +110,12 @@ def test_who_reads_no_record_is_not_waited_for(tmp_path):
     assert int(engine.file.ring["sequence"].max()) == engine.sample
 
 
+def write_at(file, at, data):
+    with file.open("r+b") as opened:
+        opened.seek(at)
+        opened.write(data)
+
+
 def test_a_shared_file_whose_head_was_changed_is_refused(tmp_path):
     """Each of its places, beyond the file's end or without an end: in words, and not by a fault of memory."""
     with Supervisor(
@@ -129,10 +128,11 @@ def test_a_shared_file_whose_head_was_changed_is_refused(tmp_path):
     for field in (*regions, "ring_count", "pretrip_count"):
         at = fields[field][1]
         for word in (1 << 40, (1 << 63) - 1, (1 << 64) - 8):
-            file.write_bytes(whole[:at] + word.to_bytes(8, "little") + whole[at + 8 :])
+            write_at(file, at, word.to_bytes(8, "little"))
             with pytest.raises(DataError, match="or changed"):
                 Supervisor.attach(file, plain_settings())
-    for size in (0, 8, 64, 4096, len(whole) // 2, len(whole) - 1):
-        file.write_bytes(whole[:size])
+        write_at(file, at, whole[at : at + 8])
+    for size in (len(whole) - 1, len(whole) // 2, 4096, 64, 8, 0):
+        os.truncate(file, size)
         with pytest.raises(DataError, match="or changed"):
             Supervisor.attach(file, plain_settings())

@@ -208,6 +208,7 @@ def test_an_article_without_attach_points_hangs_in_no_laboratory(elsewhere: Path
     ended = run(capfd, "modes", "own.toml", "--environment", "lab")
     assert ended.code == 2
     assert "no attach point to hang from" in ended.err
+    assert "a table [suspension] with nodes = [names] and offsets_m" in ended.err
 
 
 TIED = """

@@ -15,7 +15,7 @@ from cli_runner import ROOT
 from coarse_articles import coarse
 from middeck.structure.correlation.correlate import Correlation, correlate_modes
 from middeck.structure.correlation.effective_mass import measure_effective_mass
-from middeck.structure.correlation.evaluation import Candidates, evaluate_shapes
+from middeck.structure.correlation.evaluation import nearby_pairs
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
     MeasurementNoise,
@@ -145,17 +145,29 @@ def test_modes_without_a_partner_are_named_and_spoil_the_verdict(lab: Modes):
 
 def test_alike_shapes_octaves_apart_are_no_pair():
     """One channel sees every shape alike; the frequencies keep them apart."""
-    hz = np.array([1.0, 5.0])
-    model = Candidates(
-        frequency_hz=hz,
-        shape=np.ones((1, 2)),
-        mass=np.eye(1),
-        significant=np.zeros(2, dtype=bool),
-        fundamental=np.zeros(2, dtype=bool),
-        has_fundamental=False,
-    )
-    found = evaluate_shapes(model, np.array([5.2, 1.1]), np.ones((1, 2), dtype=complex))
-    assert found.pairs.tolist() == [[1, 0], [0, 1]]
+    pairs = nearby_pairs(np.ones((2, 2)), np.array([1.0, 5.0]), np.array([5.2, 1.1]))
+    assert pairs.tolist() == [[1, 0], [0, 1]]
+
+
+def test_a_channel_that_nothing_moves_has_no_comac():
+    """A beam that bends across x: what sensors along x read is noise, and the model is correct."""
+    held = Environment.clamped("a", gravity=0.0)
+    modes = solve_modes(solve_equilibrium(straight_beam(CANTILEVER, 2.0, 4), held))
+    at = [(f"a-b/{i}", d) for i in (1, 2, 3) for d in "xz"]
+    noise = MeasurementNoise(0.001, 0.02)
+    test = measure_modes(modes, at, chosen=[0, 1, 2], noise=noise, rng=np.random.default_rng(5))
+    judging = one(Quantity.COMAC, 0.99)
+    found = correlate(modes, test, judging, noise=None, runs=50)
+    assert found.evaluation.at_rest.tolist() == [True, False] * 3
+    assert found.findings[0].items == tuple(f"a-b/{i} z" for i in (1, 2, 3))
+    assert found.passed
+    assert found.probability.value == 1.0
+    for k, size in ((0, 0.2), (1, 0.0)):  # a motion that the test has alone, and one that it lacks
+        shape = np.array(test.shape)
+        shape[k] = size * np.abs(shape).max(axis=0)
+        wrong = correlate(modes, dataclasses.replace(test, shape=shape), judging, noise=None)
+        assert wrong.evaluation.at_rest.tolist() == [k > 0, False, *[True, False] * 2]
+        assert not wrong.passed
 
 
 # Profiles

@@ -34,13 +34,15 @@ def record_of(u: np.ndarray, y: np.ndarray, *, periodic: bool, held: bool | None
     )  # fmt: skip
 
 
-def measured(drive: Callable[[np.random.Generator], np.ndarray], seed: int) -> tuple[Record, np.ndarray]:
+def measured(
+    drive: Callable[[np.random.Generator], np.ndarray], seed: int, *more_hz: float
+) -> tuple[Record, np.ndarray]:
     """From rest, each mode exact: the command of this sample acts from ``DELAY`` on, until then the last."""
     rng = np.random.default_rng([253, seed])
     u, y, hz = (
         drive(rng),
         np.zeros(COUNT),
-        np.array([rng.uniform(3.0, 6.0), rng.uniform(8.0, 14.0)])[: 1 + LONG],
+        np.array([*[rng.uniform(3.0, 6.0), rng.uniform(8.0, 14.0)][: 1 + LONG], *more_hz]),
     )
     for f in hz:
         p = 2.0 * np.pi * f * (-ZETA + 1j * np.sqrt(1.0 - ZETA**2))
@@ -69,6 +71,14 @@ def test_a_hold_that_the_record_does_not_say_is_recognised(
         assert np.all(np.abs(natural_hz(fit.model)[order] - hz) < 5.0 * known.natural_hz[order])
         assert np.all(np.abs(damping_ratio(fit.model)[order] - ZETA) < 5.0 * known.damping[order])
         assert abs(fit.model.delay_s[0] - DELAY) < 5.0 * known.delay_s[0] < 1e-4
+
+
+def test_a_hold_that_leaves_doubts_is_told() -> None:
+    """A mode beyond the sweep: the held fit is shorter with doubts of its own; the delay has half a period."""
+    record, hz = measured(sweep, 1, 28.0)
+    fit = fit_record(record, states=2 * len(hz), sampled=False)
+    assert fit.model.hold_s is None
+    assert any("if they were held" in text for text in fit.warnings)
 
 
 def test_a_filter_is_not_taken_for_a_hold() -> None:

@@ -80,6 +80,32 @@ def test_error_of_a_rod_with_a_tip_mass_has_its_sign(mass: MemberMass, ratio: fl
         assert "elements_per_strut" not in text  # a rod that is divided is a mechanism
 
 
+def test_mass_lumped_across_rods_is_an_error_too():
+    """A rod goes straight between its ends: across, consistent mass is that of the rod itself."""
+
+    def mast(mass: MemberMass) -> Modes:
+        rod = dataclasses.replace(STRAIGHT, EA=1e5, rho_A=0.2, mass=mass)
+        turns = 2.0 * np.pi * np.arange(3) / 3.0
+        nodes = [
+            node(f"{bay}{k}", (0.5 * bay, 0.3 * np.cos(turns[k]), 0.3 * np.sin(turns[k])))
+            for bay in range(3)
+            for k in range(3)
+        ]
+        pairs = [(f"{bay}{k}", f"{bay}{(k + 1) % 3}") for bay in (1, 2) for k in range(3)]
+        pairs += [(f"{bay}{k}", f"{bay + 1}{k}") for bay in range(2) for k in range(3)]
+        pairs += [(f"{bay}{k}", f"{bay + 1}{(k + 1) % 3}") for bay in range(2) for k in range(3)]
+        parts = structure(nodes, [member(a, b, rod, 1, up=(0.3, 1.0, 0.2)) for a, b in pairs])
+        held = [Clamp(node=f"0{k}") for k in range(3)]
+        held += [Clamp(node=f"{bay}{k}", along="", about="xyz") for bay in (1, 2) for k in range(3)]
+        return modes_in(parts, Environment(title="held", gravity=np.zeros(3), clamps=tuple(held)), 6)
+
+    consistent, coupled = mast(MemberMass.ROD), mast(MemberMass.COUPLED_ROD)
+    own = [consistent.name.index(name) for name in coupled.name]  # torsion falls below bending
+    true = coupled.omega / consistent.omega[own] - 1.0 + estimate_mesh_error(consistent)[own]
+    assert np.all(true < -0.03)
+    np.testing.assert_allclose(estimate_mesh_error(coupled), true, rtol=0.15)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_error_is_that_against_a_finer_mesh(seed: int, tmp_path: Path):
     """Within a factor of two; where shapes change their order between two meshes, nobody can say."""

@@ -10,13 +10,14 @@ import pytest
 import middeck as md
 from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.model.article import Section, Structure
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.modes.motions.equivalent_beam import beam_motion, on_one_line
 from middeck.structure.modes.motions.strained_parts import member_parts, strained_parts
 from middeck.structure.modes.names.kinds import find_kinds
 from middeck.structure.modes.names.naming import name_modes
 from repeats import repeats
 from structure_builders import TUBE, TURNING_TUBE, body, member, node, straight_beam, structure
-from trusses import bar, truss
+from trusses import bar, rod_mast, truss
 
 
 def solved(article: Structure, clamped: bool = False, count: int = 16) -> md.Modes:
@@ -60,6 +61,24 @@ def test_a_truss_is_named_by_the_motion_of_its_sections(seed: int) -> None:
         elif fit < 0.45:
             assert modes.name[m].startswith(("local: ", "first overall ", "second overall ")), modes.name[m]
     assert clear >= 3
+
+
+@pytest.mark.parametrize("length", [0.5, 1.0])  # the first is the 72-bar truss: twice as long as wide
+def test_a_mast_of_rods_is_named_by_the_motion_of_its_sections(length: float) -> None:
+    """Its members work axially in every mode: their strain says nothing of the whole."""
+    article = rod_mast(4, length, 1.0)
+    held = tuple(Clamp(node=n.name, along="xyz" if n.name[0] == "0" else "") for n in article.nodes)
+    supports = md.Environment(title="rods turn no node", gravity=np.zeros(3), clamps=held)
+    modes = md.solve_modes(md.solve_equilibrium(article, supports))
+    named: list[str] = []
+    for m, name in enumerate(modes.name):
+        share, fit = character(article, modes, m)
+        best = max(share, key=lambda word: share[word])
+        if fit > 0.95 and share[best] > 0.95:
+            assert name.partition(" ")[2] == best
+            named.append(name)
+    firsts = {"first bending x-y", "first bending x-z", "first torsion", "first axial"}
+    assert firsts | {"second bending x-y", "second bending x-z"} <= set(named)
 
 
 @pytest.fixture(scope="module")

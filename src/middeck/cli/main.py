@@ -57,20 +57,17 @@ def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
         code = app.main(list(arguments), prog_name="middeck", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except Exception as error:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)  # an interruption is lost no more
         if "--debug" in arguments:
             import traceback
 
             traceback.print_exc()
         if interrupted():  # whatever the interruption was turned into on its way up
-            return _end_interrupted()
+            return _say("interrupted", INTERRUPTED)
         return _explain(_translated(error, arguments))
     except KeyboardInterrupt:
-        return _end_interrupted()
-
-
-def _end_interrupted() -> int:
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    return _say("interrupted", INTERRUPTED)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return _say("interrupted", INTERRUPTED)
 
 
 def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
@@ -184,7 +181,10 @@ def catch_interrupts() -> Callable[[], bool]:
 
 
 def _handles_interruption(error: BaseException | None) -> bool:
-    """Whether a KeyboardInterrupt, or what was raised out of one, is being cleaned up after."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
+    """Whether a KeyboardInterrupt, or what was raised out of one, is being cleaned up after.
+
+    A generator that it leaves is told of its own end alone.
+    """
+    while error is not None and not isinstance(error, (KeyboardInterrupt, GeneratorExit)):
         error = error.__context__
     return error is not None

@@ -88,15 +88,6 @@ def verb(
     likeliest set and writes nothing. --set takes units, mass_formulation, subcase and reals.
     """
     from middeck.cli.given.checked_options import ConvertSettings, settle
-    from middeck.cli.shown.mass_and_attitude import (
-        about_lines,
-        about_point,
-        measure_lines,
-        summary_lines,
-        summary_numbers,
-    )
-    from middeck.files.articles.form import DampingForm
-    from middeck.files.nastran.article.convert import convert_deck
     from middeck.files.nastran.deck.deck import asked_formulation
 
     given = {"units": units, "mass_formulation": mass_formulation, "subcase": subcase, "reals": reals}
@@ -104,6 +95,8 @@ def verb(
     source, known, name, parts = _read(deck, chosen, target)
     asked = chosen.mass_formulation
     formulation = asked_formulation(source) if asked == "deck" else asked
+    from middeck.files.nastran.article.convert import convert_deck  # not for a deck that cannot be read
+
     try:
         made = convert_deck(source, known, formulation, name, parts)
     except ConfigError as error:
@@ -112,6 +105,15 @@ def verb(
         raise
     if target and made.holds and not held_target:
         raise _not_held(source.path)
+    from middeck.cli.shown.mass_and_attitude import (
+        about_lines,
+        about_point,
+        measure_lines,
+        summary_lines,
+        summary_numbers,
+    )
+    from middeck.files.articles.form import DampingForm
+
     damping = DampingForm()  # what an article without [damping] has
     summary = _written(made, source, known, formulation, target, held_target)
     numbers = summary_numbers(summary)

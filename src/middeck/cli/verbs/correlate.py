@@ -173,7 +173,10 @@ def describe(found: Correlation) -> dict[str, Any]:
         "pair_mac": judged.mac[judged.pairs[:, 0], theirs],
         **fields(judged, "cross_orthogonality", "self_orthogonality", "mac"),
         "mac_model_index": found.candidates,
-        "comac": dict(zip(found.measured.channels, judged.comac, strict=True)),
+        "comac": {
+            name: None if rests else value
+            for name, value, rests in zip(found.measured.channels, judged.comac, judged.at_rest, strict=True)
+        },
         "phase_collinearity": found.phase_collinearity,
         "effective_mass_fraction": found.effective_mass.fraction[found.pairs[:, 0]],
         "effective_mass_sum": found.effective_mass.completeness,
@@ -308,10 +311,14 @@ def _criterion(finding: Finding) -> dict[str, Any]:
 
 
 def _tables(document: dict[str, Any]) -> list[str | Table]:
+    from middeck.structure.model.connectivity import some_names
+
     overall = document["probability_of_a_correct_model"]
     criteria = document["criteria"]
     marks = sorted({f"[R] = {c['status']}" for c in criteria if c["recalled"]})
-    lowest = sorted(document["comac"].items(), key=lambda item: item[1])[:SHOWN]
+    moving = [(name, value) for name, value in document["comac"].items() if value is not None]
+    at_rest = [name for name, value in document["comac"].items() if value is None]
+    lowest = sorted(moving, key=lambda item: item[1])[:SHOWN]
     return [
         *case_lines(document),
         *_source(document),
@@ -330,6 +337,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         _effective(document),
         EFFECTIVE_NOTE,
         Table("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest]),
+        *([f"at rest, in the model and within the noise of the test: {some_names(at_rest)}"] * bool(at_rest)),
     ]
 
 

@@ -84,6 +84,10 @@ MOVED = 1.0
 # may be its own.
 HARDLY, BESIDE = 1.5, 2.0
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
+MAYBE_HELD = (
+    f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
+    "record whether they were"
+)
 
 
 def fit_record(
@@ -207,9 +211,17 @@ def fit_samples(
         held = (dataclasses.replace(one, held=True) for one in (given, record))
         with contextlib.suppress(FitError):
             other = _behind_hold(fit, *held, _without_hold(made.fit, record.sample_hz), band_hz[1])
-            if other.length < made.length - UNDECIDED and not other.fit.warnings:
-                return dataclasses.replace(other.fit, order_reason=f"{other.fit.order_reason}; {AS_HELD}")
+            if other.length < made.length - UNDECIDED:
+                return _taken_as_held(made.fit, other.fit)
     return marked(made.fit, None if record.held is None else 0.0)
+
+
+def _taken_as_held(released: FitResult, held: FitResult) -> FitResult:
+    """The ``held`` fit, the shorter one, if it has no warnings; else the other one, and what it may lack."""
+    if not held.warnings:
+        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {AS_HELD}")
+    doubted = marked(released, None)
+    return dataclasses.replace(doubted, warnings=(*doubted.warnings, MAYBE_HELD))
 
 
 @value

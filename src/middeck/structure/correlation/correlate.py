@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError
-from middeck.structure.correlation.assurance import nearest_basis, phase_collinearity
+from middeck.structure.correlation.assurance import modal_assurance, nearest_basis, phase_collinearity
 from middeck.structure.correlation.effective_mass import EffectiveMass, measure_effective_mass
 from middeck.structure.correlation.evaluation import (
     WINDOW,
@@ -17,6 +15,7 @@ from middeck.structure.correlation.evaluation import (
     Evaluation,
     criterion_values,
     evaluate_shapes,
+    nearby_pairs,
 )
 from middeck.structure.correlation.measured_modes import (
     MeasuredModes,
@@ -150,7 +149,7 @@ def correlate_modes(
     units = doubt_units(modes, measured, seen(rows, modes))
     index = _candidates(modes, measured, units)
     model, reduced = _model(modes, measured, rows, index, profile, reduction, units)
-    found = evaluate_shapes(model, measured.frequency_hz, measured.shape)
+    found = evaluate_shapes(model, measured.frequency_hz, measured.shape, spread[1])
     correct = run_correct_model(model, profile, found, measured, spread, rng, runs)
     pairs = np.stack([index[found.pairs[:, 0]], found.pairs[:, 1]], axis=1)
     findings = _findings(modes, measured, model, found, profile, correct, pairs)
@@ -215,8 +214,8 @@ def _model(
     Pairs rest on the MAC alone, so that they can be found before there is a mass.
     """
     shape = seen(rows, modes)[:, index]
-    first = candidates(modes, index, shape, np.eye(len(measured.node)), profile)
-    pairs = evaluate_shapes(first, measured.frequency_hz, measured.shape).pairs
+    alike = modal_assurance(shape, measured.shape)
+    pairs = nearby_pairs(alike, modes.frequency_hz[index], measured.frequency_hz)
     if not len(pairs):
         raise ConfigError(
             "no measured mode resembles any of the model's",
@@ -226,7 +225,7 @@ def _model(
     for cluster in repeated(modes.omega[index] ** 2):
         partners = pairs[np.isin(pairs[:, 0], cluster), 1]
         shape[:, cluster] = nearest_basis(shape[:, cluster], measured.shape[:, partners])
-    return dataclasses.replace(first, shape=shape, mass=reduced.mass), reduced
+    return candidates(modes, index, shape, reduced.mass, profile), reduced
 
 
 def candidates(

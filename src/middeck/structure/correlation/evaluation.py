@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 from scipy.optimize import linear_sum_assignment
+from scipy.special import chdtri
 
 from middeck.structure.correlation.assurance import (
     coordinate_assurance,
@@ -16,6 +17,7 @@ from middeck.structure.correlation.assurance import (
     modal_assurance,
     orthogonality,
 )
+from middeck.structure.correlation.measured_modes import UNSEEN
 from middeck.structure.correlation.review_criteria import Criterion, Quantity, Scope
 from middeck.values import record
 
@@ -24,6 +26,8 @@ from middeck.values import record
 WINDOW = 2.0
 # Part of its MAC that a pair an octave apart loses: at few channels many shapes are equal to rounding.
 NEARER = 1e-6
+# Chance at which the noise of a test takes a channel at rest for one that moves.
+BY_CHANCE = 1e-4
 
 
 @record(kw_only=True)
@@ -54,6 +58,7 @@ class Evaluation:
         frequency_error: Frequency error of each pair, model over test less one.
         mac: Over all candidates and measured modes.
         comac: COMAC of each channel, over the pairs.
+        at_rest: Which channels neither side moves beyond the noise of the test: their COMAC says nothing.
         cross_orthogonality: Between the pairs.
         self_orthogonality: Among all measured modes.
     """
@@ -62,6 +67,7 @@ class Evaluation:
     frequency_error: Float[np.ndarray, " pair"]
     mac: Float[np.ndarray, "candidate measured"]
     comac: Float[np.ndarray, " channel"]
+    at_rest: Bool[np.ndarray, " channel"]
     cross_orthogonality: Float[np.ndarray, "pair pair"]
     self_orthogonality: Float[np.ndarray, "measured measured"]
 
@@ -70,13 +76,11 @@ def evaluate_shapes(
     model: Candidates,
     frequency_hz: Float[np.ndarray, " measured"],
     shape: Complex[np.ndarray, "channel measured"],
+    std: Float[np.ndarray, "channel measured"],
 ) -> Evaluation:
-    """Pair and compare; pairs have the largest sum of MAC among modes of neighbouring frequencies.
-
-    Of shapes that are equal at the channels the nearer in frequency counts.
-    """
+    """Pair and compare; ``std`` is the noise of ``shape``."""
     mac = modal_assurance(model.shape, shape)
-    pairs = _pair(mac, model.frequency_hz, frequency_hz)
+    pairs = nearby_pairs(mac, model.frequency_hz, frequency_hz)
     ours, theirs = pairs.T
     a, b = model.shape[:, ours], shape[:, theirs]
     return Evaluation(
@@ -84,12 +88,17 @@ def evaluate_shapes(
         frequency_error=model.frequency_hz[ours] / frequency_hz[theirs] - 1.0,
         mac=mac,
         comac=coordinate_assurance(a, b),
+        at_rest=_at_rest(a, b, std[:, theirs]),
         cross_orthogonality=orthogonality(a, b, model.mass),
         self_orthogonality=orthogonality(shape, shape, model.mass),
     )
 
 
-def _pair(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> np.ndarray:
+def nearby_pairs(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> Int[np.ndarray, "pair 2"]:
+    """Pairs with the largest sum of MAC among modes of neighbouring frequencies.
+
+    Of shapes that are equal at the channels the nearer in frequency counts.
+    """
     apart = np.abs(np.log(ours_hz[:, None] / theirs_hz)) / np.log(WINDOW)
     score = np.where(apart <= 1.0, mac * (1.0 - NEARER * apart**2), 0.0)
     i, j = linear_sum_assignment(score, maximize=True)
@@ -97,12 +106,21 @@ def _pair(mac: np.ndarray, ours_hz: np.ndarray, theirs_hz: np.ndarray) -> np.nda
     return pairs[np.argsort(pairs[:, 1], kind="stable")]
 
 
+def _at_rest(a: np.ndarray, b: np.ndarray, std: np.ndarray) -> Bool[np.ndarray, " channel"]:
+    """Channels at which the noise ``std`` of ``b`` may be all that moves, by chi squared over the pairs."""
+    noise = np.maximum(std, UNSEEN * np.abs(b).max(axis=0))
+    scaled = a * (np.abs(np.sum(a * b.conj(), axis=0)) / np.sum(a**2, axis=0))
+    most = np.maximum(*(np.sum(np.abs(side / noise) ** 2, axis=1) for side in (scaled, b)))
+    return most <= chdtri(b.shape[1], BY_CHANCE)
+
+
 def criterion_values(
     model: Candidates, found: Evaluation, criterion: Criterion
 ) -> tuple[Float[np.ndarray, " item"], Int[np.ndarray, " item"]]:
-    """Values that ``criterion`` judges, and the pairs (for a COMAC the channels) that they belong to."""
+    """Values that ``criterion`` judges, and the pairs (for a COMAC the moving channels) they belong to."""
     if criterion.quantity is Quantity.COMAC:
-        return found.comac, np.arange(len(found.comac))
+        moving = np.flatnonzero(~found.at_rest)
+        return found.comac[moving], moving
     values = _of_pairs(found, criterion.quantity)
     judged = np.flatnonzero(members(model, found.pairs[:, 0], criterion.group))
     return values[judged], judged

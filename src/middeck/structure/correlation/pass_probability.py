@@ -128,7 +128,7 @@ def run_correct_model(
             noise_of_unit_size = (noise_of_unit_size + 1j * rng.standard_normal(shape.shape)) / np.sqrt(2.0)
         drawn = shape + shape_std * noise_of_unit_size
         # No test reports a frequency below zero; one drawn there finds no pair.
-        found = evaluate_shapes(model, np.maximum(drawn_hz, np.finfo(float).tiny), drawn)
+        found = evaluate_shapes(model, np.maximum(drawn_hz, np.finfo(float).tiny), drawn, shape_std)
         paired[r] = len(found.pairs) == len(hz)
         passed[r], worst[r] = judge(model, found, profile)
     return CorrectModel(passed.astype(bool), worst, paired)

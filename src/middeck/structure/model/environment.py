@@ -265,7 +265,8 @@ def hang_along_x(attach: Sequence[str]) -> dict[str, str]:
     if not attach:
         raise ConfigError(
             "the article has no attach point to hang from (ends of springs and bushings do not count)",
-            hint="give it attach points, name an environment file with clamps (middeck convert "
+            hint="give it attach points (in its file a table [suspension] with nodes = [names] and "
+            "offsets_m, an [x, y, z] from each), name an environment file with clamps (middeck convert "
             "writes that of a deck), or use the environment orbit",
         )
     middle = len(attach) // 2

@@ -22,7 +22,6 @@ from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
 from middeck.files.nastran.deck.entries import read_entries
 from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
-from middeck.files.nastran.output4.matrices import op4_by_name
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
@@ -245,6 +244,8 @@ def geometry_of(cards: Iterable[Card]) -> Places:
 
 def _op4_matrices(path: str | Path) -> dict[str, np.ndarray]:
     """All of its square matrices: not every program says which are symmetric."""
+    from middeck.files.nastran.output4.matrices import op4_by_name  # needs scipy, which few decks do
+
     full = {name: matrix.value.toarray() for name, matrix in op4_by_name(path).items()}
     return {name: value for name, value in full.items() if value.shape[0] == value.shape[1]}
 

@@ -7,9 +7,9 @@ omega^2 and N (Przemieniecki 1968, Theory of Matrix Structural Analysis, section
 beam and h^2 for a bar or shaft. Near buckling N alone makes it large. Above an element's own clamped
 frequency the estimate fails: there a mesh lacks modes.
 
-Axial mass that is partly lumped (``coupled``) is more than the consistent mass of the same motion, by
-share rho A L/6 times the square of the stretch: that lowers the frequency, in trusses more than the rest
-lifts it.
+Mass that is lumped (``coupled``: half of it along, in rods all of it across) is more than the consistent
+mass of the same motion, by share rho A L/6 times the square of what the ends move apart: that lowers the
+frequency, in trusses more than the rest lifts it.
 
 The rest state has an error too: an element is a cubic about its chord, off by the square of the angle at
 which it leaves that. For random frames that sag by up to their own size, frequencies are off by at most 1.2
@@ -75,8 +75,8 @@ def _element_errors(modes: Modes, count: int | None) -> Float[np.ndarray, "eleme
     beyond = np.zeros(lost.shape, dtype=bool)
     beams, turn = _principal(rest.model.beams)
     moves = _end_moves(modes, count)
-    stretch = moves[:, 1, 0, 0] - moves[:, 0, 0, 0]
-    lost -= (beams.lumped[:, 0] * beams.rho_A * beams.length / 6.0)[:, None] * stretch**2
+    lumped = beams.lumped[:, [0, 1, 1]] * (beams.rho_A * beams.length / 6.0)[:, None]
+    lost -= np.einsum("ei,eim->em", lumped, (moves[:, 1, 0] - moves[:, 0, 0]) ** 2)
     moves[..., 1, :], moves[..., 2, :] = _turned(moves[..., 1, :], moves[..., 2, :], turn)
     for ends, inertia, pulled, own, critical in _parts(beams, moves, pull):
         near = omega**2 / own[:, None] - (pull / critical)[:, None]

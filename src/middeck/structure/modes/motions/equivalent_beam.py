@@ -23,8 +23,9 @@ from middeck.structure.rest.equilibrium import Equilibrium
 
 # Members that depart from one line by less than this part of its length are one line.
 ONE_LINE = 1e-3
-# Least length over width (root mean squares), and cosine to a world axis that gives a direction its letter.
-SLENDER, LETTERED = 1.5, 0.9
+# Least length over width (root mean squares): of a beam, and of what has a long axis at all.
+SLENDER, DISTINCT = 1.5, 1.1
+LETTERED = 0.9  # cosine to a world axis that gives a direction its letter
 # Polynomials along the axis: at least for bending, and so few that not any motion fits.
 FEWEST, MOST, FRAMES_EACH = 4, 12, 4
 # Few points beside the axis may not tell torsion and bending apart: opposite parts would have all shares.
@@ -43,7 +44,8 @@ class BeamMotion(NamedTuple):
     have most, ``mast`` the part in a line of members that is alone over most of the length, such as a boom
     on a box: whatever moves the rest, that line bends, twists or stretches. ``lateral`` has the squares and
     the product of the motions along the two directions across: for motion in one plane the projection on its
-    direction, as trace of 1; ``mast_lateral`` is that of the mast.
+    direction, as trace of 1; ``mast_lateral`` is that of the mast. ``slender`` is false of an article whose
+    width is not small: only where the strain of its members says nothing of the whole is it named as a beam.
     """
 
     names: tuple[str, ...]
@@ -53,6 +55,7 @@ class BeamMotion(NamedTuple):
     lateral: Float[np.ndarray, "mode 2 2"]
     mast: Float[np.ndarray, " mode"]
     mast_lateral: Float[np.ndarray, "mode 2 2"]
+    slender: bool
 
 
 def on_one_line(equilibrium: Equilibrium) -> bool:
@@ -66,7 +69,7 @@ def on_one_line(equilibrium: Equilibrium) -> bool:
 
 
 def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate mode"]) -> BeamMotion | None:
-    """Motion of ``shapes`` as one beam; None for an article that is not slender."""
+    """Motion of ``shapes`` as one beam; None for an article without a long axis."""
     model = equilibrium.model
     place, half = points_in_world(model.points, equilibrium.poses), np.repeat(0.5 * model.beams.length, 2)
     ends = model.element_ends.ravel()
@@ -75,7 +78,7 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     both = r[model.element_ends].sum(axis=1)  # integrals over straight elements: no name hangs on the mesh
     moments = (half[:, None] * r[ends]).T @ r[ends] + (half[::2, None] * both).T @ both
     spread, axes = np.linalg.eigh(moments / 3.0)
-    if not spread[2] >= SLENDER**2 * spread[1]:
+    if not spread[2] >= DISTINCT**2 * spread[1]:
         return None
     axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
     across, planes = _across(axis)
@@ -113,8 +116,9 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     lines = _Lines(equilibrium, shapes, r[ends] @ axis)
     on_mast = np.repeat(lines.of_element == lines.mast, 2)
     own = np.einsum("ai,pim->apm", across, changes[ends[on_mast], :3])
+    slender = bool(spread[2] >= SLENDER**2 * spread[1])
     return BeamMotion(
-        names, share, fit, lines.appended(), _planes_of(aside), lines.on_mast(), _planes_of(own)
+        names, share, fit, lines.appended(), _planes_of(aside), lines.on_mast(), _planes_of(own), slender
     )
 
 

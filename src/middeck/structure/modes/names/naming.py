@@ -89,11 +89,11 @@ def deformation_names(
     """The deformation of each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
-    strain energy is in a mast (see `BeamMotion`). Of any other it is the motion of the whole as one beam, if
-    `WHOLE` of the kinetic energy is that; else "local: PART" where parts with half of the strain energy can
-    be named or "local: turn of BODY" where that has half of the kinetic energy; or "overall", with the
-    deformation of the members. Two that are nearly equal are both named, and modes of one frequency that
-    `turn_apart` leaves alike are named alike.
+    strain energy is in a mast (see `BeamMotion`). Of any other that is slender, or is strained axially, it is
+    the motion of the whole as one beam, if `WHOLE` of the kinetic energy is that; else "local: PART" where
+    parts with half of the strain energy can be named or "local: turn of BODY" where that has half of the
+    kinetic energy; or "overall", with the deformation of the members. Two that are nearly equal are both
+    named, and modes of one frequency that `turn_apart` leaves alike are named alike.
     """
     mean = np.eye(len(lam))  # over each group: a mean over all of its modes does not depend on their basis
     for group in repeated_apart(equilibrium.model.tree, M, lam, shapes):
@@ -113,11 +113,14 @@ def deformation_names(
         named, of_it = leading_parts(parts, share[m])
         deformation = leading_parts(PARTS, strain[m] / max(strain[m].sum(), TINY))[0]
         tied = strain[m, len(PARTS) - TIES :].sum() > HALF * strain[m].sum()
-        if whole is not None and not tied and mean[m] @ whole.mast >= WHOLE:
-            names.append(_bent(deformation, mean[m], whole.mast_lateral))
-        elif whole is not None and not tied and mean[m] @ whole.fit >= WHOLE > mean[m] @ whole.appended:
-            words = leading_parts(whole.names, mean[m] @ whole.share)[0]
-            names.append(_bent(words, mean[m], whole.lateral))
+        # A truss works axially whatever it does: such strain says nothing of the whole.
+        as_beam = whole is not None and not tied and (whole.slender or deformation == PARTS[0])
+        beam = whole if as_beam else None
+        if beam is not None and mean[m] @ beam.mast >= WHOLE:
+            names.append(_bent(deformation, mean[m], beam.mast_lateral))
+        elif beam is not None and mean[m] @ beam.fit >= WHOLE > mean[m] @ beam.appended:
+            words = leading_parts(beam.names, mean[m] @ beam.share)[0]
+            names.append(_bent(words, mean[m], beam.lateral))
         elif of_it >= HALF:
             names.append(Wording(f"{LOCAL}{named}" if tied else f"{LOCAL}{named}, {deformation}"))
         elif (turned := leading_parts(bodies, mean[m] @ turning))[1] >= HALF:
