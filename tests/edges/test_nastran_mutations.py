@@ -105,7 +105,7 @@ PBUSH,42,K,1.+4,2.+4,,1.+2
 ENDDATA
 """
 REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]?([+-]\d+)|[ED](\d+))?$", re.ASCII)
-BEGIN = re.compile(r"^\s*BEGIN(?:\s*[,=]?\s*BULK.*|\s+SUPER.*|\s*)$", re.IGNORECASE | re.MULTILINE)
+BEGIN = re.compile(r"^\s*BEGIN(?:\s*[,=]?\s*BULK.*|\s+SUPER.*|\s*(?:\$.*)?)$", re.IGNORECASE | re.MULTILINE)
 INTEGER = re.compile(r"[+-]?\d+$", re.ASCII)
 # What a blank field gives where that is not nothing: the place of an elastic point, and its axes.
 BLANKS = {("CBUSH", 8): 0.5, ("CBUSH", 9): -1}

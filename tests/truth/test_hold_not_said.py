@@ -74,7 +74,7 @@ def test_a_hold_that_the_record_does_not_say_is_recognised(
 
 
 def test_a_hold_that_leaves_doubts_is_told() -> None:
-    """A mode beyond the sweep: the held fit is shorter with doubts of its own; the delay has half a period."""
+    """A mode beyond the sweep: the held fit is shorter, with doubts; the delay has half a period."""
     record, hz = measured(sweep, 1, 28.0)
     fit = fit_record(record, states=2 * len(hz), sampled=False)
     assert fit.model.hold_s is None
