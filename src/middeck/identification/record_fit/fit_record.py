@@ -58,6 +58,7 @@ from middeck.identification.record_fit.record_spectra import (
 from middeck.identification.record_fit.record_terms import record_lacks
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
+from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay
@@ -83,11 +84,6 @@ MOVED = 1.0
 # A decay rate over the least of the search that may be that, and lines between a mode and a sine that
 # may be its own.
 HARDLY, BESIDE = 1.5, 2.0
-AS_HELD = "held inputs, which the record does not say, are the shorter description"
-MAYBE_HELD = (
-    f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
-    "record whether they were"
-)
 
 
 def fit_record(
@@ -210,18 +206,10 @@ def fit_samples(
         tell("the inputs as held ones")
         held = (dataclasses.replace(one, held=True) for one in (given, record))
         with contextlib.suppress(FitError):
-            other = _behind_hold(fit, *held, _without_hold(made.fit, record.sample_hz), band_hz[1])
+            other = _behind_hold(fit, *held, without_hold(made.fit, record.sample_hz), band_hz[1])
             if other.length < made.length - UNDECIDED:
-                return _taken_as_held(made.fit, other.fit)
+                return taken_as_held(made.fit, other.fit)
     return marked(made.fit, None if record.held is None else 0.0)
-
-
-def _taken_as_held(released: FitResult, held: FitResult) -> FitResult:
-    """The ``held`` fit, the shorter one, if it has no warnings; else the other one, and what it may lack."""
-    if not held.warnings:
-        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {AS_HELD}")
-    doubted = marked(released, None)
-    return dataclasses.replace(doubted, warnings=(*doubted.warnings, MAYBE_HELD))
 
 
 @value
@@ -240,16 +228,6 @@ def _behind_hold(
     behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
     made = fit(given, behind)
     return _Made(marked(made.fit, 1.0 / record.sample_hz), made.length)
-
-
-def _without_hold(fit: FitResult, sample_hz: float) -> FitResult:
-    """What is behind the hold, of a fit in which the modes and the delay have it."""
-    model = fit.model
-    weaker = np.sinc(np.minimum(natural_hz(model) / sample_hz, 0.5))
-    late = np.maximum(model.delay_s - 0.5 / sample_hz, 0.0)
-    return dataclasses.replace(
-        fit, model=dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
-    )
 
 
 def _fit(

@@ -52,7 +52,7 @@ class BeamProperties:
         EA, GJ, EI_y, EI_z: Diagonal of the section's stiffness.
         shear_y, shear_z: Phi = 12 EI_z / (GA_y L^2) of bending in the own x-y plane, and of that in x-z.
         rho_A, rho_I_y, rho_I_z, mass_centre_y, mass_centre_z: As of `Section`.
-        lumped: Share of the axial mass that is lumped at the ends.
+        lumped: Shares of the mass, along and across the axis, that are lumped at the ends.
     """
 
     length: Inexact[np.ndarray, " element"]
