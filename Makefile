@@ -31,7 +31,7 @@ suite: $(VENV)/dev.stamp  ## three workers for two cores: one of them often wait
 	$(BIN)/python -m pytest -rs -n 3 --dist loadfile --no-loadscope-reorder --assert=plain --showlocals
 
 kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs
-	$(BIN)/python .ci/kernels.py -o out/kernels
+	$(BIN)/python .ci/kernels.py -o out/kernels $(KERNELS)
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -23,14 +23,18 @@ PROBE = "import numpy, scipy.linalg; a = numpy.eye(64); a @ a; scipy.linalg.inv(
 COPIES = 2  # NumPy's OpenBLAS and SciPy's
 
 
-def environment(kernel: str) -> dict[str, str]:
-    """That in which a process runs ``kernel``, on one thread."""
-    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    return {**os.environ, **one_thread, "OPENBLAS_CORETYPE": kernel}
+def environment(kernel: str | None) -> dict[str, str]:
+    """That in which a process runs ``kernel``, or the processor's own, on one thread."""
+    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
+    asked = {} if kernel is None else {"OPENBLAS_CORETYPE": kernel}
+    return {**own, **asked, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
-def running_kernel(kernel: str) -> str | None:
-    """What both copies of OpenBLAS run when asked for ``kernel``; none where the processor cannot run it."""
+def running_kernel(kernel: str | None) -> str | None:
+    """What both copies of OpenBLAS run when asked for ``kernel``; none where the processor cannot run it.
+
+    Asked for none, they run the processor's own.
+    """
     probe = subprocess.run(
         [sys.executable, "-c", PROBE],
         env={**environment(kernel), "OPENBLAS_VERBOSE": "2"},
@@ -46,8 +50,8 @@ def running_kernel(kernel: str) -> str | None:
     return found[0]
 
 
-def distinct_kernels() -> list[str]:
-    """The kernels asked for that this processor runs, each once; prints what becomes of every name."""
+def distinct_kernels() -> dict[str, str]:
+    """The names that this processor runs, one for each core; prints what becomes of every name."""
     ran: dict[str, str] = {}
     for kernel in KERNELS:
         core = running_kernel(kernel)
@@ -58,39 +62,43 @@ def distinct_kernels() -> list[str]:
         else:
             print(f"{kernel}: runs the kernel {core}", flush=True)
             ran[core] = kernel
-    return list(ran.values())
+    return ran
 
 
-def run(kernel: str, out: Path) -> bool:
-    """Marked tests, then the study into ``out``, and what they print; whether both succeeded."""
-    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-q", "tests"]
-    middeck = str(Path(sys.executable).with_name("middeck"))
-    study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out)]
-    for command in (tests, study):
-        done = subprocess.run(
-            command, env=environment(kernel), cwd=ROOT, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
-        print(f"--- {kernel}: {Path(command[0]).name} {command[1]}\n{done.stdout}", flush=True)
-        if done.returncode != 0:
-            return False
-    return True
+def run(kernel: str, command: list[str]) -> bool:
+    """Runs ``command`` under ``kernel`` and prints what it prints; whether it succeeded."""
+    done = subprocess.run(
+        command, env=environment(kernel), cwd=ROOT, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    print(f"--- {kernel}: {Path(command[0]).name} {command[1]}\n{done.stdout}", flush=True)
+    return done.returncode == 0
 
 
 def main() -> int:
     """0 where all tests pass and all numbers agree."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "out/kernels")
-    out = parser.parse_args().out
+    parser.add_argument(
+        "--after-suite", action="store_true",
+        help="the suite has just run the marked tests under the processor's own kernel",
+    )  # fmt: skip
+    asked = parser.parse_args()
     kernels = distinct_kernels()
+    tested = running_kernel(None) if asked.after_suite else None
+    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-q", "--assert=plain", "tests"]
+    study = [str(Path(sys.executable).with_name("middeck")), "study", "studies/mace-1993.toml", "-o"]
+    work = [(kernel, tests) for core, kernel in kernels.items() if core != tested]
+    work += [(kernel, [*study, str(asked.out / kernel)]) for kernel in kernels.values()]
     with ThreadPoolExecutor(os.cpu_count()) as side_by_side:
-        succeeded = list(side_by_side.map(lambda kernel: run(kernel, out / kernel), kernels))
-    failed = [kernel for kernel, good in zip(kernels, succeeded, strict=True) if not good]
+        succeeded = list(side_by_side.map(lambda job: run(*job), work))
+    failed = sorted({kernel for (kernel, _), good in zip(work, succeeded, strict=True) if not good})
     if failed:
         print(f"failed under {', '.join(failed)}")
         return 1
     compare = [sys.executable, str(Path(__file__).with_name("compare_numbers.py"))]
-    return subprocess.run([*compare, *(str(out / k / "numbers.json") for k in kernels)]).returncode
+    numbers = (str(asked.out / kernel / "numbers.json") for kernel in kernels.values())
+    return subprocess.run([*compare, *numbers]).returncode
 
 
 if __name__ == "__main__":
