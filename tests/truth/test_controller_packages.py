@@ -201,6 +201,22 @@ def test_laws_of_other_programs():
         assert np.abs(turned + expected).max() < 1e-10
 
 
+def test_laws_of_several_channels_of_other_programs():
+    """State spaces of two inputs and three outputs; those of python-control keep the names of their ports."""
+    control = pytest.importorskip("control")
+    law = random_law(np.random.default_rng(3), 5, 2, 3, applied=False)
+    s, y = law.sampled, np.random.default_rng(4).standard_normal((300, 2))
+    expected = simulate(s, y, np.zeros(5))[0]
+    reads, drives = ["angle", "rate"], ["x", "y", "z"]
+    named = control.ss(s.A, s.B, s.C, s.D, PERIOD_S, inputs=reads, outputs=drives)
+    for plant in (from_control(named), from_scipy(scipy.signal.dlti(s.A, s.B, s.C, s.D, dt=PERIOD_S))):
+        package = package_law(as_compensator(plant), "law")
+        assert np.abs(run(package, y) - expected).max() < 1e-11 * np.abs(expected).max()
+        assert package.period_s == PERIOD_S
+    package = package_law(as_compensator(from_control(named)), "law")
+    assert [port.name for port in package.inputs + package.outputs] == reads + drives
+
+
 def test_a_ratio_whose_coefficients_lose_its_poles_is_told_how_to_be_stated():
     """A narrow filter of order eight; by zeros and poles it is packed, and is SciPy's sections."""
     ratio, roots, sections = (
