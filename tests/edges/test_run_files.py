@@ -291,6 +291,26 @@ def test_a_folder_that_takes_nothing_and_a_name_that_is_taken(tmp_path):
         assert engine.state == "ready"
 
 
+def test_a_refused_name_does_not_end_the_recording_before_it(tmp_path):
+    first, second = tmp_path / "first.mdr", tmp_path / "second.mdr"
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.record(str(first))
+        engine.reset()
+        engine.run(20)
+        engine.record(second)
+        with pytest.raises(ConfigError, match="is there already"):
+            engine.record(first)
+        with pytest.raises(ConfigError, match="is being recorded"):
+            engine.record(second, resume=True)
+        with pytest.raises(ConfigError, match="is a run that has ended"):
+            engine.record(first, resume=True)
+        engine.run(20)
+    runs = read_run(first), read_run(second)
+    assert not runs[0].faults + runs[1].faults
+    assert runs[0].records["sequence"].tolist() == list(range(1, 21))
+    assert set(range(21, 41)) <= set(runs[1].records["sequence"].tolist())
+
+
 def test_a_lockstep_engine_does_not_run_away_from_a_slow_disk(tmp_path, monkeypatch):
     """What a kill of the supervisor would lose is still in the ring, with half of it left for the way out."""
     append = Recorder._append

@@ -560,6 +560,10 @@ def test_nothing_overflows_in_a_law_of_long_delays(single):
     B, C = np.eye(100)[:, :1], np.full((1, 100), 0.01)
     mean = SampledStateSpace(np.eye(100, k=-1), B, C, [[0.0]], period_s=0.01)
     package = package_law(Compensator(mean, *ports(1, 1, 1)), "mean", input_range=2.0, limit=3.0)
+    late = dataclasses.replace(mean, C=np.eye(100)[-1:])  # the first output comes after 100 samples
+    assert (
+        len(package_law(Compensator(late, *ports(1, 1, 1)), "late").vectors.y) > 100 > len(package.vectors.y)
+    )
     package = to_single(package) if single else package
     assert check_error_bound(package).passed
     given = np.full((120, 1), 2.0)

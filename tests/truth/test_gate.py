@@ -220,6 +220,13 @@ def test_each_step_refuses_what_it_is_there_for():
     assert "not finite" in steps_of(good, void)["interface"].said
     vectors = dataclasses.replace(good.vectors, u=np.nextafter(good.vectors.u, 9.0))
     assert "sample 1 of 48" in steps_of(dataclasses.replace(good, vectors=vectors))["vectors"].said
+    for samples, engaged, unmoved in (
+        (1, good.vectors.engaged, "1 samples do not move input y0, input y1, output u0, output u1, ramp"),
+        (48, np.ones_like(good.vectors.engaged), "48 samples do not move ramp"),
+    ):
+        cut = [part[:samples] for part in (engaged, good.vectors.y, good.vectors.u)]
+        idle = dataclasses.replace(good.vectors, engaged=cut[0], y=cut[1], u=cut[2])
+        assert steps_of(dataclasses.replace(good, vectors=idle))["vectors"].said == unmoved
     single = to_single(good)
     assert steps_of(single)["error bound"].passed
     boast = dataclasses.replace(single, error_bound=0.01 * single.error_bound)

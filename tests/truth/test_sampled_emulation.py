@@ -88,7 +88,8 @@ def test_a_mode_beyond_half_the_rate_does_not_turn_the_sign(hz):
     # 150 Hz at 250 Hz: its sampled pole is met long before 124 Hz, the continuous one is not.
     w = 2.0 * np.pi * 150.0
     law = law_of([[0.0, w], [-w, -0.02 * w]], [[0.0], [w]], [[1.0, 0.0]], 0.0)
-    sampled = emulate(law, T, "matched", match_hz=hz)
+    with pytest.warns(UserWarning, match="rings at 150 Hz, half the rate is 125 Hz"):
+        sampled = emulate(law, T, "matched", match_hz=hz)
     assert (response(sampled, 0.0)[0] / response(law, 0.0)[0]).real > 0.0
     assert abs(response(sampled, hz)[0]) == pytest.approx(abs(response(law, hz)[0]), rel=1e-9)
 
@@ -152,6 +153,17 @@ def test_matched_integrator():
 def test_what_cannot_be_emulated(lqg, given, message):
     with pytest.raises(ConfigError, match=message):
         emulate(lqg, **{"period_s": T, **given})
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_law_that_rings_faster_than_half_the_rate_is_told_of(rule):
+    w = 2.0 * np.pi * 7.0
+    law = law_of([[0.0, w], [-w, -0.2 * w]], [[0.0], [w]], [[1.0, 0.0]], 0.0)
+    emulate(law, 0.5 / 7.1, rule)
+    with pytest.warns(
+        UserWarning, match=r"rings at 6.965 Hz, half the rate is 6.9 Hz: sampled, it is another"
+    ):
+        emulate(law, 0.5 / 6.9, rule)
 
 
 def test_matched_is_for_one_channel():

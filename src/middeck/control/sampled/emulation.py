@@ -5,6 +5,7 @@ Workman 1998, chapter 6).
 """
 
 import dataclasses
+import warnings
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,6 +18,7 @@ from middeck.systems.sampling.sampling import hold_inputs, sample_dynamics, tust
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles, series
 
 Rule = Literal["hold", "tustin", "matched"]
+RINGING = 0.3
 Roots = tuple[complex, ...]
 """One real root, two real ones, or a complex one with its conjugate."""
 
@@ -35,7 +37,8 @@ def emulate(
             gain there. None for zero frequency. The hold has no such choice.
 
     Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
-    or a matched law of more than one input or output.
+    or a matched law of more than one input or output. Warns of a law with poles of a damping below `RINGING`
+    that are faster than half the rate: no rule keeps them.
 
     >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
@@ -52,6 +55,7 @@ def emulate(
         )
     if rule not in get_args(Rule):
         raise ConfigError(f"no rule {rule!r}", hint=f"one of {', '.join(get_args(Rule))}")
+    _warn_of_fast_poles(compensator, period_s)
     at = 2.0 * np.pi * (match_hz or 0.0)
     if rule == "hold":
         system = sample_dynamics(compensator.system, period_s)
@@ -65,6 +69,18 @@ def emulate(
         else _hold_applied(compensator.system, compensator.applied, period_s, at, rule)
     )
     return Compensator(system, compensator.inputs, compensator.outputs, method=rule, applied=applied)
+
+
+def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
+    found = poles(compensator.system)
+    ringing = np.abs(found.real) < RINGING * np.abs(found)
+    fastest, half = float(np.abs(found[ringing].imag).max(initial=0.0)) / (2.0 * np.pi), 0.5 / period_s
+    if fastest > half:
+        warnings.warn(
+            f"the compensator rings at {fastest:.4g} Hz, half the rate is {half:.4g} Hz: sampled, it is "
+            f"another law; sample it faster than {2.0 * fastest:.4g} Hz",
+            UserWarning, stacklevel=3,
+        )  # fmt: skip
 
 
 def _hold_applied(

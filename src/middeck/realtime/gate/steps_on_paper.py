@@ -26,7 +26,7 @@ from middeck.realtime.gate.recovery_proof import why_unproved
 from middeck.realtime.package.overflow import when_nothing_overflows
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.single_precision import bound_error
-from middeck.realtime.package.vectors import run_vectors
+from middeck.realtime.package.vectors import find_unmoved, run_vectors
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_limits
 from middeck.systems.state_space.statespace import same_period
@@ -134,10 +134,13 @@ def check_poles(package: ControllerPackage) -> GateStep:
 
 
 def check_vectors(package: ControllerPackage) -> GateStep:
-    """The reference gives the package's test vectors to the last bit."""
+    """Test vectors move all ports and the ramp; the reference gives them to the last bit."""
     stored = package.vectors
     if stored is None:
         return _step("vectors", ["no test vectors"], "")
+    unmoved = find_unmoved(package)
+    if unmoved:
+        return _step("vectors", [f"{len(stored.y)} samples do not move {', '.join(unmoved)}"], "")
     found = run_vectors(package, stored.y, stored.engaged, stored.start_level)
     wrong = np.flatnonzero((found.u.view(np.int64) != stored.u.view(np.int64)).any(axis=1))
     faults = [f"sample {wrong[0] + 1} of {len(stored.y)} differs from the law"] if len(wrong) else []

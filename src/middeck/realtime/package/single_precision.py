@@ -64,7 +64,7 @@ def to_single(package: ControllerPackage) -> ControllerPackage:
     single = dataclasses.replace(
         rounded, single=True, error_bound=STATED * bound.outputs, error_bound_own=bound.own
     )
-    return add_test_vectors(single, len(package.vectors.y) if package.vectors else 48)
+    return add_test_vectors(single, len(package.vectors.y) if package.vectors else None)
 
 
 class ErrorBound(NamedTuple):

@@ -11,18 +11,48 @@ from middeck.errors import ConfigError
 from middeck.realtime.package.package import SAMPLES, ControllerPackage, TestVectors, largest
 from middeck.realtime.package.reference import ReferenceLaw
 
+USUAL = 48
 UNBOUNDED = 1.0
 """Amplitude at an input without a range."""
 
 
-def add_test_vectors(package: ControllerPackage, samples: int = 48) -> ControllerPackage:
+def add_test_vectors(package: ControllerPackage, samples: int | None = None) -> ControllerPackage:
     """``package`` with test vectors: what its computer must reproduce to the last bit before it may run.
 
     Three thirds: noise of a tenth of the range, where most laws stay within their limits; the ends of the
     range, in the signs of a random sequence; and noise of twice the range, which is cut. The ramp is full at
-    first, falls in the second third and rises in the last. Raises `ConfigError` for a law whose outputs leave
-    the numbers on the way, and for a number of samples outside 3 to `SAMPLES`.
+    first, falls in the second third and rises in the last. If ``samples`` is left out there are `USUAL`, or
+    so many more that a law of long delays moves all its outputs. Raises `ConfigError` for a law whose outputs
+    leave the numbers on the way, and for a number of samples outside 3 to `SAMPLES`.
     """
+    if samples is not None:
+        return _with_vectors(package, samples)
+    made = _with_vectors(package, USUAL)
+    for longer in range(2 * USUAL, SAMPLES + 1, USUAL):
+        if not find_unmoved(made):
+            break
+        made = _with_vectors(package, longer)
+    return made
+
+
+def find_unmoved(package: ControllerPackage) -> tuple[str, ...]:
+    """Ports that stand still in the test vectors of ``package``, though the law moves them, and its ramp."""
+    stored, core = package.vectors, package.core
+    if stored is None:
+        return ()
+    driven = np.hstack([core.C, core.D]).any(axis=1)
+    driven[[path.output for path in package.paths]] = True
+    driven &= package.lower < package.upper
+    columns = [(f"input {p.name}", column) for p, column in zip(package.inputs, stored.y.T, strict=True)]
+    columns += [
+        (f"output {p.name}", column)
+        for p, column, moves in zip(package.outputs, stored.u.T, driven, strict=True)
+        if moves
+    ]
+    return tuple(name for name, column in [*columns, ("ramp", stored.engaged)] if (column == column[0]).all())
+
+
+def _with_vectors(package: ControllerPackage, samples: int) -> ControllerPackage:
     if not 3 <= samples <= SAMPLES:
         raise ConfigError(f"{samples} test samples", hint=f"3 to {SAMPLES}")
     rng = np.random.default_rng(samples)

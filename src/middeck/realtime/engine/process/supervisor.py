@@ -254,22 +254,26 @@ class Supervisor(CommandedEngine):
         rest = time_to_rest(self.settings) if self.real_time else self.settings.answer_s
         return PATIENCE_AT_END_S + rest
 
-    def record(self, path: Path, *, start: str | None = None, resume: bool = False) -> Recorder:
+    def record(self, path: str | Path, *, start: str | None = None, resume: bool = False) -> Recorder:
         """Write all that is read from now on into a file, with events and what precedes a trip.
 
         `read` and `run` hand it on, a thread writes it. ``start`` is a text for the time; now if it is left
-        out. ``resume`` goes on with the file of a recorder that was killed. What goes wrong with the disk
-        later is a warning and stands in `Recorder.faults`; the loop goes on.
+        out. ``resume`` goes on with the file of a recorder that was killed. A recording before it ends once
+        the new file is open. What goes wrong with the disk later is a warning and stands in
+        `Recorder.faults`; the loop goes on.
 
-        Raises `ConfigError` where the file is there already or of another run, `DataError` where it cannot be
-        written, and once another supervisor has taken the engine over.
+        Raises `ConfigError` where the file is there already, of another run or the one being recorded,
+        `DataError` where it cannot be written, and once another supervisor has taken the engine over; a
+        recording before it goes on then.
         """
         self._require_own()
-        self.end_recording()
+        file, before = Path(path), self.recorder
+        if resume and before is not None and file.exists() and file.samefile(before.path):
+            raise ConfigError("is being recorded", where=str(file), hint="it goes on; nothing to resume")
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()) if start is None else start
-        self.recorder = Recorder(
-            path, run_head(self.settings, self.file, now), clock=time.monotonic, resume=resume
-        )
+        made = Recorder(file, run_head(self.settings, self.file, now), clock=time.monotonic, resume=resume)
+        self.end_recording()
+        self.recorder = made
         if resume:
             self.file.asks["taken"] = self.recorder.last
         self.file.asks["keeps"] = 1
