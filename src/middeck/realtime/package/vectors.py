@@ -40,7 +40,7 @@ def find_unmoved(package: ControllerPackage) -> tuple[str, ...]:
     stored, core = package.vectors, package.core
     if stored is None:
         return ()
-    driven = np.hstack([core.C, core.D]).any(axis=1)
+    driven = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
     driven[[path.output for path in package.paths]] = True
     driven &= package.lower < package.upper
     columns = [(f"input {p.name}", column) for p, column in zip(package.inputs, stored.y.T, strict=True)]
