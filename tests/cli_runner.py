@@ -66,8 +66,9 @@ margins_once = once(measure_margins)
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs compute once what several examples ask alike: modes, faults, fits, margins, promises ..."""
-    monkeypatch.setattr("middeck.cli.given.cases.solve_equilibrium", at_rest_once)
-    monkeypatch.setattr("middeck.cli.given.cases.solve_modes", modes_once)
+    for place in ("middeck", "middeck.cli.given.cases"):
+        monkeypatch.setattr(f"{place}.solve_equilibrium", at_rest_once)
+        monkeypatch.setattr(f"{place}.solve_modes", modes_once)
     for module in ("realtime.gate.steps_on_paper", "control.qualification"):
         monkeypatch.setattr(f"middeck.{module}.measure_margins", margins_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
