@@ -81,8 +81,8 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @functools.cache
-def _mirror() -> Path:
-    """Its records, of three experiments each."""
+def mirror_records() -> Path:
+    """A folder with the records of the steering mirror, of three experiments each."""
     made = Path(tempfile.mkdtemp(dir=scratch()))
     for path in (ROOT / "data/cubespec-fsm").glob("*.npz"):
         with np.load(path, allow_pickle=False) as whole:
@@ -104,7 +104,7 @@ def link_documents(folder: Path) -> None:
     (folder / "data").mkdir()
     for path in (ROOT / "data").iterdir():
         if path.name == "cubespec-fsm" and not LONG:
-            (folder / "data" / path.name).symlink_to(_mirror())
+            (folder / "data" / path.name).symlink_to(mirror_records())
         elif path.name != "virtual-survey":
             (folder / "data" / path.name).symlink_to(path)
     survey = shutil.copytree(ROOT / "data/virtual-survey", folder / "data/virtual-survey")
