@@ -28,6 +28,7 @@ test-all: test
 # Rewriting the assertions of a fresh checkout takes each worker as long as importing all; locals are shown instead.
 suite: export PYTHONDONTWRITEBYTECODE =
 suite: $(VENV)/dev.stamp  ## three workers for two cores: one of them often waits for an engine
+	$(BIN)/python -m compileall -q src tests  # once: the workers would each compile all, at the same time
 	$(BIN)/python -m pytest -rs -n 3 --dist loadfile --no-loadscope-reorder --assert=plain --showlocals
 
 kernels: $(VENV)/dev.stamp  ## marked tests and the study as other processors compute them, and what differs

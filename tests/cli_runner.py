@@ -66,8 +66,9 @@ margins_once = once(measure_margins)
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs compute once what several examples ask alike: modes, faults, fits, margins, promises ..."""
-    monkeypatch.setattr("middeck.cli.given.cases.solve_equilibrium", at_rest_once)
-    monkeypatch.setattr("middeck.cli.given.cases.solve_modes", modes_once)
+    for place in ("middeck", "middeck.cli.given.cases"):
+        monkeypatch.setattr(f"{place}.solve_equilibrium", at_rest_once)
+        monkeypatch.setattr(f"{place}.solve_modes", modes_once)
     for module in ("realtime.gate.steps_on_paper", "control.qualification"):
         monkeypatch.setattr(f"middeck.{module}.measure_margins", margins_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
@@ -80,8 +81,8 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @functools.cache
-def _mirror() -> Path:
-    """Its records, of three experiments each."""
+def mirror_records() -> Path:
+    """A folder with the records of the steering mirror, of three experiments each."""
     made = Path(tempfile.mkdtemp(dir=scratch()))
     for path in (ROOT / "data/cubespec-fsm").glob("*.npz"):
         with np.load(path, allow_pickle=False) as whole:
@@ -103,7 +104,7 @@ def link_documents(folder: Path) -> None:
     (folder / "data").mkdir()
     for path in (ROOT / "data").iterdir():
         if path.name == "cubespec-fsm" and not LONG:
-            (folder / "data" / path.name).symlink_to(_mirror())
+            (folder / "data" / path.name).symlink_to(mirror_records())
         elif path.name != "virtual-survey":
             (folder / "data" / path.name).symlink_to(path)
     survey = shutil.copytree(ROOT / "data/virtual-survey", folder / "data/virtual-survey")

@@ -43,10 +43,11 @@ ELSEWHERE = ("make ", "middeck study ")
 # random draws, shorter runs.
 SURVEY = "data/virtual-survey/mace-simple-lab.json"
 BOTH = "articles/mace-dm.toml articles/mace-simple.toml"
+COARSE = "--set mesh.elements_per_strut=1"
 QUICKER = {
     "README.md": [
         ("--states 28 --band 1,3000", "--sampled --band 100,1000 --states 8"),
-        ("--through earth,mars,moon", "--through earth,mars,moon --count 12"),
+        ("--through earth,mars,moon", f"--through earth,mars,moon --count 12 {COARSE}"),
     ],
     "docs/tutorials/first-steps.md": [("boom/record.npz", "boom/record.npz --states 10 --sampled")],
     "docs/how-to/correlate-with-a-test.md": [

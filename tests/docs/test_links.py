@@ -16,6 +16,8 @@ TEST_FILE = re.compile(r"`(tests/[\w/-]+(?:\.py|/))`")
 PLACES = re.compile(
     r"(?<![\w.~/-])/(?:home|root|work|mnt|Users|tmp)/[\w.-]+|\blocalhost:\d+|\b(?!3\.7\.1\.2\b)(?:\d{1,3}\.){3}\d{1,3}\b"
 )
+# What every match of `PLACES` has within it, and few texts have: found many times faster.
+NEEDED = re.compile(r"/(?:home|root|work|mnt|Users|tmp)/|localhost:\d|\.\d{1,3}\.\d{1,3}\.\d")
 REGISTRIES = re.compile(
     r"https?://[\w.-]*(?:pypi|pythonhosted|artifactory|nexus|proxy|index)[\w.-]*", re.IGNORECASE
 )
@@ -70,7 +72,8 @@ def test_no_tracked_text_names_a_machine_or_a_registry():
     for path in tracked():
         if path.suffix in (".npz", ".svg", ".uff", ".op4", ".other", ".mat") or path.samefile(__file__):
             continue
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            if match := PLACES.search(line) or REGISTRIES.search(line):
-                found.append(f"{path.relative_to(ROOT)}:{number}: {match[0]}")
+        text = path.read_text(encoding="utf-8")
+        if match := (NEEDED.search(text) and PLACES.search(text)) or REGISTRIES.search(text):
+            number = text.count("\n", 0, match.start()) + 1
+            found.append(f"{path.relative_to(ROOT)}:{number}: {match[0]}")
     assert not found, "\n".join(found)

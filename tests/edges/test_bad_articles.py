@@ -95,9 +95,9 @@ def test_a_travel_that_the_angle_violates(changes, message: str):
         mesh_structure(bus(**changes))
 
 
-def test_the_one_name_in_ten_thousand_that_is_there_twice():
-    nodes = [node(f"n{i}", (i, 0, 0), body(1.0, inertia=(0.1,) * 3)) for i in range(10_000)]
-    members = [member(f"n{i}", f"n{i + 1}", TURNING_TUBE, 1) for i in range(9_999)]
+def test_the_one_name_in_two_thousand_that_is_there_twice():
+    nodes = [node(f"n{i}", (i, 0, 0), body(1.0, inertia=(0.1,) * 3)) for i in range(2_000)]
+    members = [member(f"n{i}", f"n{i + 1}", TURNING_TUBE, 1) for i in range(1_999)]
     parts = structure(nodes, members)
     mesh_structure(parts)
     with pytest.raises(ConfigError, match="frame 'n7' is there twice"):

@@ -20,6 +20,7 @@ from middeck.cli.app import VERBS
 from repeats import LONG, repeats
 
 Capture = pytest.CaptureFixture[str]
+COARSE = ("--set", "mesh.elements_per_strut=1")
 HEAVY = ("numpy", "scipy", "pydantic", "matplotlib", "rich")
 
 
@@ -78,7 +79,9 @@ def examples(text: str) -> list[list[str]]:
 
 def quicker(arguments: list[str]) -> list[str]:
     """The example, but it watches the computer for a second, takes twelve modes, or searches no order."""
-    if arguments[0] == "path" or (arguments[0] in ("compare", "modes") and "--figure" in arguments):
+    if arguments[0] == "path":
+        return [*arguments, "--count", "12", *COARSE]
+    if arguments[0] in ("compare", "modes") and "--figure" in arguments:
         return [*arguments, "--count", "12"]
     if arguments[0] in ("identify", "impact") and "--states" not in arguments:
         return [*arguments, "--states", "8" if arguments[0] == "identify" else "4"]
@@ -163,7 +166,7 @@ def test_escape_codes_only_on_a_terminal_that_wants_them(
     capfd: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    ask = ("modes", "articles/mace-dm.toml", "--environment", "orbit", "--count", "9")
+    ask = ("modes", "articles/mace-dm.toml", "--environment", "orbit", "--count", "9", *COARSE)
     with monkeypatch.context() as colourful:
         colourful.setenv("FORCE_COLOR", "1")
         piped = middeck(capfd, *ask)
@@ -176,7 +179,8 @@ def test_escape_codes_only_on_a_terminal_that_wants_them(
 
 
 def test_a_reader_that_has_seen_enough_is_no_error() -> None:
-    command = shlex.join(script("modes", "articles/mace-dm.toml", "--environment", "orbit", "--json"))
+    ask = ("modes", "articles/mace-dm.toml", "--environment", "orbit", "--json", *COARSE)
+    command = shlex.join(script(*ask))
     done = subprocess.run(
         ["bash", "-c", f"{command} | true; echo ${{PIPESTATUS[0]}}"], capture_output=True, text=True, cwd=ROOT
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import detect_faults_once, middeck
 from middeck.errors import DataError
 from middeck.files.measured.models import load_model
 from middeck.files.records import load_record, split_periods, write_record
@@ -49,6 +49,12 @@ def as_csv(path: Path, record: Record) -> Path:
     header = "time [s],u:torque [N m],y:angle [rad]"
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.17g")
     return path
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faults of one record are looked for once."""
+    monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
 
 
 @pytest.fixture(scope="module")

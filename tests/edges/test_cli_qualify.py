@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cli_runner import ROOT, middeck
+from cli_runner import ROOT, margins_once, middeck
 from coarse_articles import coarse
 from middeck.control import qualification
 from middeck.control.analysis.margins.margins import measure_margins
@@ -69,6 +69,12 @@ def plant(late_s: float = 0.004) -> Plant:
 
 def law(authority: float = 1e4) -> LQGCompensator:
     return design_lqg(remove_delays(plant()), WEIGHTS, authority)
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Margins of one loop are measured once."""
+    monkeypatch.setattr(qualification, "measure_margins", margins_once)
 
 
 @pytest.fixture

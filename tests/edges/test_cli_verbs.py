@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import middeck as md
-from cli_runner import ROOT, detect_faults_once, middeck
+from cli_runner import ROOT, detect_faults_once, middeck, mirror_records
 from coarse_articles import coarse
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -21,7 +21,7 @@ from plant_builders import unit_weights
 SIMPLE = coarse("mace-simple")
 DM = coarse("mace-dm")
 LAB = ROOT / "environments/lab.toml"
-MIRROR = ROOT / "data/cubespec-fsm"
+MIRROR = mirror_records()
 Capture = pytest.CaptureFixture[str]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cli_runner import middeck, script
+from cli_runner import middeck, refine_once, script
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "data/virtual-survey"
@@ -49,8 +49,9 @@ def kept(ledger: Path) -> list[tuple[int, str]]:
 
 
 def test_a_killed_promise_goes_on_and_is_the_same_to_the_last_byte(
-    folder: Path, capfd: pytest.CaptureFixture[str]
+    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
+    monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)  # of this process alone
     ledger = folder / "draws.ledger"
     run = asked(folder, "killed.json", "--ledger", ledger)
     process = subprocess.Popen(script(*run), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

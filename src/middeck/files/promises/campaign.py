@@ -1,6 +1,5 @@
 """A promise's draws as a campaign: on several processes, kept in a ledger that outlives a kill."""
 
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,8 @@ from middeck.updating.refinement.refine import Refined, refine
 
 FIELDS = ("environment", "block")
 """Of a case: which environment of the plan, from 0, and which block of its draws."""
+LATEST: dict[tuple[str, str, tuple[tuple[str, str], ...]], tuple[Site, ...]] = {}
+"""What the latest article, plan and digests of this process make, for all blocks that it measures."""
 
 
 def measured_in_ledger(
@@ -41,9 +42,9 @@ def measured_in_ledger(
 ) -> dict[str, list[Measured]]:
     """Blocks of draws by environment, as `promise` takes them; those in ``ledger`` are not computed again.
 
-    ``files`` are article and plan, from which each process refines anew, and ``digests`` the names and hashes
-    of all files behind them. Raises `NumericalError` for a block that failed; it runs again with the next
-    call. Raises `DataError` for the ledger of another promise, and as `run_campaign`.
+    ``files`` are article and plan, from which each further process refines anew, and ``digests`` the names
+    and hashes of all files behind them. Raises `NumericalError` for a block that failed; it runs again with
+    the next call. Raises `DataError` for the ledger of another promise, and as `run_campaign`.
     """
     sites, count = set_sites(refined, plan), blocks(plan)
     both = [(e, k) for e in range(len(sites)) for k in range(count)]
@@ -54,6 +55,7 @@ def measured_in_ledger(
         "files": digests,
         "versions": versions(),
     }
+    _keep(inputs["article"], inputs["plan"], tuple(digests), tuple(sites.values()))
     done = run_campaign(
         measured_case, cases, ledger, inputs=inputs, workers=workers, progress=progress, again=True
     )
@@ -76,8 +78,9 @@ def measured_case(case: Case, inputs: Mapping[str, Any]) -> dict[str, Any]:
     return values_of(measure_block(site, int(case["block"])))
 
 
-@functools.lru_cache(maxsize=1)
 def _sites(article: str, plan: str, digests: tuple[tuple[str, str], ...]) -> tuple[Site, ...]:
+    if (article, plan, digests) in LATEST:
+        return LATEST[article, plan, digests]
     loaded = load_plan(plan, article)
     if hash_files(loaded.files) != digests:
         raise DataError(
@@ -86,4 +89,12 @@ def _sites(article: str, plan: str, digests: tuple[tuple[str, str], ...]) -> tup
             hint="start again from files that stay as they are",
         )
     refined = refine(loaded.structure, *loaded.refinement.of_refine)
-    return tuple(set_sites(refined, loaded.plan).values())
+    return _keep(article, plan, digests, tuple(set_sites(refined, loaded.plan).values()))
+
+
+def _keep(
+    article: str, plan: str, digests: tuple[tuple[str, str], ...], sites: tuple[Site, ...]
+) -> tuple[Site, ...]:
+    LATEST.clear()
+    LATEST[article, plan, digests] = sites
+    return sites
