@@ -1,6 +1,7 @@
 """Impact tests against exact simulation: blows found and judged, windows, and their damping taken out."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -288,6 +289,7 @@ def test_lines_under_a_window_count_as_few_as_they_tell(campaign):
     assert np.var(power.mean(axis=1)) == pytest.approx(alike / power.shape[1], rel=0.1)
 
 
+@functools.cache
 def averaged_response(seed, *, faint=1.0):
     """Three to six blows of a lightly damped article, each from rest; its second mode is ``faint``."""
     rng = np.random.default_rng([76, seed])
@@ -299,6 +301,11 @@ def averaged_response(seed, *, faint=1.0):
     y = y + 10.0 ** rng.uniform(-4.0, -3.0) * y.std() * rng.standard_normal(y.shape)
     u = u + 10.0 ** rng.uniform(-6.0, -5.0) * u.max() * rng.standard_normal(u.shape)
     return plant, average_blows(dataclasses.replace(each[0], u=u, y=y))
+
+
+@functools.cache
+def fit_of_averaged(seed):
+    return fit_impact(averaged_response(seed)[1], of="response", states=6)
 
 
 def test_noise_that_lines_share_under_a_window_is_worth_no_modes(campaign):
@@ -315,8 +322,7 @@ def test_deviations_of_three_to_five_blows_hold_so_that_few_are_no_warning(campa
     """Scatter of few blows counts beside that of many lines: 19 in 20 errors lie within 1.96 deviations."""
     off = []
     for seed in campaign(100, 10):
-        plant, test = averaged_response(seed)
-        fit = fit_impact(test, of="response", states=6)
+        (plant, _), fit = averaged_response(seed), fit_of_averaged(seed)
         near = [int(np.argmin(np.abs(natural_hz(fit.model) - f))) for f in plant[0]]
         off.append((natural_hz(fit.model)[near] - plant[0]) / fit.uncertainty.natural_hz[near])
         off.append((damping_ratio(fit.model)[near] - plant[1]) / fit.uncertainty.damping[near])
@@ -329,8 +335,7 @@ def test_averaged_blows_are_doubted_for_a_mode_that_lacks_and_not_for_their_wind
     """Lines taken for independent made one clean fit in eight doubtful, and deviations too small."""
     doubted, off, seeds = [], [], campaign(48, 8)
     for seed in seeds:
-        plant, test = averaged_response(seed)
-        fit = fit_impact(test, of="response", states=6)
+        (plant, _), fit = averaged_response(seed), fit_of_averaged(seed)
         doubted += [seed] if fit.warnings else []
         near = [int(np.argmin(np.abs(natural_hz(fit.model) - f))) for f in plant[0]]
         off.append((natural_hz(fit.model)[near] - plant[0]) / fit.uncertainty.natural_hz[near])

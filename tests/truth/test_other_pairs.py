@@ -51,7 +51,7 @@ def test_a_mode_taken_for_the_one_that_nobody_measured_is_said(seed: int):
 
 
 def test_shapes_leave_no_doubt():
-    for seed in repeats(range(10), 2):
+    for seed in repeats(range(10)):
         off, found = refined(seed, tuple(range(14)), ("c", "x"), ("d", "y"), ("a", "z"), ("b", "ry"))
         assert off < WRONG
         assert other_pairs(found) == ()

@@ -129,7 +129,7 @@ def _farthest(
     least: float,
 ) -> float:
     """The largest change of a number as vague halves move; infinite where one has no value, or stability is
-    open. The first move's where that is ``least`` at most.
+    open. That of the first moves where it is ``least`` at most, or beyond `UNCERTAIN` already.
     """
     rng, most = np.random.default_rng(0), 0.0
     for _ in range(DRAWS):
@@ -145,6 +145,6 @@ def _farthest(
         same = (there == here) | np.isnan(here)
         apart = np.subtract(there, here, out=np.zeros_like(here), where=~same)
         most = max(most, float(np.abs(apart).max()))
-        if most <= least:
+        if most <= least or most > UNCERTAIN:
             break
     return most
