@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError, FitError
-from middeck.identification.fit.fit_response import fit_response
+from middeck.identification.fit.fit_response import fit_lines, fit_model, fit_response
+from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     model_response,
@@ -86,6 +87,13 @@ def test_exact_data_give_the_article_back(truth, options):
     if truth.rigid is not None:
         np.testing.assert_allclose(fitted.model.rigid, truth.rigid, atol=1e-6)
     assert fitted.model.states == truth.states
+
+
+def test_a_model_without_its_deviations_is_that_of_the_fit():
+    measured, asked = measured_of(a_model(), 1e-3), FitOptions(states=6)
+    alone, whole = fit_model(measured, asked), fit_lines(measured, asked)
+    assert (alone.model, alone.structure) == (whole.model, whole.covariance.structure)
+    assert (alone.error.tolist(), alone.order_reason) == (whole.error.tolist(), whole.order_reason)
 
 
 def test_residues_of_any_rank_hold_two_modes_at_one_frequency():

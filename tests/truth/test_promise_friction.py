@@ -32,6 +32,7 @@ from middeck.updating.promise.slip_loops import (
     SlipPorts,
     around_sliders,
     evaluate_open,
+    law_response,
     noise_response,
     pole_form,
 )
@@ -235,7 +236,7 @@ def test_loops_around_sliders_are_the_linear_loops():
     wiring = SlipPorts(joints=("turn",), performance=("turn",), disturbances=("turn",))
     hz = (np.arange(40000) + 0.5) / 400.0
     G = evaluate_open(plant, hz)
-    H = noise_response(plant, G, law, wiring, hz)
+    H = noise_response(plant, G, law, law_response(law, hz), wiring, hz)
     square = 2.0 / 400.0 * np.sum(np.abs(H[:, 1] * slip_time.noise_intensity(plan, law)) ** 2)
     weights = weights_of(plan, law.outputs, law.inputs)
     exact = noise_on([group_loop(plan, plant, ["turn"], ["turn"])], law, weights)[1]

@@ -18,6 +18,7 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.spectra.excess_variance import spread_of
+from middeck.identification.uncertainty.common_noise import common_scores
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance, line_degrees
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
@@ -115,6 +116,26 @@ def test_slopes_of_the_response(model, structure):
             # Central differences with a step of 1e-6: rounding 1e-10, curvature 1e-8 (resonances of 1 %).
             np.testing.assert_allclose(found, expected[:, :, o, i], atol=1e-7 * size)
             np.testing.assert_allclose(entry.H, model_response(model, F)[:, o, i], rtol=1e-10)
+
+
+def test_scores_of_common_noise_are_those_of_the_sum_that_defines_them():
+    model, structure = MODELS[0]
+    rng, lines, size = np.random.default_rng(3), len(F), places_of(model, structure).size
+    each = [entry_slopes(model, structure, 2j * np.pi * F, o, i) for o in range(3) for i in range(2)]
+    J = np.zeros((lines, size, 6), dtype=complex)
+    for a, entry in enumerate(each):
+        J[:, entry.place, a] = entry.by.T
+    shared = rng.standard_normal((lines, 6, 12)) + 1j * rng.standard_normal((lines, 6, 12))
+    V = shared @ shared.mT.conj()
+    deviation = np.sqrt(np.real(np.linalg.diagonal(V)))
+    noise, assumed = deviation.T**2, (1.5 * deviation.T) ** 2
+    V[:, range(6), range(6)] = assumed.T
+    W = rng.standard_normal((size, 4))
+    weighted = (J.conj() / assumed.T[:, None]) @ V @ (J / assumed.T[:, None]).mT
+    expected = 0.5 * W.T @ np.real(weighted).sum(axis=0) @ W
+    correlation = V / deviation[:, :, None] / deviation[:, None]
+    found = common_scores(each, W, correlation, assumed, noise)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize(("model", "structure"), MODELS)

@@ -64,17 +64,18 @@ def slide(
     torque = mean = np.zeros(loops.slip_torque.shape)
     out, before = np.empty_like(free), np.zeros(loops.slip_torque.shape)
     k, limit = loops.stiffness, loops.slip_torque
+    least, pull = -limit, k[:, :, None] * at_once[:, :joints]
     for now, made in zip(free, out, strict=True):
         state *= grown
-        ahead = now - np.einsum("lp,lop->lo", state_parts, reads)
+        np.subtract(now, np.matvec(reads, state_parts), out=made)
         begun = torque
+        wound = begun + k * (made[:, :joints] - before)
         for _ in range(PASSES):
-            way = ahead[:, :joints] - np.einsum("loj,lj->lo", at_once[:, :joints], mean) - before
-            torque = np.minimum(np.maximum(begun + k * way, -limit), limit)
+            torque = np.minimum(np.maximum(wound - np.matvec(pull, mean), least), limit)
             mean = 0.5 * (begun + torque)
         for j, column in enumerate(columns):
             np.multiply(column, mean[:, j, None], out=pushed)
             state += pushed
-        np.subtract(ahead, np.einsum("loj,lj->lo", at_once, mean), out=made)
+        made -= np.matvec(at_once, mean)
         before = made[:, :joints]
     return out

@@ -45,8 +45,9 @@ from middeck.identification.search.fit_warnings import (
     doubts_of_deviations,
     doubts_of_model,
     doubts_of_record,
+    refuse_failed,
 )
-from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead
+from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads, refuse_a_lead
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.excess_variance import (
@@ -58,12 +59,23 @@ from middeck.identification.spectra.excess_variance import (
 )
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.lacking_terms import NOTHING, Lacking, response_lacks
+from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.identification.uncertainty.parameter_deviations import Uncertainty, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
 from middeck.values import record
 
 Cost = Literal["weighted", "likelihood", "logarithmic"]
+
+
+@record
+class ModelAlone:
+    """A fitted model without how well it is known: what was free of it, ``error`` and ``order_reason``."""
+
+    model: MeasurementModel
+    structure: ModelStructure
+    error: Float[np.ndarray, " output"]
+    order_reason: str
 
 
 @record(kw_only=True)
@@ -193,7 +205,7 @@ def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
     if not hold_s:
         return marked(fit_lines(measured, asked, cost), hold_s)
     first = _searched(release_hold(measured), asked, cost)
-    model, last_hz = _causal(first), float(measured.frequency_hz[-1])
+    (_, model), last_hz = _causal(first), float(measured.frequency_hz[-1])
     kept = folded_modes(model, last_hz, real=structure_of(first.best.layout).real_constants)
     folded = folded_response(model, measured.frequency_hz, 1.0 / hold_s, kept)
     alone = dataclasses.replace(measured, H=measured.H - folded)
@@ -209,6 +221,15 @@ def marked(fit: FitResult, hold_s: float | None) -> FitResult:
 def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
     """Fit a response as it is, whatever its inputs did between samples."""
     return _result(_searched(measured, asked, cost))
+
+
+def fit_model(measured: FrequencyResponse, asked: FitOptions) -> ModelAlone:
+    """`fit_lines` without deviations and doubts, which take long, for what goes on from a model."""
+    run = _searched(measured, asked, "weighted")
+    _, model = _causal(run)
+    error = _errors(measured, model_response(model, measured.frequency_hz) - measured.H)
+    refuse_failed(measured, error)
+    return ModelAlone(model, structure_of(run.best.layout), error, run.reason)
 
 
 @record(kw_only=True)
@@ -304,13 +325,13 @@ def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOpt
     return min(again, settle(data, race(data, spread, options), followed), key=lambda run: run.likelihood)
 
 
-def _causal(run: _Searched) -> MeasurementModel:
-    """The model without its leads, of which alone it is asked how well they are known: that takes long."""
+def _causal(run: _Searched) -> tuple[MeasurementModel, MeasurementModel]:
+    """The model with its leads and without; how well it is known takes long to find, and is not asked."""
     found = model_of(run.best, run.measured.inputs, run.measured.outputs)
-    if np.any(found.delay_s < 0.0):
-        return _model_of(run)[0]
-    _check_finite(found, run.measured)
-    return found
+    model = dataclasses.replace(found, delay_s=causal_delay(run.measured, found.delay_s))
+    _check_finite(model, run.measured)
+    refuse_a_lead(run.measured, found, model)
+    return found, model
 
 
 def _check_finite(model: MeasurementModel, measured: FrequencyResponse) -> None:
@@ -321,18 +342,14 @@ def _check_finite(model: MeasurementModel, measured: FrequencyResponse) -> None:
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
     """The model, the covariance of the model with its leads, and what is said of those."""
     measured, best = run.measured, run.best
-    found = model_of(best, measured.inputs, measured.outputs)
+    found, model = _causal(run)
     covariance = checked_covariance(
         estimate_covariance(
             found, structure_of(best.layout), measured, assumed=run.followed.at(best.share),
             noise=run.spread.variance,
         )
     )  # fmt: skip
-    delay_s, warnings = causal_delay(measured, found.delay_s, uncertainty_of(covariance))
-    model = dataclasses.replace(found, delay_s=delay_s)
-    _check_finite(model, measured)
-    refuse_a_lead(measured, found, model)
-    return model, covariance, warnings
+    return model, covariance, doubts_of_leads(measured, found.delay_s, uncertainty_of(covariance))
 
 
 def _result(run: _Searched) -> FitResult:
@@ -342,7 +359,7 @@ def _result(run: _Searched) -> FitResult:
     r = np.abs(residual) ** 2
     if followed is not spread:
         best = dataclasses.replace(best, share=excess_share(by_output(residual), spread))
-    error = np.sqrt(np.sum(r, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
+    error = _errors(measured, residual)
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
     warnings += doubts_of_record(measured)
@@ -381,6 +398,13 @@ def _result(run: _Searched) -> FitResult:
         standing=standing,
         delay_standing=of_delays,
     )
+
+
+def _errors(
+    measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]
+) -> Float[np.ndarray, " output"]:
+    size = (np.sum(np.abs(x) ** 2, axis=(0, 2)) for x in (residual, measured.H))
+    return np.sqrt(np.divide(*size))
 
 
 def _lacks(run: _Searched, covariance: ModelCovariance) -> Lacking:

@@ -105,13 +105,18 @@ class Alone(NamedTuple):
         """The adjoint of `sum`."""
         return self.by.conj() * v
 
-    def inner(self, A: np.ndarray, more: np.ndarray | None = None) -> Float[np.ndarray, "group row other"]:
-        """Of rows with each other and with ``more``, by their factors [group, row, path, function]."""
-        B, rows = A if more is None else np.concatenate([A, more], axis=1), A.shape[1]
-        found = np.zeros((len(self.y), rows, B.shape[1]))
-        for i, b in enumerate(_rows_in_paths(B)):
-            a = b[b < rows]
-            found[:, a[:, None], b] += A[:, a, i] @ self.grams[:, i] @ B[:, b, i].mT
+    def inner(self, *rows: np.ndarray) -> list[Float[np.ndarray, "group row other"]]:
+        """Of the first rows with themselves and with each of the others, by factors.
+
+        Factors are [group, row, path, function], or the same for all groups.
+        """
+        places = [_rows_in_paths(of) for of in rows]
+        found = [np.zeros((len(self.y), rows[0].shape[1], of.shape[1])) for of in rows]
+        for i, own in enumerate(places[0]):
+            there = [of[:, place[i], i] for of, place in zip(rows, places, strict=True)]
+            left = there[0] @ self.grams[:, i]
+            for products, place, right in zip(found, places, there, strict=True):
+                products[:, own[:, None], place[i]] += left @ right.mT
         return found
 
 
@@ -131,14 +136,15 @@ class Together(NamedTuple):
         """The adjoint of `sum`."""
         return np.einsum("akl,gkl->gal", self.by.conj(), v)
 
-    def inner(self, A: np.ndarray, more: np.ndarray | None = None) -> Float[np.ndarray, "group row other"]:
-        """Of rows with each other and with ``more``, by their factors [group, row, path, function]."""
-        B, rows = A if more is None else np.concatenate([A, more], axis=1), A.shape[1]
-        found = np.zeros((1, rows, B.shape[1]))
-        of_path = _rows_in_paths(B)
+    def inner(self, *rows: np.ndarray) -> list[Float[np.ndarray, "group row other"]]:
+        """Of the first rows with themselves and with each of the others, by factors as of `Alone`."""
+        places = [_rows_in_paths(of) for of in rows]
+        found = [np.zeros((1, rows[0].shape[1], of.shape[1])) for of in rows]
         for i, j, M in self.grams:
-            a, b = of_path[i][of_path[i] < rows], of_path[j]
-            found[:, a[:, None], b] += A[:, a, i] @ M @ B[:, b, j].mT
+            own = places[0][i]
+            left = rows[0][:, own, i] @ M
+            for products, place, of in zip(found, places, rows, strict=True):
+                products[:, own[:, None], place[j]] += left @ of[:, place[j], j].mT
         return found
 
 

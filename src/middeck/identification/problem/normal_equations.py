@@ -103,7 +103,8 @@ def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None
     columns, tied = column_factors(layout, terms.point), ZeroSum(layout, terms.point)
     free = tied.free(columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
     free = _placed(free, of.outputs.shape[1])
-    solve = _Normal.of(of.inner(free[None]))
+    (products,) = of.inner(free[None])
+    solve = _Normal.of(products)
     solved = None if solve is None else _solve_linear(shared, of, solve, free, columns, tied)
     if solve is None or solved is None:
         return None
@@ -188,8 +189,7 @@ def _by_theta(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gradient and Gram matrix by theta: of slopes ``G`` by their factors, then of delays line by line."""
     gradient = _flat(G) @ solved.on_left.reshape(len(G), -1, 1)
-    columns = np.broadcast_to(free, (len(G), *free.shape))
-    gram, cross = np.split(of.inner(G, columns), [G.shape[1]], axis=2)
+    gram, cross = of.inner(G, free[None])
     if late.shape[1]:
         on_late = np.stack([on_functions(shared, of, late[:, d]) for d in range(late.shape[1])], axis=1)
         with_late = _flat(G) @ _flat(on_late).mT

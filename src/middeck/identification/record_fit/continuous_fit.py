@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
-from middeck.identification.fit.fit_response import FitResult
+from middeck.identification.fit.fit_response import ModelAlone
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay, rank_of
 from middeck.identification.order.order import is_settled, sizes
@@ -60,7 +60,7 @@ def fit_continuous(
     record: Record,
     data: Data,
     options: FitOptions,
-    local: Callable[[], FitResult],
+    local: Callable[[], ModelAlone],
     *,
     states: int | None,
     weighting: Weighting | None,
@@ -79,8 +79,8 @@ def fit_continuous(
     chosen = states is None and (first is None or (poor and samples <= MEDIUM))
     starts, reason = [], ""
     if first is not None and not chosen:
-        structure = first.covariance.structure
-        options = dataclasses.replace(options, residuals=structure.with_lower, direct=structure.with_direct)
+        terms = first.structure
+        options = dataclasses.replace(options, residuals=terms.with_lower, direct=terms.with_direct)
         reason = first.order_reason
         starts = _prompt(record, [_start_of(first, options)])
     found = _led(record, data, starts, weighting)
@@ -118,7 +118,7 @@ def _finished(
     return data, best if weighting is not None else _held_out(record, data, best)
 
 
-def _attempt(local: Callable[[], FitResult]) -> tuple[FitResult | None, FitError | DataError | None]:
+def _attempt(local: Callable[[], ModelAlone]) -> tuple[ModelAlone | None, FitError | DataError | None]:
     """Lines that no local model can tell apart are no reason to give up the samples."""
     try:
         return local(), None
@@ -235,7 +235,7 @@ def _edges(record: Record, starts: Sequence[Start]) -> Transient:
     return Transient(1.0 / record.sample_hz, max(late, 1), 1)
 
 
-def _start_of(first: FitResult, options: FitOptions) -> Start:
+def _start_of(first: ModelAlone, options: FitOptions) -> Start:
     """Layout and theta of a fitted model."""
     model = first.model
     modes = np.array(distinct_poles(model), dtype=int)

@@ -10,14 +10,14 @@ import dataclasses
 import functools
 import warnings
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from middeck.errors import ConfigError, FitError
-from middeck.identification.fit.fit_response import FitResult, fit_lines, marked
-from middeck.identification.fit.fitted_model import model_of
+from middeck.identification.fit.fit_response import FitResult, ModelAlone, fit_model, marked
+from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.mode_trust import (
     checked_covariance,
     doubts_of_lines,
@@ -61,7 +61,7 @@ from middeck.identification.record_fit.sensor_or_force_noise import negative_log
 from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
 from middeck.identification.search.fit_warnings import doubts_of_deviations
-from middeck.identification.search.leading_outputs import causal_delay
+from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import NOTHING
@@ -190,23 +190,24 @@ def fit_samples(
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
-    fit = functools.partial(
-        _fit, input_noise=input_noise, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell
-    )
+    search = functools.partial(_searched, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell)
+    fit = functools.partial(_fit, search, input_noise=input_noise)
     if sampled:
         found = fit(given, record).fit
         why = "sampled, as the inputs drive all up to half the rate; " if chosen else ""
         return dataclasses.replace(found, order_reason=why + found.order_reason)
     assert band_hz is not None  # sampled models alone leave it open
     if record.held:
-        first = fit(given, release_inputs(record)).fit
+        first = _first(search, given, release_inputs(record))
         return _behind_hold(fit, given, record, first, band_hz[1]).fit
     made = fit(given, record)
     if record.held is None and made.fit.warnings:
         tell("the inputs as held ones")
         held = (dataclasses.replace(one, held=True) for one in (given, record))
         with contextlib.suppress(FitError):
-            other = _behind_hold(fit, *held, without_hold(made.fit, record.sample_hz), band_hz[1])
+            behind = without_hold(made.fit.model, record.sample_hz)
+            first = _First(behind, made.fit.covariance.structure.real_constants)
+            other = _behind_hold(fit, *held, first, band_hz[1])
             if other.length < made.length - UNDECIDED:
                 return taken_as_held(made.fit, other.fit)
     return marked(made.fit, None if record.held is None else 0.0)
@@ -221,26 +222,73 @@ class _Made:
 
 
 def _behind_hold(
-    fit: Callable[[Record, Record], _Made], given: Record, record: Record, first: FitResult, last_hz: float
+    fit: Callable[[Record, Record], _Made],
+    given: Record,
+    record: Record,
+    first: _First,
+    last_hz: float,
 ) -> _Made:
-    """The fit of what is behind the hold of the inputs; a ``first`` one tells what is folded back."""
+    """The fit of what is behind the hold of the inputs; a ``first`` model tells what is folded back."""
     behind = release_inputs(record)
     behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
     made = fit(given, behind)
     return _Made(marked(made.fit, 1.0 / record.sample_hz), made.length)
 
 
+class _First(NamedTuple):
+    """A model of which it is not asked how well it is known, and whether its constants are real."""
+
+    model: MeasurementModel
+    real: bool
+
+
+class _Found(NamedTuple):
+    """The end of a search, without what it does not need, and why it has its order."""
+
+    data: Data
+    run: RecordRun
+    fitted: Tidied
+    reason: str
+
+
+_Search = Callable[[Record, Record], _Found]
+
+
 def _fit(
+    search: _Search,
     measured: Record,
     record: Record,
     *,
     input_noise: Float[np.ndarray, "part sample input"] | None,
+) -> _Made:
+    """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
+    data, run, fitted, reason = search(measured, record)
+    with residual_tests.named_cause(measured):
+        both = (data, run), (fitted.data, fitted.run)
+        heard = [residual_tests.heard_of(record, *of, input_noise) for of in both]
+        grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
+        score = np.maximum(*grown)
+        found = _result(measured, record, fitted, reason, score, heard[1], input_noise)
+        return _Made(found, record_length(fitted.data, fitted.run))
+
+
+def _first(search: _Search, measured: Record, record: Record) -> _First:
+    """The model of `_fit` alone."""
+    fitted = search(measured, record).fitted
+    with residual_tests.named_cause(measured):
+        model = _causal(record, fitted)[2]
+    return _First(model, structure_of(fitted.run.layout).real_constants)
+
+
+def _searched(
+    measured: Record,
+    record: Record,
+    *,
     band_hz: tuple[float, float] | None,
     asked: FitOptions,
     weighting: Weighting | None,
     tell: Callable[[str], None],
-) -> _Made:
-    """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
+) -> _Found:
     sampled, states = asked.sample_hz is not None, asked.states
     data = record_data(record, band_hz, whole=sampled)
     lines = _lines(record, data, np.zeros((len(data.s), len(record.outputs), len(record.inputs)), complex))
@@ -260,12 +308,7 @@ def _fit(
                 tell("a delay of each path")
                 data, run, reason = _shorter((data, run, reason), chosen, options)
         fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
-        both = (data, run), (fitted.data, fitted.run)
-        heard = [residual_tests.heard_of(record, *of, input_noise) for of in both]
-        grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
-        score = np.maximum(*grown)
-        found = _result(measured, record, fitted, reason, score, heard[1], input_noise)
-        return _Made(found, record_length(fitted.data, fitted.run))
+        return _Found(data, run, fitted, reason)
 
 
 def _continuous(
@@ -302,10 +345,10 @@ def _shorter(
     return one
 
 
-def _folded_outputs(first: FitResult, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:
+def _folded_outputs(first: _First, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:
     """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
     model = first.model
-    kept = folded_modes(model, last_hz, real=first.covariance.structure.real_constants)
+    kept = folded_modes(model, last_hz, real=first.real)
     run = record.u.reshape(len(record.u), -1, record.u.shape[3])
     f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
     H = np.zeros((len(f), *model.direct.shape), dtype=complex)
@@ -350,14 +393,14 @@ def _lines(record: Record, data: Data, H: np.ndarray) -> FrequencyResponse:
     )
 
 
-def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> FitResult:
+def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> ModelAlone:
     """A fit of a local estimate of the response.
 
     Polynomials are fast, but do not follow a resonance narrower than their few lines: rational models tell
     an order, and start a record too short for polynomials.
     """
     band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
-    fit = functools.partial(fit_lines, asked=asked)
+    fit = functools.partial(fit_model, asked=asked)
     with warnings.catch_warnings():  # of noise of inputs, which the fit of the samples counts itself
         warnings.simplefilter("ignore")
         if asked.states is not None:
@@ -378,8 +421,7 @@ def _result(
     data, run = fit.data, fit.run
     found = run.refined
     r = residual_of(run.layout, data, found.theta, found.step.linear)
-    _refuse_noise(data, run)
-    fitted = model_of(run, record.inputs, record.outputs)
+    fitted, lines, model = _causal(record, fit)
     noise, folded = _input_variance(measured), np.zeros(data.U.shape[:2])
     if not measured.held and fitted.sample_hz is None and data.driven is None:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
@@ -388,11 +430,7 @@ def _result(
     found_covariance, moves = record_covariance(run, data, fitted, input_noise, power)
     covariance = checked_covariance(found_covariance)
     uncertainty = uncertainty_of(covariance)
-    lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
-    if not np.isfinite(lines.H).all():
-        raise FitError("the fitted response is not finite", hint="fewer states")
-    delay_s, said = causal_delay(lines, fitted.delay_s, uncertainty)
-    model = dataclasses.replace(fitted, delay_s=delay_s)
+    said = doubts_of_leads(lines, fitted.delay_s, uncertainty)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     said += [
         *_doubts(run, record, error),
@@ -442,6 +480,17 @@ def _result(
             lines, covariance, holds=not (wrong or lacks.said) and poles is None
         ),
     )
+
+
+def _causal(record: Record, fit: Tidied) -> tuple[MeasurementModel, FrequencyResponse, MeasurementModel]:
+    """The model with its leads, its response, and the model without them; refused where it is none."""
+    data, run = fit.data, fit.run
+    _refuse_noise(data, run)
+    fitted = model_of(run, record.inputs, record.outputs)
+    lines = _lines(record, data, model_response(fitted, data.omega / (2.0 * np.pi)))
+    if not np.isfinite(lines.H).all():
+        raise FitError("the fitted response is not finite", hint="fewer states")
+    return fitted, lines, dataclasses.replace(fitted, delay_s=causal_delay(lines, fitted.delay_s))
 
 
 def _pairs_for_a_delay(

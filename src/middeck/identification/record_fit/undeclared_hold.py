@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from middeck.identification.fit.fit_response import FitResult, marked
-from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
 MAYBE_HELD = (
@@ -14,14 +14,11 @@ MAYBE_HELD = (
 )
 
 
-def without_hold(fit: FitResult, sample_hz: float) -> FitResult:
-    """What is behind the hold, of a fit in which the modes and the delay have it."""
-    model = fit.model
+def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
+    """What is behind the hold, of a model in which the modes and the delay have it."""
     weaker = np.sinc(np.minimum(natural_hz(model) / sample_hz, 0.5))
     late = np.maximum(model.delay_s - 0.5 / sample_hz, 0.0)
-    return dataclasses.replace(
-        fit, model=dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
-    )
+    return dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
 
 
 def taken_as_held(released: FitResult, held: FitResult) -> FitResult:

@@ -50,6 +50,17 @@ def doubts_of_record(measured: FrequencyResponse) -> list[str]:
     ]
 
 
+def refuse_failed(measured: FrequencyResponse, error: Float[np.ndarray, " output"]) -> None:
+    """Raise `FitError` for a model that is worse than none."""
+    if np.any(error > FAILED):
+        worst = int(np.argmax(error))
+        raise FitError(
+            f"the best model found leaves {error[worst]:.0f} times the response itself",
+            where=f"output {measured.outputs[worst].name}",
+            hint="ask for more states, or for a band without half a mode at its edge",
+        )
+
+
 def doubts_of_model(
     measured: FrequencyResponse,
     error: Float[np.ndarray, " output"],
@@ -61,13 +72,7 @@ def doubts_of_model(
     ``model_error`` is the share of the assumed variance that is not noise; ``residual`` is E - H. Raises
     `FitError` for a model that is worse than none.
     """
-    if np.any(error > FAILED):
-        worst = int(np.argmax(error))
-        raise FitError(
-            f"the best model found leaves {error[worst]:.0f} times the response itself",
-            where=f"output {measured.outputs[worst].name}",
-            hint="ask for more states, or for a band without half a mode at its edge",
-        )
+    refuse_failed(measured, error)
     poor = [
         f"output {port.name}: the model leaves {left:.0%} of the response unexplained; its parameters mean "
         "little. Look at the record, the band and the order"

@@ -21,25 +21,26 @@ PATHS = "where the inputs have delays of their own, fit one of each path (--dela
 BEYOND = "of a velocity or an acceleration, take constants='complex'; with modes beyond the band, residuals"
 
 
-def causal_delay(
-    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty
-) -> tuple[np.ndarray, list[str]]:
-    """Delays of zero or more; an advance beyond chance is a warning, a long one an error."""
-    warnings: list[str] = []
-    for o, tau in enumerate(delay_s):
-        name = measured.outputs[o].name
+def causal_delay(measured: FrequencyResponse, delay_s: np.ndarray) -> np.ndarray:
+    """Delays of zero or more; a long advance is an error."""
+    for port, tau in zip(measured.outputs, delay_s, strict=True):
         if tau < -1.0 / measured.frequency_hz[-1]:
             raise FitError(
                 f"the output leads its input by {-tau:.6g} s",
-                where=f"output {name}",
+                where=f"output {port.name}",
                 hint=_hint(measured, CHECK),
             )
-        if leads(tau, uncertainty.delay_s[o]):
-            warnings.append(
-                f"output {name}: the fit leads by {-tau * 1e3:.3g} ms (+-{uncertainty.delay_s[o] * 1e3:.2g});"
-                " its delay is set to zero"
-            )
-    return np.maximum(delay_s, 0.0), warnings
+    return np.maximum(delay_s, 0.0)
+
+
+def doubts_of_leads(measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty) -> list[str]:
+    """Warnings for advances beyond chance, that `causal_delay` sets to zero."""
+    return [
+        f"output {port.name}: the fit leads by {-tau * 1e3:.3g} ms (+-{deviation * 1e3:.2g});"
+        " its delay is set to zero"
+        for port, tau, deviation in zip(measured.outputs, delay_s, uncertainty.delay_s, strict=True)
+        if leads(tau, deviation)
+    ]
 
 
 def _hint(measured: FrequencyResponse, usual: str) -> str:

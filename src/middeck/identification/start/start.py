@@ -407,7 +407,8 @@ def _explained(
     # Half of each line but that at zero: the other half is its conjugate's.
     np.add.at(on_grid, place, np.where(place > 0, 0.5, 1.0)[:, None] * products)
     tau = 2.0 * np.pi / step * np.fft.fftfreq(count)
-    return tau, np.sum((np.fft.irfft(on_grid, count, axis=0) * count) ** 2, axis=1)
+    along = np.fft.irfft(on_grid, count, axis=0, norm="forward")
+    return tau, np.einsum("dp,dp->d", along, along)
 
 
 def _at_peaks(

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.spectra.excess_variance import averaged
-from middeck.identification.uncertainty.response_derivatives import EntrySlopes
+from middeck.identification.uncertainty.response_derivatives import EntrySlopes, combined
 from middeck.systems.plants.response import FrequencyResponse
 
 # Mean square coherence of independent noise is one over its degrees of freedom: what is twice that is common.
@@ -75,9 +75,8 @@ def common_scores(
         joint[:, own, own] = assumed[:, some].T
         power, direction = np.linalg.eigh(joint)
         root = direction * np.sqrt(np.maximum(power, 0.0))[:, None, :] / assumed[:, some].T[:, :, None]
-        scores = np.zeros((len(W), *root.shape[::2]), dtype=complex)
-        for a, entry in enumerate(each):
-            scores[entry.place] += entry.by[:, some, None].conj() * root[:, a, :]
-        flat = W.T @ np.ascontiguousarray(scores.reshape(len(W), -1)).view(float)
+        along = np.stack([combined(W[entry.place].T, entry.by[:, some]) for entry in each], axis=2)
+        scores = np.swapaxes(along, 0, 1).conj() @ root
+        flat = np.ascontiguousarray(np.swapaxes(scores, 0, 1)).reshape(len(spread), -1).view(float)
         spread += 0.5 * (flat @ flat.T)
     return spread

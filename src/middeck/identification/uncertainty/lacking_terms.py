@@ -139,7 +139,7 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     """
     held = ties(covariance.model, covariance.structure)
     size = held.shape[1]
-    factor = orthogonal.factor_of(np.hstack([_placed(r, size), r.terms.T]) for r in rows())
+    factor = orthogonal.triangle(np.vstack([_factor(r, size) for r in rows()]))
     F, by_terms = factor[:, :size], factor[:, size:]
     W, loose = orthogonal.inverse_root(F, held)
     W = W[:, : W.shape[1] - loose]
@@ -172,9 +172,12 @@ def _by_line(r: TermRows, numbers: Float[np.ndarray, "term number"]) -> Float[np
     return np.array([np.bincount(r.line, by) for by in numbers])
 
 
-def _placed(r: TermRows, size: int) -> Float[np.ndarray, "number unknown"]:
-    found = np.zeros((len(r.left), size))
-    found[:, r.place] = r.slopes.T
+def _factor(r: TermRows, size: int) -> Float[np.ndarray, "few column"]:
+    """Orthogonal factor of the derivatives by all unknowns and terms, of which an output has few."""
+    own = np.flatnonzero(r.terms.any(axis=1))
+    R = orthogonal.triangle(np.vstack([r.slopes, r.terms[own]]).T)
+    found = np.zeros((len(R), size + len(r.terms)))
+    found[:, np.concatenate([r.place, size + own])] = R
     return found
 
 

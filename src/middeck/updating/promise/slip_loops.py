@@ -99,22 +99,33 @@ def evaluate_open(
     return evaluate_plant(remove_delays(plant), frequency_hz).H
 
 
+def law_response(
+    law: Compensator | None, frequency_hz: Float[np.ndarray, " line"]
+) -> Complex[np.ndarray, "line command read"] | None:
+    """What ``law`` answers, the same for all plants and long to find; None without one."""
+    return None if law is None else statespace_response(law.system, 2.0 * np.pi * frequency_hz)
+
+
 def noise_response(
     plant: Plant,
     open_response: Complex[np.ndarray, "line output input"],
     law: Compensator | None,
+    answer: Complex[np.ndarray, "line command read"] | None,
     wiring: SlipPorts,
     frequency_hz: Float[np.ndarray, " line"],
 ) -> Complex[np.ndarray, "line output noise"]:
-    """Response of angles and performance to disturbances, then to noise read by ``law``; exact delay."""
+    """Response of angles and performance to disturbances, then to noise read by ``law``; exact delay.
+
+    ``answer`` is the law's `law_response` on these lines, and may be on more beyond them.
+    """
     w, rows = plant.input_indices(wiring.disturbances), _rows(plant, wiring)[1]
     G = open_response
-    if law is None:
+    if law is None or answer is None:
         return G[:, rows][:, :, w]
     omega = 2.0 * np.pi * frequency_hz
     u, y = locate_ports(law, plant.inputs, plant.outputs)
     late_s = float(plant.delay_s.max(initial=0.0))
-    K = statespace_response(law.system, omega) * np.exp(-1j * omega * late_s)[:, None, None]
+    K = answer[: len(omega)] * np.exp(-1j * omega * late_s)[:, None, None]
     # Commands, by what is read without the law and by its noise.
     commands = np.linalg.solve(np.eye(len(u)) - K @ G[:, y][:, :, u], K)
     commands = np.concatenate([commands @ G[:, y][:, :, w], commands], axis=2)

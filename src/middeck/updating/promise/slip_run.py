@@ -9,6 +9,7 @@ friction makes of a narrow mode.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -28,6 +29,7 @@ from middeck.updating.promise.slip_loops import (
     around_sliders,
     evaluate_open,
     hold_while_sticking,
+    law_response,
     noise_response,
     pole_form,
 )
@@ -83,6 +85,11 @@ class SlipRun:
     order: int
     alone: int = ALONE
 
+    @functools.cached_property
+    def answers(self) -> Mapping[str | None, Complex[np.ndarray, "line command read"] | None]:
+        """What each compensator answers on the lines of the noise, once for all draws."""
+        return {name: law_response(law, self.time.lines_hz) for name, law in self.laws.items()}
+
 
 def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
     """Length and step of the simulation, and the number of records, chosen by the ``first`` draw.
@@ -116,8 +123,8 @@ def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str
     parts: dict[str | None, list[Slipped]] = {name: [] for name in run.laws}
     for first in range(0, len(plants), together):
         some = _open_draws(run, own[first : first + together], start + first)
-        for name, law in run.laws.items():
-            parts[name].append(_run(run, some, law))
+        for name in run.laws:
+            parts[name].append(_run(run, some, name))
     return {name: _joined(each) for name, each in parts.items()}
 
 
@@ -169,7 +176,8 @@ def _open_draws(run: SlipRun, own: Sequence[Plant], first: int) -> _Draws:
     )
 
 
-def _run(asked: SlipRun, some: _Draws, law: Compensator | None) -> Slipped:
+def _run(asked: SlipRun, some: _Draws, name: str | None) -> Slipped:
+    law = asked.laws[name]
     around = [around_sliders(p, law, asked.wiring, asked.order) for p in some.plants]
     forms = [pole_form(loop) for loop in around]
     held = {i: form for i, form in enumerate(forms) if form is not None}
@@ -177,21 +185,22 @@ def _run(asked: SlipRun, some: _Draws, law: Compensator | None) -> Slipped:
     db, variance, travel = np.full(count, np.inf), np.zeros(count), np.full((count, joints), np.inf)
     if held:
         at = list(held)
-        db[at], variance[at], travel[at] = _with_friction(asked, some, law, held)
+        db[at], variance[at], travel[at] = _with_friction(asked, some, name, held)
     sticks = hold_while_sticking(around, some.stiffness)
     return Slipped(db=db, variance=variance, travel=travel, sticks=sticks)
 
 
 def _with_friction(
-    asked: SlipRun, some: _Draws, law: Compensator | None, forms: Mapping[int, SlipPoles]
+    asked: SlipRun, some: _Draws, name: str | None, forms: Mapping[int, SlipPoles]
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
     """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
-    time, joints = asked.time, len(asked.wiring.joints)
+    time, joints, law = asked.time, len(asked.wiring.joints), asked.laws[name]
+    hz, answer = time.lines_hz, None if law is None else asked.answers[name]
     size = noise_intensity(asked.plan, law) * np.sqrt(2.0 / time.record_s)
     low, high = asked.plan.band_hz or (0.0, np.inf)
-    acts = ((time.lines_hz >= low) & (time.lines_hz <= high))[:, None, None]
+    acts = ((hz >= low) & (hz <= high))[:, None, None]
     coloured = {
-        i: size * noise_response(some.plants[i], some.responses[i], law, asked.wiring, time.lines_hz) * acts
+        i: size * noise_response(some.plants[i], some.responses[i], law, answer, asked.wiring, hz) * acts
         for i in forms
     }
     every = [(i, record) for i in forms for record in range(asked.alone if law is None else RECORDS)]

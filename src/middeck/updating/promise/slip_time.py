@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import cast
 
 import numpy as np
@@ -21,6 +21,7 @@ from middeck.updating.promise.slip_loops import (
     SlipPorts,
     around_sliders,
     evaluate_open,
+    law_response,
     noise_response,
     solve_poles,
 )
@@ -89,7 +90,7 @@ def choose_time(
     asked_s = MEMORIES / _slowest(plant, plan)
     record_s = min(asked_s, LONGEST_S)
     both = plant, _sticking(plant, wiring, springs)
-    band_hz = max(_band(p, every, plan, wiring, record_s) for p in both)
+    band_hz = _band(both, every, plan, wiring, record_s)
     sample_hz = max(SAMPLES * band_hz, float(np.sqrt(stiff / GIVEN)))
     samples = cast("int", next_fast_len(int(np.ceil(record_s * sample_hz))))
     return SlipTime(
@@ -128,14 +129,21 @@ def _sticking(plant: Plant, wiring: SlipPorts, springs: Float[np.ndarray, " join
 
 
 def _band(
-    plant: Plant, laws: Iterable[Compensator | None], plan: Plan, wiring: SlipPorts, record_s: float
+    plants: Sequence[Plant],
+    laws: Iterable[Compensator | None],
+    plan: Plan,
+    wiring: SlipPorts,
+    record_s: float,
 ) -> float:
-    """Half octave that holds all but a part of the mean square of every output, with every compensator."""
-    highest = float(np.abs(solve_poles(remove_delays(plant).system.A)[0]).max())
-    hz = np.arange(1, int(BEYOND * highest / (2.0 * np.pi) * record_s) + 1) / record_s
-    G, end = evaluate_open(plant, hz), 0
+    """Half octave that holds all but a part of the mean square of every output, on all plants by all laws."""
+    highest = [float(np.abs(solve_poles(remove_delays(p).system.A)[0]).max()) for p in plants]
+    counts = [int(BEYOND * top / (2.0 * np.pi) * record_s) for top in highest]
+    hz = np.arange(1, max(counts) + 1) / record_s
+    each, end = [(p, n, evaluate_open(p, hz[:n])) for p, n in zip(plants, counts, strict=True)], 0
     for law in laws:
-        H = noise_response(plant, G, law, wiring, hz) * noise_intensity(plan, law)
-        square = np.cumsum(np.sum(np.abs(H) ** 2, axis=2), axis=0)
-        end = max(end, int(np.max(np.argmax(square >= (1.0 - ABOVE) * square[-1], axis=0))))
+        answer = law_response(law, hz)
+        for plant, n, G in each:
+            H = noise_response(plant, G, law, answer, wiring, hz[:n]) * noise_intensity(plan, law)
+            square = np.cumsum(np.sum(np.abs(H) ** 2, axis=2), axis=0)
+            end = max(end, int(np.max(np.argmax(square >= (1.0 - ABOVE) * square[-1], axis=0))))
     return float(2.0 ** (0.5 * np.ceil(2.0 * np.log2(hz[end]))))
