@@ -23,7 +23,7 @@ from middeck.identification.faults.detect import detect_faults
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.candidates.refinement_after_one_test import foresee
-from middeck.updating.orbit.frequencies import solve_there
+from middeck.updating.orbit.frequencies import predict_at, solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
 from repeats import LONG
@@ -59,7 +59,7 @@ def identify_once(*asked: Any) -> Any:
 
 
 refine_once, promise_once, detect_faults_once = once(refine), once(promise), once(detect_faults)
-foresee_once, solve_there_once = once(foresee), once(solve_there)
+foresee_once, solve_there_once, predict_at_once = once(foresee), once(solve_there), once(predict_at)
 at_rest_once, modes_once = once(solve_equilibrium), once(solve_modes)
 margins_once = once(measure_margins)
 
@@ -78,6 +78,7 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
     monkeypatch.setattr("middeck.updating.candidates.candidates.foresee", foresee_once)
     monkeypatch.setattr("middeck.updating.candidates.candidates.solve_there", solve_there_once)
+    monkeypatch.setattr("middeck.updating.candidates.candidates.predict_at", predict_at_once)
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli_runner import middeck
+from cli_runner import identify_once, middeck
 from middeck.files.records import write_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -44,6 +44,12 @@ def write(
         ),
     )
     return path
+
+
+@pytest.fixture(autouse=True)
+def sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A record is fitted once alike."""
+    monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
 
 
 @pytest.fixture(scope="module")
