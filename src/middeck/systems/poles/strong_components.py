@@ -15,7 +15,10 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
+
+FEW = 64
+"""States up to which one component is told by steps from its first state: in a tenth of a graph's time."""
 
 
 def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
@@ -24,6 +27,8 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
     >>> [part.tolist() for part in strong_components(np.array([[1.0, 0.0], [5.0, 2.0]]))]
     [[1], [0]]
     """
+    if 0 < len(A) <= FEW and _are_all_reached(A != 0.0) and _are_all_reached(A.T != 0.0):
+        return [np.arange(len(A))]
     row, column = np.nonzero(A)
     first = np.searchsorted(row, np.arange(len(A) + 1)).astype(np.int32)
     # A dense graph would be looked through by masked arrays, which takes three times as long.
@@ -39,6 +44,14 @@ def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:
     for one, other in zip(row[across].tolist(), column[across].tolist(), strict=True):
         readers[other].add(one)
     return [parts[part] for part in graphlib.TopologicalSorter(readers).static_order()]
+
+
+def _are_all_reached(acts: Bool[np.ndarray, "state state"]) -> bool:
+    """Whether the first state acts on all, itself included, or by the transpose all act on it."""
+    reached, count = acts[0], 0
+    while (now := int(np.count_nonzero(reached))) > count:
+        reached, count = reached | (reached @ acts), now
+    return count == len(acts)
 
 
 def component_poles(A: Float[np.ndarray, "state state"]) -> Complex[np.ndarray, " state"]:

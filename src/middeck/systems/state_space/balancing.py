@@ -5,14 +5,19 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
+from scipy.linalg import lapack
 
 
 def balance(
     A: Float[np.ndarray, "state state"],
 ) -> tuple[Float[np.ndarray, "state state"], Float[np.ndarray, " state"]]:
-    """``A`` in balanced units, and the units: powers of two, without permutations."""
-    with np.errstate(invalid="ignore"):  # SciPy reads units of 1e19 and more as permutations too
-        balanced, (unit, _) = cast("Any", sla.matrix_balance(A, separate=True, permute=False))
-    return np.asarray(balanced), np.asarray(unit)
+    """``A`` in balanced units, and the units: powers of two, without permutations.
+
+    LAPACK itself, which takes a fifth of the time of `scipy.linalg.matrix_balance` for some tens of states.
+    """
+    finite = np.asarray_chkfinite(A, dtype=float)
+    if not len(finite):
+        return finite, np.ones(0)
+    balanced, _, _, unit, _ = cast("Any", lapack).dgebal(finite, scale=1, permute=0)
+    return balanced, unit
