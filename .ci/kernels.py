@@ -21,6 +21,9 @@ ROOT = Path(__file__).parents[1]
 KERNELS = ("Prescott", "Haswell", "Zen", "SkylakeX")
 PROBE = "import numpy, scipy.linalg; a = numpy.eye(64); a @ a; scipy.linalg.inv(a)"
 COPIES = 2  # NumPy's OpenBLAS and SciPy's
+# The chapter on the promise takes two thirds of the study's time; MIDDECK_LONG=1 leaves it whole.
+FEWER = ("promise.draws=4", "promise.log10_authority=[0, 3]", "promise.period_s=12")
+SHORTER = () if os.environ.get("MIDDECK_LONG") == "1" else [w for one in FEWER for w in ("--set", one)]
 
 
 def environment(kernel: str) -> dict[str, str]:
@@ -61,11 +64,16 @@ def distinct_kernels() -> list[str]:
     return list(ran.values())
 
 
+def marked_files() -> list[str]:
+    """Files with marked tests: to collect all others takes 20 s of CPU."""
+    return sorted(str(p) for p in (ROOT / "tests").rglob("test_*.py") if "mark.kernels" in p.read_text())
+
+
 def run(kernel: str, out: Path) -> bool:
     """Marked tests, then the study into ``out``, and what they print; whether both succeeded."""
-    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-q", "tests"]
+    tests = [sys.executable, "-m", "pytest", "-m", "kernels", "-q", "--assert=plain", *marked_files()]
     middeck = str(Path(sys.executable).with_name("middeck"))
-    study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out)]
+    study = [middeck, "study", "studies/mace-1993.toml", "-o", str(out), *SHORTER]
     for command in (tests, study):
         done = subprocess.run(
             command, env=environment(kernel), cwd=ROOT, text=True,
