@@ -150,7 +150,7 @@ def test_wandering_parameters_stay_within_their_deviations(campaign):
     """Frequency and damping walk as the drift says; errors over stated deviations have an rms of one."""
     drift = Drift(frequency=3e-4, damping=1e-2)
     ratios = []
-    for seed in campaign(60, share=60):
+    for seed in campaign(60):
         rng = np.random.default_rng(seed)
         first = np.array([[2e-3], [0.05]]) * rng.standard_normal((2, 5))
         walk = np.cumsum(rng.standard_normal((2, 12, 5)), axis=1)
@@ -283,7 +283,7 @@ def found_again(mode, factor):
 
 
 def test_trust_and_good_states_come_back_soon_after_a_loss_is_over():
-    taken, noise = lost_between(28.0)
+    taken, noise = lost_between(34.0)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
     found = track_modes(state, taken, block=256)
     (restart,) = found.state.restarts
@@ -319,8 +319,8 @@ def test_a_loss_that_is_over_is_nothing_to_begin_again_for():
 
 @pytest.mark.long
 def test_a_mode_that_went_too_far_for_one_opening_is_found_by_the_next():
-    hz = stepping(30.0, 7.0, 2, 1.15)
-    taken, noise = lost_between(30.0, hz=hz)
+    hz = stepping(40.0, 7.0, 2, 1.15)
+    taken, noise = lost_between(40.0, hz=hz)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
     found = track_modes(state, taken, block=2560)
     assert [r.opening for r in found.state.restarts[:2]] == [0.01, 0.02]
