@@ -51,7 +51,7 @@ from middeck.updating.promise.stability_probability import (
 )
 from middeck.updating.promise.weak_cable import lost_to_cable
 from middeck.updating.refinement.refine import Refined
-from repeats import LONG
+from repeats import LONG, repeats
 
 WEIGHTS = LQGWeights(output=[1.0], input=[1.0], disturbed=("f",), process=[[1.0]], sensor=[1e-4])
 
@@ -253,7 +253,7 @@ def test_draws_have_the_frequencies_of_the_linear_estimate(refined: Refined):
     assert 0.9 < np.abs(bounded).max() <= 1.0
 
 
-@pytest.mark.parametrize("name", ["orbit", "lab"])
+@pytest.mark.parametrize("name", repeats(["orbit", "lab"]))
 def test_what_is_promised_comes(refined: Refined, name: str):
     """Against a truth with a finer mesh, shear, misplaced mass, an umbilical, its own delay and gains.
 

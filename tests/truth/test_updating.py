@@ -291,13 +291,14 @@ def test_its_deviations_are_those_of_the_posterior_itself():
     seen = Survey(name="stand", measured=alone, environment=clamped())
     found = refine(mast(), [seen], (MODULUS,), 1e-6)
     bound = bind((MODULUS,), mast(), clamped())
-    grid = np.linspace(-0.05, 0.15, 41)
+    grid = np.linspace(0.0, 0.1, 21)  # beyond it nothing is left
     hz = np.array([modes_of(*change(mast(), clamped(), bound, np.array([x]))).frequency_hz[:2] for x in grid])
     log = -0.5 * np.sum((np.log(alone.frequency_hz / hz) / seen.std) ** 2, axis=1)
     weight = np.exp(log - log.max() - 0.5 * (grid / MODULUS.spread) ** 2)
     whole = integrate.trapezoid(weight, grid)
     mean = integrate.trapezoid(weight * grid, grid) / whole
     std = np.sqrt(integrate.trapezoid(weight * (grid - mean) ** 2, grid) / whole)
+    assert weight[[0, -1]].max() < 1e-6
     assert found.estimate.x[0] == pytest.approx(mean, abs=0.05 * std)
     assert found.estimate.x_std[0] == pytest.approx(std, rel=0.05)
 
@@ -365,10 +366,10 @@ def test_a_draw_that_buckles_is_named_with_what_would_help():
 
     def drawn(spread_of: Refined) -> DrawnPlants:
         rng = np.random.default_rng(0)
-        drawing = draw_plants(spread_of, clamped(), build_nothing, draws=40, rng=rng, loop=LoopSpread())
-        return drawing.plants(range(40))
+        drawing = draw_plants(spread_of, clamped(), build_nothing, draws=12, rng=rng, loop=LoopSpread())
+        return drawing.plants(range(12))
 
-    with pytest.raises(NumericalError, match=r"draw \d+ of 40: the rest state is not") as refused:
+    with pytest.raises(NumericalError, match=r"draw \d+ of 12: the rest state is not") as refused:
         drawn(found)
     advice = (
         "narrower spreads of the unknowns that the surveys do not see, or surveys that do; here bending is "
@@ -377,7 +378,7 @@ def test_a_draw_that_buckles_is_named_with_what_would_help():
     # Euler's load goes with the stiffness: 90 % of it is all of it at a tenth less, own weight apart.
     assert float(off[1]) < 0.9 * np.log(0.9) / bending.spread
     narrow = dataclasses.replace(bending, spread=0.01)
-    assert len(drawn(refine(found.structure, [c.survey for c in found.compared], (narrow,))).plants) == 40
+    assert len(drawn(refine(found.structure, [c.survey for c in found.compared], (narrow,))).plants) == 12
 
 
 def test_a_stated_cable_ties_no_draw_of_an_article_that_is_held():

@@ -27,6 +27,7 @@ from middeck.structure.elements.motion_since_drawn import (
     whole_motion,
 )
 from middeck.structure.elements.rotations import IDENTITY
+from middeck.structure.elements.sparse_of_parts import identity
 
 
 class At(NamedTuple):
@@ -95,7 +96,7 @@ def carried_turning(links: list[Lever], gradient: Inexact[np.ndarray, " coordina
 def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
     """Motions of the coordinates in W per carried coordinate; the identity where nothing is carried."""
     links = root_levers(config)
-    return lever_jacobian(links, tree.size) if links else sp.csr_array(sp.eye_array(tree.size))
+    return lever_jacobian(links, tree.size) if links else identity(tree.size)
 
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:

@@ -24,6 +24,33 @@ def csr_of(
     return out
 
 
+def identity(size: int) -> sp.csr_array:
+    """The identity, without the checks of `scipy.sparse.eye_array`.
+
+    >>> identity(2).toarray().tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
+    """
+    return turned_blocks(np.ones((1, 1)), 0, size)
+
+
+def turned_blocks(R: np.ndarray, blocks: int, further: int) -> sp.csr_array:
+    """Block diagonal: ``R`` so many times, then ones.
+
+    >>> turned_blocks(np.array([[0.0, 1.0], [1.0, 0.0]]), 1, 1).toarray().tolist()
+    [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    n = len(R)
+    turned, size = n * blocks, n * blocks + further
+    columns = np.arange(turned).reshape(blocks, 1, n) + np.zeros((n, 1), int)
+    rest = np.arange(further + 1)
+    return csr_of(
+        np.concatenate([np.tile(R.ravel(), blocks), np.ones(further)]),
+        np.concatenate([columns.ravel(), turned + rest[:-1]]).astype(np.int32),
+        np.concatenate([n * np.arange(turned), n * turned + rest]).astype(np.int32),
+        (size, size),
+    )
+
+
 @functools.lru_cache(maxsize=32)
 def _empty(shape: tuple[int, int]) -> sp.csr_array:
     return sp.csr_array(shape)

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import Configuration
+from middeck.structure.elements.sparse_of_parts import turned_blocks
 from middeck.structure.gravity.tracking import Spectrum, spectrum_of
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.motion_as_a_whole import fit_rotation
@@ -20,8 +21,8 @@ from middeck.structure.rest.motion_as_a_whole import fit_rotation
 def turn_modes(modes: Spectrum, roots: int, R: Float[np.ndarray, "3 3"]) -> Spectrum:
     """Modes of the article turned by ``R``: displacements and rotation vectors turn, joint angles do not."""
     joints = modes.mass.shape[0] - 6 * roots
-    T = sp.block_diag([sp.kron(sp.eye_array(2 * roots), R), sp.eye_array(joints)], format="csr")
-    return Spectrum(modes.lam, T @ modes.shapes, sp.csr_array(T @ modes.mass @ T.T))
+    T, back = (turned_blocks(turn, 2 * roots, joints) for turn in (R, R.T))
+    return Spectrum(modes.lam, T @ modes.shapes, sp.csr_array(T @ modes.mass @ back))
 
 
 def turn_along(

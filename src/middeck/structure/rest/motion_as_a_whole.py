@@ -100,7 +100,7 @@ def fit_rigid(
     Gauss-Newton from the mean of their turns: from none, those to both sides of 180 deg would cancel out.
     c is amid the article, however far from the origin that is drawn.
     """
-    M, centre = mass_matrix(model, start), start.x.mean(axis=0)
+    M, centre = start.once("whole mass", model, lambda: mass_matrix(model, start)), start.x.mean(axis=0)
     T = rigid_columns(model.tree, start, centre)
     T[:, 3:] /= (size := article_size(model))
     rigid, begun, there = T.T @ (M @ T), start.x - centre, end.x - centre

@@ -23,8 +23,8 @@ off. Positions and rates of a structure stay below, unless fast actuators are be
 ROUNDING = 1e-13
 """Share of a part of the states in each path from input to output below which it may be rounding of no share:
 its unit stays as it is, and what drives or reads it is judged in that."""
-KEPT = 8
-"""Systems of which `state_units` keeps what it found: one answer asks for a plant's and a law's often."""
+KEPT = 64
+"""Systems of which `state_units` keeps what it found: a gate often asks for a plant's and each fade's."""
 
 
 def balance_states(system: System) -> System:

@@ -1,11 +1,16 @@
 """Sampled plants: held inputs, sampled outputs, exact delays, ports by name."""
 
 import dataclasses
+import functools
 
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.sampling.delayed_sampling import is_sum, sample_delayed, tidy_samples
 
+KEPT = 8
+"""Sampled plants that are known: laws are judged one after the other on the same few."""
 
+
+@functools.lru_cache(maxsize=KEPT)
 def sample_plant(plant: Plant, period_s: float) -> Plant:
     """The plant from inputs held over ``period_s`` to outputs sampled at its ends: exact, delays included.
 

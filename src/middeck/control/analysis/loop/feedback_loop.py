@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -36,6 +37,8 @@ At = Literal["inputs", "outputs", "both"]
 AT_REST, ZERO = 1e-9, 1e-13
 """Slowest pole, relative to A, of a law whose value at rest is known; and the part of its terms below which
 that value, or its slope, is rounding."""
+KEPT = 16
+"""Loops that are known: stability and margins are asked of the same few fades, one after the other."""
 WELL_APART = 1e3
 """Condition of eigenvectors up to which a sum over poles, a tenth of the work, keeps twelve digits."""
 
@@ -104,6 +107,7 @@ def loop_path(plant: Plant, compensator: Compensator) -> Plant:
     return select_ports(active, inputs, outputs)
 
 
+@functools.lru_cache(maxsize=KEPT)
 def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
     """The loop of ``compensator`` around ``plant``.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable
 
@@ -35,6 +36,8 @@ from middeck.systems.state_space.statespace import LinearSystem
 from middeck.values import record
 
 MOST_ORDER = 64
+KEPT = 16
+"""Loops of which `decide_loop` keeps what it found: stability is asked for, then margins."""
 REACH = 0.1
 """Distance left of the axis up to which roots are counted, times the longest delay."""
 
@@ -92,6 +95,7 @@ def _numbers(found: LoopStability) -> Float[np.ndarray, " number"]:
     return np.log(np.maximum(np.abs([found.margin, found.damping]), LIGHTEST))
 
 
+@functools.lru_cache(maxsize=KEPT)
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """As `decide_stability`, for a loop already formed; margin and damping may be uncertain."""
     return judge_roots(find_roots(loop), loop.period_s)
