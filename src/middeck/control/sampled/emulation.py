@@ -18,7 +18,10 @@ from middeck.systems.sampling.sampling import hold_inputs, sample_dynamics, tust
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles, series
 
 Rule = Literal["hold", "tustin", "matched"]
-RINGING = 0.3
+RINGING, HEARD = 0.2, 0.1
+"""Damping below which a pole rings; its gain, over the largest at any pole, from which that counts."""
+BESIDE = 1.0 + 1e-6
+"""Where a gain is asked for, over the frequency of a pole: at an undamped one itself there is none."""
 Roots = tuple[complex, ...]
 """One real root, two real ones, or a complex one with its conjugate."""
 
@@ -37,8 +40,8 @@ def emulate(
             gain there. None for zero frequency. The hold has no such choice.
 
     Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
-    or a matched law of more than one input or output. Warns of a law with poles of a damping below `RINGING`
-    that are faster than half the rate: no rule keeps them.
+    or a matched law of more than one input or output. Warns of a law that rings faster than half the rate,
+    at a gain that counts (`RINGING`, `HEARD`): no rule keeps that.
 
     >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
@@ -72,13 +75,18 @@ def emulate(
 
 
 def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
-    found = poles(compensator.system)
-    ringing = np.abs(found.real) < RINGING * np.abs(found)
-    fastest, half = float(np.abs(found[ringing].imag).max(initial=0.0)) / (2.0 * np.pi), 0.5 / period_s
-    if fastest > half:
+    found, half = poles(compensator.system), 0.5 / period_s
+    hz = np.abs(found.imag) / (2.0 * np.pi)
+    fast = (np.abs(found.real) < RINGING * np.abs(found)) & (hz > half)
+    if not fast.any():
+        return
+    beside = 2.0 * np.pi * BESIDE * np.maximum(hz, 1e-3 * half)
+    gain = np.abs(statespace_response(compensator.system, beside))
+    told = hz[fast & (gain >= HEARD * gain.max(axis=0)).any(axis=(1, 2))]
+    if len(told):
         warnings.warn(
-            f"the compensator rings at {fastest:.4g} Hz, half the rate is {half:.4g} Hz: sampled, it is "
-            f"another law; sample it faster than {2.0 * fastest:.4g} Hz",
+            f"the compensator rings at {told.max():.4g} Hz, half the rate is {half:.4g} Hz: sampled, it is "
+            f"another law; sample it faster than {2.0 * told.max():.4g} Hz",
             UserWarning, stacklevel=3,
         )  # fmt: skip
 
