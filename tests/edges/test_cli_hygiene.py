@@ -111,6 +111,8 @@ def test_every_example_of_a_verb_runs(project: Path, capfd: Capture, verb: str) 
         assert ended.out
 
 
+# The mirror's modes lie beyond half the rate of the example, which is not the mirror's.
+@pytest.mark.filterwarnings("default:the compensator rings:UserWarning")
 def test_the_examples_that_need_a_file_run_after_those_that_write_it(project: Path, capfd: Capture) -> None:
     writes = next(e for e in examples(middeck(capfd, "identify", "--help").out) if "model.json" in e)
     assert middeck(capfd, *writes).code == 0

@@ -17,7 +17,6 @@ from middeck.identification.uncertainty.fit_drift import compare_fits
 from middeck.identification.uncertainty.response_drift import compare_responses, holm
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import FrequencyResponse
-from repeats import LONG
 
 
 def assert_no_more_than(level, alarms, runs):
@@ -25,7 +24,7 @@ def assert_no_more_than(level, alarms, runs):
     assert scipy.stats.binom.sf(alarms - 1, runs, level) > 1e-3, f"{alarms} false alarms of {runs}"
 
 
-DRAWS = 40 if LONG else 24
+DRAWS = 40
 
 
 def test_false_alarms_of_fitted_modes(campaign):
@@ -175,7 +174,7 @@ def test_holm():
 
 
 def test_channels_that_differ_are_refused():
-    fit = two_modes.fits(DRAWS, 3)[0].covariance
+    fit = two_modes.fits(40, 3)[0].covariance
     other = dataclasses.replace(fit, model=dataclasses.replace(fit.model, inputs=(Port("wheel", "N m"),)))
     with pytest.raises(ConfigError, match=r"inputs differ: gimbal \[N m\] and wheel \[N m\]"):
         compare_fits(fit, other)

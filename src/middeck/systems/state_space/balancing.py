@@ -14,7 +14,7 @@ def balance(
 ) -> tuple[Float[np.ndarray, "state state"], Float[np.ndarray, " state"]]:
     """``A`` in balanced units, and the units: powers of two, without permutations.
 
-    LAPACK itself, which takes a fifth of the time of `scipy.linalg.matrix_balance` for some tens of states.
+    LAPACK itself, in a fifth of the time that SciPy takes for some tens of states.
     """
     finite = np.asarray_chkfinite(A, dtype=float)
     if not len(finite):
