@@ -24,11 +24,13 @@ from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace, poles
 from plant_builders import sum_of_modes, unit_weights
 
+# At 100 Hz it does: what that costs is compared.
+pytestmark = pytest.mark.filterwarnings("default:the compensator rings:UserWarning")
+
 
 @pytest.fixture(scope="module")
 def comparison():
-    with pytest.warns(UserWarning, match="rings at 70.56 Hz, half the rate is 50 Hz"):
-        return compare_sampling(cases.late_gimbal(), cases.gimbal_weights(), 100.0, match_hz=5.0)
+    return compare_sampling(cases.late_gimbal(), cases.gimbal_weights(), 100.0, match_hz=5.0)
 
 
 def at(comparison, rate):
