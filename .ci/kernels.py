@@ -24,16 +24,15 @@ COPIES = 2  # NumPy's OpenBLAS and SciPy's
 
 
 def environment(kernel: str | None) -> dict[str, str]:
-    """That in which a process runs ``kernel``, or the processor's own, on one thread."""
-    own = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
+    """That in which a process runs ``kernel``, or that of the suite before it, on one thread."""
     asked = {} if kernel is None else {"OPENBLAS_CORETYPE": kernel}
-    return {**own, **asked, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return {**os.environ, **asked, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def running_kernel(kernel: str | None) -> str | None:
     """What both copies of OpenBLAS run when asked for ``kernel``; none where the processor cannot run it.
 
-    Asked for none, they run the processor's own.
+    Asked for none, they run what the suite ran: the processor's own, or what ``OPENBLAS_CORETYPE`` asks for.
     """
     probe = subprocess.run(
         [sys.executable, "-c", PROBE],
@@ -86,7 +85,7 @@ def main() -> int:
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "out/kernels")
     parser.add_argument(
         "--after-suite", action="store_true",
-        help="the suite has just run the marked tests under the processor's own kernel",
+        help="the suite has just run the marked tests, under one of the kernels",
     )  # fmt: skip
     asked = parser.parse_args()
     kernels = distinct_kernels()
