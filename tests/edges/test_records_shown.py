@@ -113,4 +113,5 @@ def test_lists_given_for_tuples_become_tuples() -> None:
     lag = StateSpace([[-1.0]], [[1.0]], [[-1.0]], [[0.0]])
     law = md.Compensator(lag, list(plant.outputs), list(plant.inputs))
     assert listed == plant
+    assert not listed.delay_s.flags.writeable  # what changed would go by the loop that is known
     assert md.decide_stability(listed, law).stable
