@@ -1,5 +1,7 @@
 """Frozen records: arrays are copied, locked and shape-checked on construction, and shown short.
 
+A list given for a tuple becomes one: a record can be a key, and is what it was.
+
 A stock frozen dataclass that holds arrays fails on ``==`` and ``hash`` and leaves the arrays writable.
 ``record`` mends the three. Shapes are written in the annotation (jaxtyping); names must agree across the
 fields of one record::
@@ -16,7 +18,17 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, dataclass_transform, get_args, get_type_hints, overload
+from typing import (
+    Any,
+    NamedTuple,
+    TypeVar,
+    cast,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+    overload,
+)
 
 import jaxtyping
 import numpy as np
@@ -85,7 +97,10 @@ class _ArrayField(NamedTuple):
 def _lock_arrays(self: Any) -> None:
     # Descents make thousands of records a second: no call that can be spared.
     cls, values = type(self), self.__dict__
-    fields, fitting = _array_fields(cls)
+    fields, tuples, fitting = _array_fields(cls)
+    for name in tuples:
+        if type(values[name]) is list:
+            values[name] = tuple(values[name])
     shapes: list[tuple[int, ...] | None] = []
     for field in fields:
         name, optional, kinds, _ = field
@@ -154,10 +169,15 @@ def _misfit(
 
 
 @functools.cache
-def _array_fields(cls: type) -> tuple[tuple[_ArrayField, ...], set[tuple[tuple[int, ...] | None, ...]]]:
-    """The fields that hold arrays, and the shapes of theirs that were found to fit, as yet none."""
+def _array_fields(
+    cls: type,
+) -> tuple[tuple[_ArrayField, ...], tuple[str, ...], set[tuple[tuple[int, ...] | None, ...]]]:
+    """The fields that hold arrays, those of tuples, and the shapes that were found to fit, as yet none."""
     found: dict[str, _ArrayField] = {}
+    names, tuples = {f.name for f in dataclasses.fields(cast("Any", cls))}, []
     for name, hint in get_type_hints(cls).items():
+        if name in names and tuple in (get_origin(hint), *map(get_origin, get_args(hint))):
+            tuples.append(name)
         options = get_args(hint) or (hint,)
         for option in options:
             if isinstance(option, type) and issubclass(option, jaxtyping.AbstractArray):
@@ -168,7 +188,7 @@ def _array_fields(cls: type) -> tuple[tuple[_ArrayField, ...], set[tuple[tuple[i
                 found[name] = _ArrayField(name, type(None) in options, given, dims)
             elif option is np.ndarray:
                 found[name] = _ArrayField(name, type(None) in options, (), None)
-    return tuple(found.values()), set()
+    return tuple(found.values()), tuple(tuples), set()
 
 
 def _fields(self: Any) -> tuple[Any, ...]:

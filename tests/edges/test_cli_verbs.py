@@ -17,11 +17,12 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.structure.rest.equilibrium import node_rotations
 from plant_builders import unit_weights
+from repeats import LONG
 
 SIMPLE = coarse("mace-simple")
 DM = coarse("mace-dm")
 LAB = ROOT / "environments/lab.toml"
-MIRROR = mirror_records()
+MIRROR = ROOT / "data/cubespec-fsm" if LONG else mirror_records()
 Capture = pytest.CaptureFixture[str]
 
 

@@ -1,11 +1,13 @@
 """Records on a screen: short arrays as they are, long ones by shape and kind."""
 
+import dataclasses
 import pickle
 
 import numpy as np
 import pytest
 from jaxtyping import Float
 
+import middeck as md
 from middeck.errors import ConfigError
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
@@ -92,3 +94,24 @@ def test_no_imaginary_part_is_dropped(A):
     """NumPy drops it with a warning at most."""
     with pytest.raises(ConfigError, match=r"StateSpace\.A: no array of numbers: complex ones"):
         StateSpace(A, [[1.0]], [[1.0]], [[0.0]])
+
+
+def test_lists_given_for_tuples_become_tuples() -> None:
+    """Loops are known by their halves: ports in lists were no keys, and could change."""
+    names = ["p", "q"]
+
+    @record
+    class Several:
+        names: tuple[str, ...]
+        more: tuple[str, ...] | None = None
+
+    made = Several(names, ["r"])
+    names.append("s")
+    assert (made.names, made.more, Several(("p",)).more) == (("p", "q"), ("r",), None)
+    plant = md.make_plant([[-1.0]], [[1.0]], [[1.0]])
+    listed = dataclasses.replace(plant, inputs=list(plant.inputs), outputs=list(plant.outputs))
+    lag = StateSpace([[-1.0]], [[1.0]], [[-1.0]], [[0.0]])
+    law = md.Compensator(lag, list(plant.outputs), list(plant.inputs))
+    assert listed == plant
+    assert not listed.delay_s.flags.writeable  # what changed would go by the loop that is known
+    assert md.decide_stability(listed, law).stable

@@ -311,6 +311,26 @@ def test_a_refused_name_does_not_end_the_recording_before_it(tmp_path):
     assert set(range(21, 41)) <= set(runs[1].records["sequence"].tolist())
 
 
+def test_each_recording_says_its_own_faults(tmp_path, monkeypatch):
+    """And one whose file was removed is no reason to stumble."""
+    first, second, third = (tmp_path / f"{name}.mdr" for name in ("first", "second", "third"))
+    with Supervisor(plain_settings(), random_article()) as engine:
+        engine.record(first)
+        for path in (second, third):
+            engine.recorder._blame("no room")
+            with pytest.warns(UserWarning, match="no room"):
+                engine.run(1)
+            engine.record(path)
+        third.unlink()
+        with pytest.raises(ConfigError, match="is a run that has ended"):
+            engine.record(first, resume=True)
+        with monkeypatch.context() as refused:
+            refused.setattr(engine, "_say_faults", lambda: pytest.fail("a warning as an error"))
+            with pytest.raises(pytest.fail.Exception):
+                engine.record(third)
+    assert {fault.kind for fault in read_run(third).faults} <= {"note"}
+
+
 def test_a_lockstep_engine_does_not_run_away_from_a_slow_disk(tmp_path, monkeypatch):
     """What a kill of the supervisor would lose is still in the ring, with half of it left for the way out."""
     append = Recorder._append

@@ -21,7 +21,7 @@ from middeck.errors import ConfigError
 from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
-from middeck.realtime.gate.steps_on_paper import check_error_bound
+from middeck.realtime.gate.steps_on_paper import check_error_bound, check_vectors
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks
@@ -552,6 +552,17 @@ def test_a_bound_that_adds_up_no_samples_keeps_none():
     for _ in range(400):
         truth, impulse = truth + np.abs(impulse), F @ impulse
     assert np.all(bound[:200, 0] >= truth)
+
+
+def test_an_output_that_no_input_reaches_asks_for_no_longer_vectors():
+    """A state that nothing drives, one behind a filter that gives nothing: they stand still for good."""
+    still = SampledStateSpace(np.diag([0.5, 0.4]), [[1.0], [0.0]], np.eye(2), np.zeros((2, 1)), period_s=0.01)
+    law = Compensator(still, *ports(1, 1, 2))
+    mute = InputFilter(0, Section(np.zeros(3), np.zeros(2)))
+    for filters, moving in (((), [True, False]), ((mute,), [False, False])):
+        package = package_law(law, "law", filters=filters)
+        assert (len(package.vectors.y), package.vectors.u.any(axis=0).tolist()) == (48, moving)
+        assert check_vectors(package).passed
 
 
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])

@@ -36,7 +36,7 @@ from middeck.updating.promise.slip_loops import (
     noise_response,
     pole_form,
 )
-from middeck.updating.promise.slip_run import Slipped, join_slips, run_slips, set_run
+from middeck.updating.promise.slip_run import Slipped, SlipRun, join_slips, run_slips, set_run
 from middeck.updating.refinement.refine import Refined
 
 GIMBAL = JointSlip(name="turn", slip_torque=0.05, slip_angle=1e-3)
@@ -257,6 +257,22 @@ def test_loops_around_sliders_are_the_linear_loops():
     delayed = G[:1, :, :] * np.exp(-0.3j * 2.0 * np.pi * hz[0])
     K = statespace_response(law.system, 2.0 * np.pi * hz[:1])
     np.testing.assert_allclose(H[0, 1, 0], (G[0, 0, 0] / (1.0 - K[0, 0, 0] * delayed[0, 0, 0])), rtol=1e-9)
+
+
+def test_what_laws_answer_is_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch):
+    law, joint = delayed_brake()[1], JointSlip(name="turn", slip_torque=0.1, slip_angle=1e-3)
+    plan = asked(performance=("turn",), joints=(joint,))
+    time = slip_time.SlipTime(record_s=4.0, settle_s=1.0, band_hz=25.0, sample_hz=100.0, short=False)
+    wiring = SlipPorts(joints=("turn",), performance=("turn",), disturbances=("turn",))
+    laws = {None: None, **dict.fromkeys("abc", law)}
+    run = SlipRun(plan=plan, laws=laws, slips=alike((joint,), 1), wiring=wiring, time=time, order=1)
+    size = law_response(law, time.lines_hz).size
+    monkeypatch.setattr(slip_run, "MOST", 2 * size + 1)
+    found = [run.answer_of(name) for name in (*laws, *laws)]
+    assert found[0] is None
+    assert all(np.array_equal(one, found[1]) for name, one in zip((*laws, *laws), found, strict=True) if name)
+    assert list(run.answers) == ["a", "b"]
+    assert found[5] is found[1]
 
 
 def test_joints_answer_their_sliders_beside_a_long_delay(refined: Refined, monkeypatch: pytest.MonkeyPatch):

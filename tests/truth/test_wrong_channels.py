@@ -69,11 +69,15 @@ def swapped(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
     repeats(
         [
             (change, what, kept)
-            for kept in (None, SHIFTS)
-            for change, what in (
-                (turned, ["channel d y reads with the opposite sign"]),
-                (swapped, ["channel c x does not follow", "channel c y does not follow"]),
-                (thrice, ["channel d z reads 3 times"]),
+            for each in ((None, SHIFTS, None), (SHIFTS, None, SHIFTS))
+            for kept, (change, what) in zip(
+                each,
+                (
+                    (turned, ["channel d y reads with the opposite sign"]),
+                    (swapped, ["channel c x does not follow", "channel c y does not follow"]),
+                    (thrice, ["channel d z reads 3 times"]),
+                ),
+                strict=True,
             )
         ],
         2,

@@ -27,29 +27,51 @@ def add_test_vectors(package: ControllerPackage, samples: int | None = None) -> 
     """
     if samples is not None:
         return _with_vectors(package, samples)
-    made = _with_vectors(package, USUAL)
-    for longer in range(2 * USUAL, SAMPLES + 1, USUAL):
-        if not find_unmoved(made):
-            break
+    latest = max((first for first in _first_moves(package) if first is not None), default=0)
+    longer = USUAL * (latest // USUAL + 1)
+    made = _with_vectors(package, longer)
+    while 2 * longer <= SAMPLES and find_unmoved(made):
+        longer *= 2
         made = _with_vectors(package, longer)
     return made
 
 
 def find_unmoved(package: ControllerPackage) -> tuple[str, ...]:
     """Ports that stand still in the test vectors of ``package``, though the law moves them, and its ramp."""
-    stored, core = package.vectors, package.core
+    stored = package.vectors
     if stored is None:
         return ()
-    driven = np.asarray(np.hstack([core.C, core.D]).any(axis=1))
-    driven[[path.output for path in package.paths]] = True
-    driven &= package.lower < package.upper
     columns = [(f"input {p.name}", column) for p, column in zip(package.inputs, stored.y.T, strict=True)]
     columns += [
         (f"output {p.name}", column)
-        for p, column, moves in zip(package.outputs, stored.u.T, driven, strict=True)
-        if moves
+        for p, column, first in zip(package.outputs, stored.u.T, _first_moves(package), strict=True)
+        if first is not None
     ]
     return tuple(name for name, column in [*columns, ("ramp", stored.engaged)] if (column == column[0]).all())
+
+
+def _first_moves(package: ControllerPackage) -> list[int | None]:
+    """The sample, from 0, at which inputs reach each output first; None for one that they never reach.
+
+    Told by what is not zero; delays of sections, a few samples, are left out.
+    """
+    core, sample = package.core, 0
+    read = np.ones(len(package.inputs), dtype=bool)
+    read[[place.input for place in package.filters if not place.section.b.any()]] = False
+    fresh = np.asarray(core.D[:, read].any(axis=1))
+    fresh[[path.output for path in package.paths if path.section.b.any()]] = True
+    first: list[int | None] = [None] * len(fresh)
+    reached = np.zeros(len(fresh), dtype=bool)
+    known, late = np.zeros(len(core.A), dtype=bool), core.B[:, read].any(axis=1)
+    while fresh.any() or late.any():
+        for k in np.flatnonzero(fresh):
+            first[k] = sample
+        reached |= fresh
+        late = (late | core.E[:, fresh].any(axis=1)) & ~known
+        known |= late
+        fresh = core.C[:, late].any(axis=1) & ~reached
+        late, sample = core.A[:, late].any(axis=1) & ~known, sample + 1
+    return first
 
 
 def _with_vectors(package: ControllerPackage, samples: int) -> ControllerPackage:

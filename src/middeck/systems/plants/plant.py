@@ -67,7 +67,9 @@ class Plant:
         port_indices(self.inputs, (*self.w, *self.u), "input")
         port_indices(self.outputs, (*self.z, *self.y), "output")
         if not np.any(self.delay_s):
-            object.__setattr__(self, "delay_s", np.zeros(ports))
+            none = np.zeros(ports)
+            none.setflags(write=False)
+            object.__setattr__(self, "delay_s", none)
         _check_delays(self.delay_s, ports, self.period_s)
 
     @property

@@ -10,7 +10,6 @@ KEPT = 8
 """Sampled plants that are known: laws are judged one after the other on the same few."""
 
 
-@functools.lru_cache(maxsize=KEPT)
 def sample_plant(plant: Plant, period_s: float) -> Plant:
     """The plant from inputs held over ``period_s`` to outputs sampled at its ends: exact, delays included.
 
@@ -21,6 +20,11 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     >>> sample_plant(make_plant([[-1.0]], [[1.0]], [[1.0]], delay_s=0.015), 0.01).state_names
     ('state 0', 'delay', 'delay')
     """
+    return _sample(plant, float(period_s))
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _sample(plant: Plant, period_s: float) -> Plant:
     system = sample_delayed(remove_delays(plant).system, period_s, plant.delay_s)
     modes = name_states(plant) * (1 if is_sum(tidy_samples(plant.delay_s / period_s)) else len(plant.inputs))
     names = (*modes, *("delay",) * (len(system.A) - len(modes)))

@@ -86,9 +86,19 @@ class SlipRun:
     alone: int = ALONE
 
     @functools.cached_property
-    def answers(self) -> Mapping[str | None, Complex[np.ndarray, "line command read"] | None]:
-        """What each compensator answers on the lines of the noise, once for all draws."""
-        return {name: law_response(law, self.time.lines_hz) for name, law in self.laws.items()}
+    def answers(self) -> dict[str, Complex[np.ndarray, "line command read"]]:
+        """Those that `answer_of` keeps."""
+        return {}
+
+    def answer_of(self, name: str | None) -> Complex[np.ndarray, "line command read"] | None:
+        """What a compensator answers on the lines of the noise: found once for all draws, unless all that
+        are kept would be more than `MOST` numbers."""
+        if name is None or name in self.answers:
+            return None if name is None else self.answers[name]
+        found = law_response(self.laws[name], self.time.lines_hz)
+        if found is not None and found.size + sum(kept.size for kept in self.answers.values()) <= MOST:
+            self.answers[name] = found
+        return found
 
 
 def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
@@ -195,7 +205,7 @@ def _with_friction(
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
     """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
     time, joints, law = asked.time, len(asked.wiring.joints), asked.laws[name]
-    hz, answer = time.lines_hz, None if law is None else asked.answers[name]
+    hz, answer = time.lines_hz, asked.answer_of(name)
     size = noise_intensity(asked.plan, law) * np.sqrt(2.0 / time.record_s)
     low, high = asked.plan.band_hz or (0.0, np.inf)
     acts = ((hz >= low) & (hz <= high))[:, None, None]

@@ -268,12 +268,16 @@ class Supervisor(CommandedEngine):
         """
         self._require_own()
         file, before = Path(path), self.recorder
-        if resume and before is not None and file.exists() and file.samefile(before.path):
+        if resume and before is not None and before.is_writing(file):
             raise ConfigError("is being recorded", where=str(file), hint="it goes on; nothing to resume")
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()) if start is None else start
         made = Recorder(file, run_head(self.settings, self.file, now), clock=time.monotonic, resume=resume)
-        self.end_recording()
-        self.recorder = made
+        try:
+            self.end_recording()
+        except BaseException:
+            made.close()
+            raise
+        self.recorder, self._said = made, 0
         if resume:
             self.file.asks["taken"] = self.recorder.last
         self.file.asks["keeps"] = 1

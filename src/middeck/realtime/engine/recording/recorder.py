@@ -122,6 +122,13 @@ class Recorder:
         """How many records a kill of this process would lose: taken, and not yet given to the system."""
         return self.last - self._written[0]
 
+    def is_writing(self, path: Path) -> bool:
+        """Whether ``path`` is the file that is open here, under whatever name."""
+        try:
+            return os.path.samestat(path.stat(), os.fstat(self._file))
+        except OSError:
+            return False
+
     def close(self, patience_s: float = 30.0) -> None:
         """Write what waits and the end of the file, and let it go to the disk."""
         self._waiting.put(None)
