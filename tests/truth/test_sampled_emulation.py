@@ -1,5 +1,7 @@
 """Emulated laws: where each rule is exact, and what it does to poles, zeros and gain."""
 
+import warnings
+
 import numpy as np
 import pytest
 import sampled_cases as cases
@@ -164,6 +166,17 @@ def test_a_law_that_rings_faster_than_half_the_rate_is_told_of(rule):
         UserWarning, match=r"rings at 6.965 Hz, half the rate is 6.9 Hz: sampled, it is another"
     ):
         emulate(law, 0.5 / 6.9, rule)
+
+
+def test_what_rings_too_fast_is_told_of_only_where_it_counts():
+    w, silent, loud = 2.0 * np.pi * 7.0, [[0.0], [0.0], [1.0]], [[0.0], [5.0], [1.0]]
+    for damping, B, told in ((0.2, loud, True), (-0.8, loud, True), (0.2, silent, False)):
+        A = sla.block_diag([[0.0, w], [-w, -damping * w]], 0.0)  # beside an integrator
+        law = law_of(A, B, [[1.0, 0.0, 1.0]], 0.0)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            emulate(law, 0.5 / 6.0, "hold")
+        assert bool(said) == told
 
 
 def test_matched_is_for_one_channel():

@@ -20,6 +20,8 @@ from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 Rule = Literal["hold", "tustin", "matched"]
 RINGING, HEARD = 0.2, 0.1
 """Damping below which a pole rings; its gain, over the largest at any pole, from which that counts."""
+LOW = 0.1
+"""The least frequency, over half the rate, at which gains are compared: an integrator's grows without end."""
 BESIDE = 1.0 + 1e-6
 """Where a gain is asked for, over the frequency of a pole: at an undamped one itself there is none."""
 Roots = tuple[complex, ...]
@@ -77,10 +79,10 @@ def emulate(
 def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
     found, half = poles(compensator.system), 0.5 / period_s
     hz = np.abs(found.imag) / (2.0 * np.pi)
-    fast = (np.abs(found.real) < RINGING * np.abs(found)) & (hz > half)
+    fast = (found.real > -RINGING * np.abs(found)) & (hz > half)
     if not fast.any():
         return
-    beside = 2.0 * np.pi * BESIDE * np.maximum(hz, 1e-3 * half)
+    beside = 2.0 * np.pi * BESIDE * np.maximum(hz, LOW * half)
     gain = np.abs(statespace_response(compensator.system, beside))
     told = hz[fast & (gain >= HEARD * gain.max(axis=0)).any(axis=(1, 2))]
     if len(told):
