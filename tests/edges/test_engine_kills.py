@@ -125,13 +125,15 @@ def test_a_killed_supervisor_leaves_a_real_time_loop_safe(seeds):
             assert engine.process.poll() is not None
             reset = [event.sample for event in run.events if event.kind == "reset done"][-1]
             (trip,) = [event.sample for event in run.events if event.kind == "heartbeat"]
+            # On a busy machine the supervisor may be missed before it has engaged anything.
+            engaged = "engaged" in kinds[: kinds.index("heartbeat")]
+            assert engaged == bool(np.any(run.records["u"][trip - 1]))
             assert_falls_to_zero(run.records["u"], trip, reset, settings(True))
 
 
 def assert_falls_to_zero(u, trip, end, settings):
     """From the sample of a trip on: torques on one ramp to zero, where they stay until ``end``."""
     ramp = settings.samples(settings.safe_ramp_s)
-    assert np.abs(u[trip - 1]).max() > 0.0
     sizes = np.abs(u[trip - 1 : trip + ramp])
     assert np.all(np.diff(sizes, axis=0) <= 0.0)
     assert np.all(u[trip : trip + ramp] * u[trip - 1] >= 0.0)
