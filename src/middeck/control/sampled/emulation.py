@@ -19,7 +19,10 @@ from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
 Rule = Literal["hold", "tustin", "matched"]
 RINGING, HEARD = 0.2, 0.1
-"""Damping below which a pole rings; its gain, over the largest at any pole, from which that counts."""
+"""Damping below which a pole rings; its gain, over the largest at any pole, from which that counts.
+
+Chosen: at 500 Hz laws of the study do well with poles of 0.25 to 0.3 beyond 250 Hz, at a tenth of their gain.
+"""
 LOW = 0.1
 """The least frequency, over half the rate, at which gains are compared: an integrator's grows without end."""
 BESIDE = 1.0 + 1e-6

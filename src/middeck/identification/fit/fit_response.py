@@ -403,8 +403,7 @@ def _result(run: _Searched) -> FitResult:
 def _errors(
     measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]
 ) -> Float[np.ndarray, " output"]:
-    size = (np.sum(np.abs(x) ** 2, axis=(0, 2)) for x in (residual, measured.H))
-    return np.sqrt(np.divide(*size))
+    return np.sqrt(np.sum(np.abs(residual) ** 2, axis=(0, 2)) / np.sum(np.abs(measured.H) ** 2, axis=(0, 2)))
 
 
 def _lacks(run: _Searched, covariance: ModelCovariance) -> Lacking:

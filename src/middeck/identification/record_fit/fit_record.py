@@ -39,12 +39,12 @@ from middeck.identification.model.fit_options import (
 )
 from middeck.identification.model.measurement_model import MeasurementModel, model_response, natural_hz
 from middeck.identification.model.refused_data import check_record, check_word
-from middeck.identification.model.steady_simulation import folded_modes, folded_response
 from middeck.identification.model.unstable_article import refuse_growth
 from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
+from middeck.identification.record_fit.behind_hold import First, Made, fit_behind_hold
 from middeck.identification.record_fit.continuous_fit import fit_continuous
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
@@ -70,7 +70,6 @@ from middeck.signals.excitation.driven_band import driven_band, floor_variance, 
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_inputs
-from middeck.values import record as value
 
 # A model worth using explains nine tenths of the output.
 LEFT = 0.1
@@ -199,47 +198,18 @@ def fit_samples(
     assert band_hz is not None  # sampled models alone leave it open
     if record.held:
         first = _first(search, given, release_inputs(record))
-        return _behind_hold(fit, given, record, first, band_hz[1]).fit
+        return fit_behind_hold(fit, given, record, first, band_hz[1]).fit
     made = fit(given, record)
     if record.held is None and made.fit.warnings:
         tell("the inputs as held ones")
         held = (dataclasses.replace(one, held=True) for one in (given, record))
         with contextlib.suppress(FitError):
             behind = without_hold(made.fit.model, record.sample_hz)
-            first = _First(behind, made.fit.covariance.structure.real_constants)
-            other = _behind_hold(fit, *held, first, band_hz[1])
+            first = First(behind, made.fit.covariance.structure.real_constants)
+            other = fit_behind_hold(fit, *held, first, band_hz[1])
             if other.length < made.length - UNDECIDED:
                 return taken_as_held(made.fit, other.fit)
     return marked(made.fit, None if record.held is None else 0.0)
-
-
-@value
-class _Made:
-    """A fit and the length of its description."""
-
-    fit: FitResult
-    length: float
-
-
-def _behind_hold(
-    fit: Callable[[Record, Record], _Made],
-    given: Record,
-    record: Record,
-    first: _First,
-    last_hz: float,
-) -> _Made:
-    """The fit of what is behind the hold of the inputs; a ``first`` model tells what is folded back."""
-    behind = release_inputs(record)
-    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
-    made = fit(given, behind)
-    return _Made(marked(made.fit, 1.0 / record.sample_hz), made.length)
-
-
-class _First(NamedTuple):
-    """A model of which it is not asked how well it is known, and whether its constants are real."""
-
-    model: MeasurementModel
-    real: bool
 
 
 class _Found(NamedTuple):
@@ -260,7 +230,7 @@ def _fit(
     record: Record,
     *,
     input_noise: Float[np.ndarray, "part sample input"] | None,
-) -> _Made:
+) -> Made:
     """The fit of a record without drift, whose inputs are taken as they are; ``measured`` has its faults."""
     data, run, fitted, reason = search(measured, record)
     with residual_tests.named_cause(measured):
@@ -269,15 +239,15 @@ def _fit(
         grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
         found = _result(measured, record, fitted, reason, score, heard[1], input_noise)
-        return _Made(found, record_length(fitted.data, fitted.run))
+        return Made(found, record_length(fitted.data, fitted.run))
 
 
-def _first(search: _Search, measured: Record, record: Record) -> _First:
+def _first(search: _Search, measured: Record, record: Record) -> First:
     """The model of `_fit` alone."""
     fitted = search(measured, record).fitted
     with residual_tests.named_cause(measured):
         model = _causal(record, fitted)[2]
-    return _First(model, structure_of(fitted.run.layout).real_constants)
+    return First(model, structure_of(fitted.run.layout).real_constants)
 
 
 def _searched(
@@ -343,18 +313,6 @@ def _shorter(
         if record_length(data, run) < record_length(*one[:2]):
             return data, run, f"{reason}; {OF_PATHS}"
     return one
-
-
-def _folded_outputs(first: _First, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:
-    """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
-    model = first.model
-    kept = folded_modes(model, last_hz, real=first.real)
-    run = record.u.reshape(len(record.u), -1, record.u.shape[3])
-    f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
-    H = np.zeros((len(f), *model.direct.shape), dtype=complex)
-    H[1:] = folded_response(model, f[1:], record.sample_hz, kept)
-    y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(run, axis=1)), n=run.shape[1], axis=1)
-    return y.reshape(record.y.shape)
 
 
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:

@@ -86,15 +86,15 @@ class SlipRun:
     alone: int = ALONE
 
     @functools.cached_property
-    def answers(self) -> dict[str, Complex[np.ndarray, "line command read"]]:
+    def answers(self) -> dict[str | None, Complex[np.ndarray, "line command read"]]:
         """Those that `answer_of` keeps."""
         return {}
 
     def answer_of(self, name: str | None) -> Complex[np.ndarray, "line command read"] | None:
         """What a compensator answers on the lines of the noise: found once for all draws, unless all that
         are kept would be more than `MOST` numbers."""
-        if name is None or name in self.answers:
-            return None if name is None else self.answers[name]
+        if name in self.answers:
+            return self.answers[name]
         found = law_response(self.laws[name], self.time.lines_hz)
         if found is not None and found.size + sum(kept.size for kept in self.answers.values()) <= MOST:
             self.answers[name] = found

@@ -1,0 +1,50 @@
+"""The fit of what is behind a hold of the inputs: a first model tells what the hold folds back."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from middeck.identification.fit.fit_response import FitResult, marked
+from middeck.identification.model.measurement_model import MeasurementModel
+from middeck.identification.model.steady_simulation import folded_modes, folded_response
+from middeck.signals.record import Record
+from middeck.systems.sampling.zero_order_hold import release_inputs
+
+
+class Made(NamedTuple):
+    """A fit and the length of its description."""
+
+    fit: FitResult
+    length: float
+
+
+class First(NamedTuple):
+    """A model of which it is not asked how well it is known, and whether its constants are real."""
+
+    model: MeasurementModel
+    real: bool
+
+
+def fit_behind_hold(
+    fit: Callable[[Record, Record], Made], given: Record, record: Record, first: First, last_hz: float
+) -> Made:
+    """The fit of what is behind the hold; what ``first`` folds back is taken off."""
+    behind = release_inputs(record)
+    behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
+    made = fit(given, behind)
+    return made._replace(fit=marked(made.fit, 1.0 / record.sample_hz))
+
+
+def _folded_outputs(first: First, record: Record, last_hz: float) -> Float[np.ndarray, "*outputs"]:
+    """The part of the outputs that is folded back: held inputs reach beyond half the rate."""
+    model = first.model
+    kept = folded_modes(model, last_hz, real=first.real)
+    run = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    f = np.fft.rfftfreq(run.shape[1], 1.0 / record.sample_hz)
+    H = np.zeros((len(f), *model.direct.shape), dtype=complex)
+    H[1:] = folded_response(model, f[1:], record.sample_hz, kept)
+    y = np.fft.irfft(np.einsum("koi,eki->eko", H, np.fft.rfft(run, axis=1)), n=run.shape[1], axis=1)
+    return y.reshape(record.y.shape)
