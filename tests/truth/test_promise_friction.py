@@ -14,7 +14,7 @@ from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.joints.sliding import SlidingLoops, slide
+from middeck.joints.sliding import PASSES, Sliding, SlidingLoops, held_gain
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig
@@ -28,7 +28,9 @@ from middeck.updating.promise import slip_run, slip_time
 from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.updating.promise.promise import design_ladder, promise
 from middeck.updating.promise.slip import DrawnSlips, JointSlip, draw_slips
+from middeck.updating.promise.slip_lines import mean_squares, sample_lines
 from middeck.updating.promise.slip_loops import (
+    SlipPoles,
     SlipPorts,
     around_sliders,
     evaluate_open,
@@ -86,14 +88,27 @@ def test_sliders_are_those_of_a_rig():
     form = pole_form(loop)
     assert form is not None
     sliders = SlidingLoops(
-        poles=[form.poles], drives=[form.drives], reads=[form.reads],
+        poles=[form.poles], drives=[form.drives], reads=[form.reads[:2]],
         stiffness=[[f.stiffness for f in one]], slip_torque=[[f.slip_torque for f in one]],
     )  # fmt: skip
     # The rig samples at the beginning of a step.
-    found = slide(sliders, without[1:, None], period)[:, 0]
+    (angle,), (torque,) = Sliding([sliders], period).move(without[1:, :2].T[None])
+    found = without[1:] - held_response(loop, torque, period)
+    np.testing.assert_allclose(found[:, :2], angle.T, atol=1e-9 * np.abs(angle).max())
     size = np.std(with_friction - without, axis=0)
     assert np.all(size > 0.1 * np.std(without, axis=0))
     np.testing.assert_array_less(np.std(found - with_friction[1:], axis=0), 0.005 * size)
+
+
+def held_response(loop: StateSpace, torque: np.ndarray, period: float) -> np.ndarray:
+    """Outputs at the ends of steps over which torques are held, by the exponential of the loop."""
+    n, inputs = loop.B.shape
+    both = expm(np.vstack([np.hstack([loop.A, loop.B]), np.zeros((inputs, n + inputs))]) * period)[:n]
+    x, made = np.zeros(n), []
+    for held in torque.T:
+        x = both @ np.concatenate([x, held])
+        made.append(loop.C @ x)
+    return np.array(made)
 
 
 def test_a_step_that_is_too_long_is_refused():
@@ -102,7 +117,92 @@ def test_a_step_that_is_too_long_is_refused():
         stiffness=[[1e3]], slip_torque=[[1.0]],
     )  # fmt: skip
     with pytest.raises(ConfigError, match="shorter step"):
-        slide(loops, np.zeros((3, 1, 1)), 0.1)
+        Sliding([loops], 0.1)
+
+
+def drawn_loops(rng: np.random.Generator, poles: int, records: int) -> SlidingLoops:
+    """Two loops of two joints."""
+    values = rng.uniform(1.0, 200.0, (2, poles)) * (-0.02 + 1.0j)
+    drives = rng.standard_normal((2, 2, poles)) + 0j
+    return SlidingLoops(
+        poles=values, drives=drives, reads=drives * (-1j / np.imag(values))[:, None],
+        stiffness=rng.uniform(2.0, 4.0, (2, 2)), slip_torque=rng.uniform(0.02, 0.06, (2, 2)), records=records,
+    )  # fmt: skip
+
+
+def slide_alone(loops: SlidingLoops, k: int, free: np.ndarray, period: float) -> np.ndarray:
+    """Angles of one run of loop ``k``, all poles moved on by every step."""
+    grown, reads = np.exp(loops.poles[k] * period), loops.reads[k]
+    gain, limit = held_gain(loops.poles[k], loops.drives[k], period), loops.slip_torque[k]
+    at_once = np.real(reads @ gain.T)
+    state, torque, mean, before = np.zeros(len(grown), dtype=complex), np.zeros(2), np.zeros(2), np.zeros(2)
+    made = []
+    for now in free.T:
+        state = state * grown
+        angle, begun = now - np.real(reads @ state), torque
+        for _ in range(PASSES):
+            turned = angle - at_once @ mean - before
+            torque = np.clip(begun + loops.stiffness[k] * turned, -limit, limit)
+            mean = 0.5 * (begun + torque)
+        state = state + mean @ gain
+        before = angle - at_once @ mean
+        made.append(before)
+    return np.array(made).T
+
+
+def test_runs_side_by_side_in_blocks_are_each_alone_step_by_step():
+    """Groups of other poles and records, in pieces that no block fits."""
+    rng, period = np.random.default_rng(3), 1.0 / 400.0
+    groups = [drawn_loops(rng, 5, 3), drawn_loops(rng, 8, 1)]
+    free = np.cumsum(rng.standard_normal((8, 2, 301)), axis=2) * 0.01
+    sliding = Sliding(groups, period)
+    parts = [sliding.move(free[:, :, start:stop]) for start, stop in ((0, 7), (7, 120), (120, 301))]
+    angle, torque = (np.concatenate(x, axis=2) for x in zip(*parts, strict=True))
+    places = [(g, k) for g in groups for k in range(2) for _ in range(g.records)]
+    alone = np.array([slide_alone(g, k, f, period) for (g, k), f in zip(places, free, strict=True)])
+    np.testing.assert_allclose(angle, alone, rtol=0.0, atol=1e-12 * np.abs(alone).max())
+    limit = np.array([g.slip_torque[k] for g, k in places])[:, :, None]
+    slips = np.abs(torque) > 0.999 * limit
+    assert 0.1 < np.mean(slips) < 0.9
+
+
+@pytest.mark.parametrize("band_hz", [None, (2.0, 9.0)])
+@pytest.mark.parametrize("samples", [240, 243])
+def test_mean_squares_by_lines_are_those_of_samples(samples: int, band_hz: tuple[float, float] | None):
+    """Performance from held torques, in time and by the lines, behind a settling that leaves its states."""
+    rng, joints = np.random.default_rng(5), 2
+    time = slip_time.SlipTime(
+        record_s=samples / 50.0, settle_s=0.6, band_hz=20.0, sample_hz=50.0, short=False
+    )
+    poles = rng.uniform(1.0, 60.0, 4) * (-0.05 + 1.0j)
+    form = SlipPoles(poles, rng.standard_normal((joints, 4)) + 0j, rng.standard_normal((3, 4)) + 0j)
+    noise, lines = time.noise_lines(band_hz), time.record_lines(band_hz)
+    assert noise.start == lines.start
+    assert noise.stop <= lines.stop
+    free = rng.standard_normal((3, 2, noise.stop - noise.start, 2)) @ [1.0, 1.0j]
+    torque = 5.0 * rng.standard_normal((2, joints, time.settling + samples))
+    gain, grown = held_gain(form.poles, form.drives, 1.0 / 50.0), np.exp(form.poles / 50.0)
+    state, states = np.zeros((2, 4), dtype=complex), [np.zeros((2, 4), dtype=complex)]
+    for held in torque.transpose(2, 0, 1):
+        state = state * grown + held @ gain
+        states.append(state)
+    record = np.array(states[time.settling + 1 :])
+    without = np.array([sample_lines(time, noise, free[:, k]) for k in range(2)])
+    both = without - np.real(np.einsum("op,krp->rok", form.reads, record)), without
+    ends = states[time.settling] + states[-1]
+    found = mean_squares(time, lines, form, free, torque[:, :, time.settling :], ends)
+    np.testing.assert_allclose(found, [in_band(z, time, band_hz) for z in both], rtol=1e-11)
+
+
+def in_band(z: np.ndarray, time: slip_time.SlipTime, band_hz: tuple[float, float] | None) -> np.ndarray:
+    """Mean square of all outputs, by all lines of the samples with half a turn over the record taken out."""
+    if band_hz is None:
+        return np.mean(np.sum(z**2, axis=1), axis=1)
+    samples = z.shape[2]
+    lines = np.fft.fft(z * np.exp(-1j * np.pi * np.arange(samples) / samples), norm="forward")
+    hz = np.abs(np.fft.fftfreq(samples, 1.0 / time.sample_hz) + 0.5 / time.record_s)
+    inside = (hz >= band_hz[0]) & (hz <= band_hz[1])
+    return np.sum(np.abs(lines[:, :, inside]) ** 2, axis=(1, 2))
 
 
 def turntable(drag: float = 1.0) -> Plant:
@@ -315,6 +415,8 @@ def test_the_result_does_not_hang_on_the_sampling(monkeypatch: pytest.MonkeyPatc
     with monkeypatch.context() as little:
         little.setattr(slip_run, "ALONE", 2)
         few = db()
+        little.setattr(slip_run, "HELD", 1)
+        np.testing.assert_allclose(db(), few, rtol=1e-9)
         little.setattr(slip_run, "MOST", 1)
         np.testing.assert_allclose(db(), few, rtol=1e-9)
     coarse = db()

@@ -18,6 +18,8 @@ from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import StateSpace, select_paths, series
 from middeck.values import record
 
+PIECE = 1024
+"""Lines whose responses are found at once: what is made on the way stays near the processor."""
 NEGLIGIBLE = 1e-6
 """Part of a pole in a response, relative to the largest, below which it is left out."""
 
@@ -119,18 +121,21 @@ def noise_response(
     ``answer`` is the law's `law_response` on these lines, and may be on more beyond them.
     """
     w, rows = plant.input_indices(wiring.disturbances), _rows(plant, wiring)[1]
-    G = open_response
     if law is None or answer is None:
-        return G[:, rows][:, :, w]
-    omega = 2.0 * np.pi * frequency_hz
+        return open_response[:, np.array(rows)[:, None], w]
     u, y = locate_ports(law, plant.inputs, plant.outputs)
     late_s = float(plant.delay_s.max(initial=0.0))
-    K = answer[: len(omega)] * np.exp(-1j * omega * late_s)[:, None, None]
-    # Commands, by what is read without the law and by its noise.
-    commands = np.linalg.solve(np.eye(len(u)) - K @ G[:, y][:, :, u], K)
-    commands = np.concatenate([commands @ G[:, y][:, :, w], commands], axis=2)
-    found = G[:, rows][:, :, u] @ commands
-    found[:, :, : len(w)] += G[:, rows][:, :, w]
+    reads, makes = np.array(y)[:, None], np.array(rows)[:, None]
+    found = np.empty((len(frequency_hz), len(rows), len(w) + len(y)), dtype=complex)
+    for first in range(0, len(found), PIECE):
+        piece = slice(first, first + PIECE)
+        G = open_response[piece]
+        K = answer[: len(found)][piece] * np.exp(-2j * np.pi * frequency_hz[piece] * late_s)[:, None, None]
+        # Commands, by what is read without the law and by its noise.
+        commands = np.linalg.solve(np.eye(len(u)) - K @ G[:, reads, u], K)
+        commands = np.concatenate([commands @ G[:, reads, w], commands], axis=2)
+        np.matmul(G[:, makes, u], commands, out=found[piece])
+        found[piece, :, : len(w)] += G[:, makes, w]
     return found
 
 

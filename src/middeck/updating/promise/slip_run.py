@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
@@ -19,10 +21,12 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import MOST_PADE, pade_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.joints.sliding import SlidingLoops, slide
+from middeck.joints.sliding import Sliding, SlidingLoops
 from middeck.systems.plants.plant import Plant, select_ports
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.slip import DrawnSlips
+from middeck.updating.promise.slip_lines import mean_squares, sample_lines
 from middeck.updating.promise.slip_loops import (
     SlipPoles,
     SlipPorts,
@@ -44,8 +48,11 @@ more of them, and how many times as many at most. Articles differ by one or two 
 told beside twice that noise comes out a quarter too wide, or by chance twice."""
 TRIED = 400
 """Variances that are weighed, evenly up to four times what draws have."""
-MOST = 15_000_000
-"""Numbers of responses, or samples, that are held at once."""
+MOST, HELD = 15_000_000, 70_000_000
+"""Numbers of responses that are held at once, and of samples and lines of the loops that run side by side: a
+step of a hundred takes little more than one of ten."""
+PIECE = 2048
+"""Samples that slide at once."""
 
 
 @record(kw_only=True)
@@ -86,6 +93,20 @@ class SlipRun:
     alone: int = ALONE
 
     @functools.cached_property
+    def lines(self) -> slice:
+        """Numbers of the noise's lines that act: those in the plan's band."""
+        return self.time.noise_lines(self.plan.band_hz)
+
+    @property
+    def lines_hz(self) -> Float[np.ndarray, " line"]:
+        """These lines."""
+        return self.time.lines_hz[self.lines]
+
+    def records_of(self, name: str | None) -> int:
+        """Records of each draw with this compensator."""
+        return self.alone if name is None else RECORDS
+
+    @functools.cached_property
     def answers(self) -> dict[str | None, Complex[np.ndarray, "line command read"]]:
         """Those that `answer_of` keeps."""
         return {}
@@ -95,7 +116,7 @@ class SlipRun:
         are kept would be more than `MOST` numbers."""
         if name in self.answers:
             return self.answers[name]
-        found = law_response(self.laws[name], self.time.lines_hz)
+        found = law_response(self.laws[name], self.lines_hz)
         if found is not None and found.size + sum(kept.size for kept in self.answers.values()) <= MOST:
             self.answers[name] = found
         return found
@@ -118,7 +139,8 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
     run = SlipRun(
         plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=min(pade_order(phase), MOST_PADE)
     )
-    uncertain = float(_run(run, _open_draws(run, [own], 0), None).variance[0])
+    alone = dataclasses.replace(run, laws={None: None})
+    uncertain = float(_run(alone, [own], 0)[None].variance[0])
     return dataclasses.replace(run, alone=ALONE * int(np.clip(np.ceil(uncertain / UNCERTAIN), 1, TIMES)))
 
 
@@ -128,14 +150,12 @@ def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str
     Several records of each draw tell the error.
     """
     own = [_own_ports(p, run.laws.values(), run.wiring) for p in plants]
-    lines = run.time.lines_hz
-    together = max(1, MOST // max(1, len(lines) * len(own[0].inputs) * len(own[0].outputs)))
-    parts: dict[str | None, list[Slipped]] = {name: [] for name in run.laws}
-    for first in range(0, len(plants), together):
-        some = _open_draws(run, own[first : first + together], start + first)
-        for name in run.laws:
-            parts[name].append(_run(run, some, name))
-    return {name: _joined(each) for name, each in parts.items()}
+    most = max(1, MOST // max(1, len(run.lines_hz) * len(own[0].inputs) * len(own[0].outputs)))
+    together = -(-len(own) // -(-len(own) // most))  # as many in each part
+    parts = [
+        _run(run, own[first : first + together], start + first) for first in range(0, len(own), together)
+    ]
+    return {name: _joined([part[name] for part in parts]) for name in run.laws}
 
 
 def join_slips(parts: Sequence[Mapping[str | None, Slipped]]) -> dict[str | None, Slipped]:
@@ -165,80 +185,143 @@ def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: SlipPor
 
 
 @record(kw_only=True)
-class _Draws:
-    """Draws that fit into memory, and their responses on the lines of the noise."""
+class _Loop:
+    """One compensator on one draw that decays while it slips."""
 
-    plants: tuple[Plant, ...]
-    responses: Complex[np.ndarray, "draw line output input"]
-    stiffness: Float[np.ndarray, "draw joint"]
-    slip_torque: Float[np.ndarray, "draw joint"]
-    first: int
+    name: str | None
+    draw: int
+    form: SlipPoles
+    records: int
 
 
-def _open_draws(run: SlipRun, own: Sequence[Plant], first: int) -> _Draws:
-    drawn = slice(first, first + len(own))
-    return _Draws(
-        plants=tuple(own),
-        responses=np.array([evaluate_open(p, run.time.lines_hz) for p in own]),
-        stiffness=run.slips.stiffness[drawn],
-        slip_torque=run.slips.slip_torque[drawn],
-        first=first,
+def _run(asked: SlipRun, plants: Sequence[Plant], first: int) -> dict[str | None, Slipped]:
+    """Every compensator on the draws from ``first`` on, as many loops side by side as `HELD` allows."""
+    drawn = slice(first, first + len(plants))
+    stiffness, slip_torque = asked.slips.stiffness[drawn], asked.slips.slip_torque[drawn]
+    around = {
+        name: [around_sliders(p, law, asked.wiring, asked.order) for p in plants]
+        for name, law in asked.laws.items()
+    }
+    shape = stiffness.shape
+    db, variance, travel = (
+        {name: np.full(size, rest) for name in around}
+        for size, rest in ((shape[0], np.inf), (shape[0], 0.0), (shape, np.inf))
+    )
+    responses = [evaluate_open(plant, asked.lines_hz) for plant in plants]
+    for loops in _in_parts(asked, _decaying(asked, around)):
+        lines = [_lines(asked, plants[p.draw], responses[p.draw], p, first + p.draw) for p in loops]
+        came = _slide(asked, _side_by_side(loops, stiffness, slip_torque), lines)
+        for loop, free, one in zip(loops, lines, came, strict=True):
+            name, at = loop.name, loop.draw
+            db[name][at], variance[name][at] = _ratio_db(*_mean_squares(asked, loop.form, free, one))
+            travel[name][at] = np.sqrt(np.mean(one.square, axis=0))
+    return {
+        name: Slipped(
+            db=db[name],
+            variance=variance[name],
+            travel=travel[name],
+            sticks=hold_while_sticking(each, stiffness),
+        )
+        for name, each in around.items()
+    }
+
+
+def _decaying(asked: SlipRun, around: Mapping[str | None, Sequence[StateSpace]]) -> list[_Loop]:
+    """By compensator, then by draw."""
+    forms = [(name, k, pole_form(p)) for name, systems in around.items() for k, p in enumerate(systems)]
+    return [
+        _Loop(name=name, draw=draw, form=form, records=asked.records_of(name))
+        for name, draw, form in forms
+        if form is not None
+    ]
+
+
+def _in_parts(asked: SlipRun, loops: Sequence[_Loop]) -> list[list[_Loop]]:
+    """Parts of at most `HELD` numbers, or of one loop."""
+    joints = len(asked.wiring.joints)
+    one = asked.time.samples * joints + 2 * len(asked.lines_hz) * (joints + len(asked.plan.weights))
+    parts: list[list[_Loop]] = []
+    room = 0
+    for loop in loops:
+        if room < one * loop.records:
+            parts.append([])
+            room = HELD
+        parts[-1].append(loop)
+        room -= one * loop.records
+    return parts
+
+
+def _lines(
+    asked: SlipRun, plant: Plant, response: Complex[np.ndarray, "line output input"], loop: _Loop, draw: int
+) -> Complex[np.ndarray, "output record line"]:
+    """Angles and performance without friction on the lines of the noise, which is Gaussian."""
+    law, every = asked.laws[loop.name], len(asked.time.lines_hz)
+    noise = noise_response(plant, response, law, asked.answer_of(loop.name), asked.wiring, asked.lines_hz)
+    noise *= noise_intensity(asked.plan, law) * np.sqrt(2.0 / asked.time.record_s)
+    drawn = np.empty((len(noise), noise.shape[2], loop.records), dtype=complex)
+    for number in range(loop.records):
+        rng = np.random.default_rng([asked.plan.seed, draw, number])
+        real, imaginary = rng.standard_normal((2, noise.shape[2], every))[:, :, asked.lines]
+        drawn[:, :, number] = (real + 1j * imaginary).T
+    return np.ascontiguousarray((noise @ drawn).transpose(1, 2, 0))
+
+
+class _Came(NamedTuple):
+    """What came of one loop: torques that its sliders held, mean squares of the angles, and the states before
+    the record and behind it, summed."""
+
+    torque: Float[np.ndarray, "record joint sample"]
+    square: Float[np.ndarray, "record joint"]
+    ends: Complex[np.ndarray, "record pole"]
+
+
+def _slide(
+    asked: SlipRun, groups: Sequence[SlidingLoops], lines: Sequence[Complex[np.ndarray, "output record line"]]
+) -> list[_Came]:
+    """All loops with their sliders. Before the record comes its end with the other sign."""
+    time, joints = asked.time, len(asked.wiring.joints)
+    runs = [one[:joints, number] for one in lines for number in range(one.shape[1])]
+    held = np.empty((len(runs), joints, time.samples))
+    for samples, run in zip(held, runs, strict=True):
+        samples[:] = sample_lines(time, asked.lines, run)
+    sliding = Sliding(groups, 1.0 / time.sample_hz)
+    sliding.move(-held[:, :, time.samples - time.settling :])
+    before, square = sliding.states, np.zeros(held.shape[:2])
+    for first in range(0, time.samples, PIECE):
+        piece = held[:, :, first : first + PIECE]
+        angle, torque = sliding.move(piece)
+        square += np.mean(angle**2, axis=2) * (piece.shape[2] / time.samples)
+        piece[:] = torque  # the angles without sliders are not asked for again
+    ends = [both for b, e in zip(before, sliding.states, strict=True) for both in b + e]
+    each = np.cumsum([one.shape[1] for one in lines])[:-1]
+    parts = zip(np.split(held, each), np.split(square, each), ends, strict=True)
+    return [_Came(*part) for part in parts]
+
+
+def _mean_squares(
+    asked: SlipRun, form: SlipPoles, lines: Complex[np.ndarray, "output record line"], came: _Came
+) -> Float[np.ndarray, "2 record"]:
+    """Those of the weighted performance, with friction and without."""
+    joints, weights = came.torque.shape[1], asked.plan.weights
+    return mean_squares(
+        asked.time,
+        asked.time.record_lines(asked.plan.band_hz),
+        SlipPoles(form.poles, form.drives, weights[:, None] * form.reads[joints:]),
+        weights[:, None, None] * lines[joints:],
+        came.torque,
+        came.ends[:, : len(form.poles)],
     )
 
 
-def _run(asked: SlipRun, some: _Draws, name: str | None) -> Slipped:
-    law = asked.laws[name]
-    around = [around_sliders(p, law, asked.wiring, asked.order) for p in some.plants]
-    forms = [pole_form(loop) for loop in around]
-    held = {i: form for i, form in enumerate(forms) if form is not None}
-    count, joints = some.stiffness.shape
-    db, variance, travel = np.full(count, np.inf), np.zeros(count), np.full((count, joints), np.inf)
-    if held:
-        at = list(held)
-        db[at], variance[at], travel[at] = _with_friction(asked, some, name, held)
-    sticks = hold_while_sticking(around, some.stiffness)
-    return Slipped(db=db, variance=variance, travel=travel, sticks=sticks)
-
-
-def _with_friction(
-    asked: SlipRun, some: _Draws, name: str | None, forms: Mapping[int, SlipPoles]
-) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"], Float[np.ndarray, "draw joint"]]:
-    """Decibels by friction, their variance by the noise, and rms angles, of the draws that have a form."""
-    time, joints, law = asked.time, len(asked.wiring.joints), asked.laws[name]
-    hz, answer = time.lines_hz, asked.answer_of(name)
-    size = noise_intensity(asked.plan, law) * np.sqrt(2.0 / time.record_s)
-    low, high = asked.plan.band_hz or (0.0, np.inf)
-    acts = ((hz >= low) & (hz <= high))[:, None, None]
-    coloured = {
-        i: size * noise_response(some.plants[i], some.responses[i], law, answer, asked.wiring, hz) * acts
-        for i in forms
-    }
-    every = [(i, record) for i in forms for record in range(asked.alone if law is None else RECORDS)]
-    together = max(1, MOST // ((time.settling + time.samples) * (joints + len(asked.plan.weights))))
-    square, travel = np.empty((2, len(every))), np.empty((len(every), joints))
-    for first in range(0, len(every), together):
-        mine = slice(first, first + together)
-        which = [i for i, _ in every[mine]]
-        loops = _side_by_side([forms[i] for i in which], some.stiffness[which], some.slip_torque[which])
-        seeds = [[asked.plan.seed, some.first + i, record] for i, record in every[mine]]
-        free = _free(time, [coloured[i] for i in which], seeds)
-        made = slide(loops, free, 1.0 / time.sample_hz)[time.settling :]
-        for k, z in enumerate((made, free[time.settling :])):
-            square[k, mine] = _mean_square(asked.plan.weights * z[:, :, joints:], asked.plan.band_hz, time)
-        travel[mine] = np.mean(made[:, :, :joints] ** 2, axis=0)
-    db, variance = _ratio_db(*square.reshape(2, len(forms), -1))
-    return db, variance, np.sqrt(np.mean(travel.reshape(len(forms), -1, joints), axis=1))
-
-
 def _ratio_db(
-    upper: Float[np.ndarray, "draw record"], lower: Float[np.ndarray, "draw record"]
-) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]]:
+    upper: Float[np.ndarray, " record"], lower: Float[np.ndarray, " record"]
+) -> tuple[float, float]:
     """Decibels of the ratio of two sums over records, and their variance (Cochran 1977, chapter 6)."""
-    above, records = upper.sum(axis=1), upper.shape[1]
-    ratio = above / lower.sum(axis=1)
-    off = (upper - ratio[:, None] * lower) / above[:, None]
+    above, records = upper.sum(), len(upper)
+    ratio = above / lower.sum()
+    off = (upper - ratio * lower) / above
     scale = 10.0 / np.log(10.0)
-    return scale * np.log(ratio), scale**2 * records / (records - 1) * np.sum(off**2, axis=1)
+    return float(scale * np.log(ratio)), float(scale**2 * records / (records - 1) * np.sum(off**2))
 
 
 def _as_articles_differ(found: Slipped) -> Slipped:
@@ -309,20 +392,30 @@ def _free(
     return free
 
 
-def _side_by_side(forms: Sequence[SlipPoles], stiffness: np.ndarray, slip_torque: np.ndarray) -> SlidingLoops:
-    most = max(len(f.poles) for f in forms)
+def _side_by_side(
+    loops: Sequence[_Loop], stiffness: np.ndarray, slip_torque: np.ndarray
+) -> list[SlidingLoops]:
+    """The loops of each compensator together; they differ in their poles by little."""
+    joints, groups = stiffness.shape[1], []
+    for _, each in itertools.groupby(loops, lambda loop: loop.name):
+        own = list(each)
+        draws, most = [loop.draw for loop in own], max(len(loop.form.poles) for loop in own)
+        groups.append(
+            SlidingLoops(
+                poles=np.array([_filled(loop.form.poles, most, -1.0) for loop in own]),
+                drives=np.array([_filled(loop.form.drives, most, 0.0) for loop in own]),
+                reads=np.array([_filled(loop.form.reads[:joints], most, 0.0) for loop in own]),
+                stiffness=stiffness[draws],
+                slip_torque=slip_torque[draws],
+                records=own[0].records,
+            )
+        )
+    return groups
 
-    def filled(values: np.ndarray, rest: complex) -> np.ndarray:
-        gap = [(0, 0)] * (values.ndim - 1) + [(0, most - values.shape[-1])]
-        return np.pad(values, gap, constant_values=rest)
 
-    return SlidingLoops(
-        poles=np.array([filled(f.poles, -1.0) for f in forms]),
-        drives=np.array([filled(f.drives, 0.0) for f in forms]),
-        reads=np.array([filled(f.reads, 0.0) for f in forms]),
-        stiffness=stiffness,
-        slip_torque=slip_torque,
-    )
+def _filled(values: np.ndarray, most: int, rest: complex) -> np.ndarray:
+    gap = [(0, 0)] * (values.ndim - 1) + [(0, most - values.shape[-1])]
+    return np.pad(values, gap, constant_values=rest)
 
 
 def _joined(parts: Sequence[Slipped]) -> Slipped:

@@ -66,7 +66,23 @@ class SlipTime:
     @property
     def lines_hz(self) -> Float[np.ndarray, " line"]:
         """Lines of the noise: halfway between multiples of one over the record, so that none is at zero."""
-        return (np.arange(int(self.band_hz * self.record_s)) + 0.5) / self.record_s
+        return self._lines_hz(int(self.band_hz * self.record_s))
+
+    def noise_lines(self, band_hz: tuple[float, float] | None) -> slice:
+        """Numbers of the noise's lines in a band, all without one."""
+        return _inside(self.lines_hz, band_hz)
+
+    def record_lines(self, band_hz: tuple[float, float] | None) -> slice:
+        """Numbers of the record's lines in a band, of which those of the noise are the first."""
+        return _inside(self._lines_hz((self.samples + 1) // 2), band_hz)
+
+    def _lines_hz(self, count: int) -> Float[np.ndarray, " line"]:
+        return (np.arange(count) + 0.5) / self.record_s
+
+
+def _inside(hz: Float[np.ndarray, " line"], band_hz: tuple[float, float] | None) -> slice:
+    low, high = band_hz or (0.0, np.inf)
+    return slice(int(np.searchsorted(hz, low)), int(np.searchsorted(hz, high, side="right")))
 
 
 def choose_time(
