@@ -452,6 +452,12 @@ def test_joints_that_cannot_be_are_refused():
         slipped([plant], {}, alike((GIMBAL,), 1), asked())
 
 
+def test_a_band_in_which_nothing_moves_is_refused():
+    plan = asked(band_hz=(5e3, 6e3))
+    with pytest.raises(ConfigError, match="no line in the band of 5000 to 6000 Hz"):
+        set_run(turntable(), {}, alike((GIMBAL,), 1), plan)
+
+
 def test_draws_simulated_apart_are_those_of_a_run_of_all():
     joint = dataclasses.replace(GIMBAL, slip_torque=0.3, slip_angle=3e-4, slip_torque_tolerance=0.2)
     plan, slips = asked(joints=(joint,), draws=3), draw_slips((joint,), 3, np.random.default_rng(0))

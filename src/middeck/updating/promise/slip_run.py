@@ -125,7 +125,8 @@ class SlipRun:
 def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, plan: Plan) -> SlipRun:
     """Length and step of the simulation, and the number of records, chosen by the ``first`` draw.
 
-    Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest.
+    Raises `ConfigError` for a joint whose torque does not turn its own angle, or that nothing brings to rest,
+    and for a band without lines of the noise.
     """
     wiring = SlipPorts(
         joints=tuple(j.name for j in plan.joints),
@@ -139,6 +140,13 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
     run = SlipRun(
         plan=plan, laws=every, slips=slips, wiring=wiring, time=time, order=min(pade_order(phase), MOST_PADE)
     )
+    if plan.band_hz is not None and not len(run.lines_hz):
+        low, high = plan.band_hz
+        raise ConfigError(
+            f"the noise, which moves joints and performance up to {time.band_hz:.3g} Hz, has no line in the "
+            f"band of {low:g} to {high:g} Hz",
+            where="joint", hint="a band in which the performance moves, or no friction",
+        )  # fmt: skip
     alone = dataclasses.replace(run, laws={None: None})
     uncertain = float(_run(alone, [own], 0)[None].variance[0])
     return dataclasses.replace(run, alone=ALONE * int(np.clip(np.ceil(uncertain / UNCERTAIN), 1, TIMES)))
