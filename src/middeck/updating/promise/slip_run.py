@@ -371,35 +371,6 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
     return float(part @ tried[:, 0] / part.sum())
 
 
-def _mean_square(
-    z: Float[np.ndarray, "sample loop output"], band_hz: tuple[float, float] | None, time: SlipTime
-) -> Float[np.ndarray, " loop"]:
-    """Mean square of all outputs together; in a band by the noise's lines, half a step off zero."""
-    if band_hz is None:
-        return np.mean(np.sum(z**2, axis=2), axis=0)
-    half = np.exp(-1j * np.pi * np.arange(len(z)) / len(z))[:, None, None]
-    hz = np.abs(np.fft.fftfreq(len(z), 1.0 / time.sample_hz) + 0.5 * time.sample_hz / len(z))
-    lines = np.fft.fft(half * z, axis=0, norm="forward")[(hz >= band_hz[0]) & (hz <= band_hz[1])]
-    return np.sum(np.abs(lines) ** 2, axis=(0, 2))
-
-
-def _free(
-    time: SlipTime, coloured: Sequence[Complex[np.ndarray, "line output noise"]], seeds: Sequence[list[int]]
-) -> Float[np.ndarray, "sample loop output"]:
-    """Angles and performance without friction, by Gaussian noise that comes again with the other sign."""
-    samples, settle = time.samples, time.settling
-    lines, outputs, noises = coloured[0].shape
-    half = np.exp(1j * np.pi * np.arange(samples) / samples)[:, None]
-    free = np.empty((settle + samples, len(seeds), outputs))
-    for k, (filtered, seed) in enumerate(zip(coloured, seeds, strict=True)):
-        real, imaginary = np.random.default_rng(seed).standard_normal((2, noises, lines))
-        spectrum = np.zeros((samples, outputs), dtype=complex)
-        spectrum[:lines] = np.einsum("fon,nf->fo", filtered, real + 1j * imaginary)
-        free[settle:, k] = np.real(half * np.fft.ifft(spectrum, axis=0, norm="forward"))
-    free[:settle] = -free[samples:]
-    return free
-
-
 def _side_by_side(
     loops: Sequence[_Loop], stiffness: np.ndarray, slip_torque: np.ndarray
 ) -> list[SlidingLoops]:
