@@ -452,6 +452,23 @@ def test_joints_that_cannot_be_are_refused():
         slipped([plant], {}, alike((GIMBAL,), 1), asked())
 
 
+def test_bearings_on_one_shaft_that_slip_at_nothing_add_nothing():
+    names = ("turn", "left", "right")
+    shaft = make_plant(
+        [[0.0, 1.0], [-1e-4, -1.0]], [[0.0] * 3, [1.0] * 3], [[1.0, 0.0]] * 3 + [[0.0, 1.0]],
+        inputs=names, outputs=(*names, "rate"), w=["turn"], z=["rate"],
+    )  # fmt: skip
+    idle = [dataclasses.replace(GIMBAL, name=name, slip_torque=0.0) for name in names[1:]]
+
+    def db(plant: Plant, joints: tuple[JointSlip, ...]) -> np.ndarray:
+        run = set_run(plant, {}, alike(joints, 1), asked(joints=joints, intensity=np.array([0.1])))
+        return run_slips(dataclasses.replace(run, alone=2), [plant])[None].db
+
+    alone = db(turntable(), (GIMBAL,))
+    assert alone[0] < -1.0
+    np.testing.assert_allclose(db(shaft, (GIMBAL, *idle)), alone, rtol=1e-9)
+
+
 def test_a_band_in_which_nothing_moves_is_refused():
     plan = asked(band_hz=(5e3, 6e3))
     with pytest.raises(ConfigError, match="no line in the band of 5000 to 6000 Hz"):

@@ -140,7 +140,8 @@ class _Sliders:
         )
         answer = np.concatenate(answers, axis=3)
         self._at_once, self._pull = answer[0], self._stiffness * answer[0]
-        given = np.abs(self._pull).sum(axis=0).max(initial=0.0)
+        # By the springs of all joints together, each of its own stiffness.
+        given = np.sum(np.abs(answer[0]) * self._stiffness[:, None], axis=0).max(initial=0.0)
         if not given <= GIVEN:
             raise ConfigError(
                 f"a joint that sticks turns back by {given:.2g} of its way within a step of {period_s:g} s",
