@@ -375,6 +375,29 @@ def test_what_laws_answer_is_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch):
     assert found[5] is found[1]
 
 
+def test_records_of_a_loop_come_in_parts_that_fit(monkeypatch: pytest.MonkeyPatch):
+    """Five records of each of two draws, with room for two."""
+    time = slip_time.SlipTime(record_s=4.0, settle_s=1.0, band_hz=25.0, sample_hz=100.0, short=False)
+    wiring = SlipPorts(joints=("turn",), performance=("rate",), disturbances=("turn",))
+    run = SlipRun(
+        plan=asked(), laws={None: None}, slips=alike((GIMBAL,), 2), wiring=wiring, time=time, order=1, alone=5
+    )
+    whole, together = run_slips(run, [turntable()] * 2)[None], []
+
+    class Counted(Sliding):
+        def __init__(self, groups: Sequence[SlidingLoops], period_s: float) -> None:
+            together.append(sum(len(g.poles) * g.records for g in groups))
+            super().__init__(groups, period_s)
+
+    monkeypatch.setattr(slip_run, "Sliding", Counted)
+    # Samples of one angle; lines of it and of the rate, of two numbers each.
+    monkeypatch.setattr(slip_run, "HELD", 2 * (400 + 2 * 100 * 2))
+    parts = run_slips(run, [turntable()] * 2)[None]
+    assert together == [2, 2, 1, 2, 2, 1]
+    for key in ("db", "variance", "travel"):
+        np.testing.assert_allclose(getattr(parts, key), getattr(whole, key), rtol=1e-9)
+
+
 def test_joints_answer_their_sliders_beside_a_long_delay(refined: Refined, monkeypatch: pytest.MonkeyPatch):
     """At the end of a step, against the exponential of the loop; the laws were designed with such a delay."""
     monkeypatch.setattr(case, "DELAY_S", 0.03)

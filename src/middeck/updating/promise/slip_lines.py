@@ -42,14 +42,15 @@ def mean_squares(
         ends: State before the record and that behind it, summed.
     """
     samples, joints = time.samples, len(form.drives)
-    half = _half_turns(samples)
-    moved = np.array([np.fft.fft(half * one, norm="forward")[:, lines] for one in torque])
+    number, half = np.arange(samples)[lines], _half_turns(samples)
+    moved = np.empty((*torque.shape[:2], len(number)), dtype=complex)
+    for found, held in zip(moved, torque, strict=True):
+        found[:] = np.fft.fft(half * held, norm="forward")[:, lines]
     grown = np.exp(form.poles / time.sample_hz)
     given = np.concatenate([held_gain(form.poles, form.drives, 1.0 / time.sample_hz), grown * ends / samples])
     reads = 0.5 * form.reads[:, None] * given
     # The real part, by each pole and its conjugate.
     reads, grown = (np.concatenate([x, np.conj(x)], axis=-1) for x in (reads, grown))
-    number = np.arange(samples)[lines]
     # Each line counts for its conjugate too; the last of an odd number of samples is its own.
     times = np.where(2 * number + 1 == samples, 1.0, 2.0)
     square = np.zeros(len(torque))

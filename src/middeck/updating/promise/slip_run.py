@@ -49,8 +49,8 @@ told beside twice that noise comes out a quarter too wide, or by chance twice.""
 TRIED = 400
 """Variances that are weighed, evenly up to four times what draws have."""
 MOST, HELD = 15_000_000, 70_000_000
-"""Numbers of responses that are held at once, and of samples and lines of the loops that run side by side: a
-step of a hundred takes little more than one of ten."""
+"""Numbers of responses that are held at once, and of samples and lines of the records that run side by side,
+beside which their performance takes as much again: a step of a hundred takes little more than one of ten."""
 PIECE = 2048
 """Samples that slide at once."""
 
@@ -194,16 +194,16 @@ def _own_ports(plant: Plant, laws: Iterable[Compensator | None], wiring: SlipPor
 
 @record(kw_only=True)
 class _Loop:
-    """One compensator on one draw that decays while it slips."""
+    """One compensator on one draw that decays while it slips, and the numbers of its records."""
 
     name: str | None
     draw: int
     form: SlipPoles
-    records: int
+    records: range
 
 
 def _run(asked: SlipRun, plants: Sequence[Plant], first: int) -> dict[str | None, Slipped]:
-    """Every compensator on the draws from ``first`` on, as many loops side by side as `HELD` allows."""
+    """Every compensator on the draws from ``first`` on, as many records side by side as `HELD` allows."""
     drawn = slice(first, first + len(plants))
     stiffness, slip_torque = asked.slips.stiffness[drawn], asked.slips.slip_torque[drawn]
     around = {
@@ -216,13 +216,24 @@ def _run(asked: SlipRun, plants: Sequence[Plant], first: int) -> dict[str | None
         for size, rest in ((shape[0], np.inf), (shape[0], 0.0), (shape, np.inf))
     )
     responses = [evaluate_open(plant, asked.lines_hz) for plant in plants]
-    for loops in _in_parts(asked, _decaying(asked, around)):
+
+    def measure(loops: Sequence[_Loop]) -> list[_Squares]:
         lines = [_lines(asked, plants[p.draw], responses[p.draw], p, first + p.draw) for p in loops]
         came = _slide(asked, _side_by_side(loops, stiffness, slip_torque), lines)
-        for loop, free, one in zip(loops, lines, came, strict=True):
-            name, at = loop.name, loop.draw
-            db[name][at], variance[name][at] = _ratio_db(*_mean_squares(asked, loop.form, free, one))
-            travel[name][at] = np.sqrt(np.mean(one.square, axis=0))
+        return [
+            _Squares(_mean_squares(asked, loop.form, free, one), one.square.T)
+            for loop, free, one in zip(loops, lines, came, strict=True)
+        ]
+
+    every = _decaying(asked, around)
+    squares: dict[tuple[str | None, int], list[_Squares]] = {(p.name, p.draw): [] for p in every}
+    for loops in _in_parts(asked, every):
+        for loop, one in zip(loops, measure(loops), strict=True):
+            squares[loop.name, loop.draw].append(one)
+    for (name, at), parts in squares.items():
+        performance, angle = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        db[name][at], variance[name][at] = _ratio_db(*performance)
+        travel[name][at] = np.sqrt(np.mean(angle, axis=1))
     return {
         name: Slipped(
             db=db[name],
@@ -238,24 +249,27 @@ def _decaying(asked: SlipRun, around: Mapping[str | None, Sequence[StateSpace]])
     """By compensator, then by draw."""
     forms = [(name, k, pole_form(p)) for name, systems in around.items() for k, p in enumerate(systems)]
     return [
-        _Loop(name=name, draw=draw, form=form, records=asked.records_of(name))
+        _Loop(name=name, draw=draw, form=form, records=range(asked.records_of(name)))
         for name, draw, form in forms
         if form is not None
     ]
 
 
 def _in_parts(asked: SlipRun, loops: Sequence[_Loop]) -> list[list[_Loop]]:
-    """Parts of at most `HELD` numbers, or of one loop."""
+    """Parts of at most `HELD` numbers, or of one record; a loop of more records comes in several."""
     joints = len(asked.wiring.joints)
     one = asked.time.samples * joints + 2 * len(asked.lines_hz) * (joints + len(asked.plan.weights))
+    most = max(1, HELD // one)
     parts: list[list[_Loop]] = []
     room = 0
     for loop in loops:
-        if room < one * loop.records:
-            parts.append([])
-            room = HELD
-        parts[-1].append(loop)
-        room -= one * loop.records
+        for first in range(0, len(loop.records), most):
+            some = dataclasses.replace(loop, records=loop.records[first : first + most])
+            if room < len(some.records):
+                parts.append([])
+                room = most
+            parts[-1].append(some)
+            room -= len(some.records)
     return parts
 
 
@@ -266,12 +280,19 @@ def _lines(
     law, every = asked.laws[loop.name], len(asked.time.lines_hz)
     noise = noise_response(plant, response, law, asked.answer_of(loop.name), asked.wiring, asked.lines_hz)
     noise *= noise_intensity(asked.plan, law) * np.sqrt(2.0 / asked.time.record_s)
-    drawn = np.empty((len(noise), noise.shape[2], loop.records), dtype=complex)
-    for number in range(loop.records):
+    drawn = np.empty((len(noise), noise.shape[2], len(loop.records)), dtype=complex)
+    for at, number in enumerate(loop.records):
         rng = np.random.default_rng([asked.plan.seed, draw, number])
         real, imaginary = rng.standard_normal((2, noise.shape[2], every))[:, :, asked.lines]
-        drawn[:, :, number] = (real + 1j * imaginary).T
+        drawn[:, :, at] = (real + 1j * imaginary).T
     return np.ascontiguousarray((noise @ drawn).transpose(1, 2, 0))
+
+
+class _Squares(NamedTuple):
+    """Mean squares of the performance with friction and without, and of the joints' angles."""
+
+    performance: Float[np.ndarray, "2 record"]
+    angle: Float[np.ndarray, "joint record"]
 
 
 class _Came(NamedTuple):
@@ -374,9 +395,9 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
 def _side_by_side(
     loops: Sequence[_Loop], stiffness: np.ndarray, slip_torque: np.ndarray
 ) -> list[SlidingLoops]:
-    """The loops of each compensator together; they differ in their poles by little."""
+    """Loops of one compensator together, if of as many records: they differ in their poles by little."""
     joints, groups = stiffness.shape[1], []
-    for _, each in itertools.groupby(loops, lambda loop: loop.name):
+    for _, each in itertools.groupby(loops, lambda loop: (loop.name, len(loop.records))):
         own = list(each)
         draws, most = [loop.draw for loop in own], max(len(loop.form.poles) for loop in own)
         groups.append(
@@ -386,7 +407,7 @@ def _side_by_side(
                 reads=np.array([_filled(loop.form.reads[:joints], most, 0.0) for loop in own]),
                 stiffness=stiffness[draws],
                 slip_torque=slip_torque[draws],
-                records=own[0].records,
+                records=len(own[0].records),
             )
         )
     return groups
