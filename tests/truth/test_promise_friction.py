@@ -166,6 +166,27 @@ def test_runs_side_by_side_in_blocks_are_each_alone_step_by_step():
     assert 0.1 < np.mean(slips) < 0.9
 
 
+def test_the_order_of_loops_in_memory_does_not_matter():
+    rng, keys = np.random.default_rng(3), ("poles", "drives", "reads", "stiffness", "slip_torque")
+    loops = dataclasses.replace((two := drawn_loops(rng, 5, 1)), **{k: getattr(two, k)[:1] for k in keys})
+    columns = dataclasses.replace(loops, reads=np.asfortranarray(loops.reads))
+    free = rng.standard_normal((1, 2, 20)) * 0.01
+    (angle, _), (same, _) = (Sliding([one], 1.0 / 400.0).move(free) for one in (loops, columns))
+    np.testing.assert_array_equal(angle, same)
+
+
+def test_a_bearing_alone_leaves_what_it_is_given():
+    """One run of one joint: the other order of its axes is the same memory."""
+    loops = SlidingLoops(
+        poles=[[-1.0 + 9.0j]], drives=[[[1.0 + 0.0j]]], reads=[[[-0.1j]]],
+        stiffness=[[1.0]], slip_torque=[[1.0]],
+    )  # fmt: skip
+    free = np.ones((1, 1, 40))
+    angle, _ = Sliding([loops], 0.01).move(free)
+    assert np.ptp(angle) > 0.0
+    np.testing.assert_array_equal(free, 1.0)
+
+
 @pytest.mark.parametrize("band_hz", [None, (2.0, 9.0)])
 @pytest.mark.parametrize("samples", [240, 243])
 def test_mean_squares_by_lines_are_those_of_samples(samples: int, band_hz: tuple[float, float] | None):

@@ -80,7 +80,7 @@ class Sliding:
         angle, torque = np.empty_like(free), np.empty_like(free)
         for first in range(0, free.shape[2], BLOCK):
             steps = slice(first, first + BLOCK)
-            made = np.ascontiguousarray(free[:, :, steps].transpose(2, 1, 0))
+            made = free[:, :, steps].transpose(2, 1, 0).copy()
             for own, mine in zip(self._poles, self._runs, strict=True):
                 made[:, :, mine] -= own.ahead(len(made))
             held = self._sliders.move(made)
@@ -105,7 +105,7 @@ class _Poles:
         self.answer = np.repeat(self.answer, loops.records, axis=3)
         self._grown = grown[:, 1:]
         # Re(a b) as a product of real numbers.
-        reads = np.conj(self._grown[:, :, None] * loops.reads[:, None]).reshape(count, -1, poles)
+        reads = np.conj(self._grown[:, :, None] * loops.reads[:, None], order="C").reshape(count, -1, poles)
         self._reads = np.ascontiguousarray(reads.view(float).swapaxes(1, 2))
         pushes = np.ascontiguousarray(grown[:, BLOCK - 1 :: -1, None] * gain[:, None])
         self._pushes = pushes.reshape(count, -1, poles).view(float)
