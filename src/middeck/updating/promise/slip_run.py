@@ -145,7 +145,7 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
         raise ConfigError(
             f"the noise, which moves joints and performance up to {time.band_hz:.3g} Hz, has no line in the "
             f"band of {low:g} to {high:g} Hz",
-            where="joint", hint="a band in which the performance moves, or no friction",
+            where="joint", hint="a wider band, or one in which the performance moves",
         )  # fmt: skip
     alone = dataclasses.replace(run, laws={None: None})
     uncertain = float(_run(alone, [own], 0)[None].variance[0])
@@ -204,45 +204,32 @@ class _Loop:
 
 def _run(asked: SlipRun, plants: Sequence[Plant], first: int) -> dict[str | None, Slipped]:
     """Every compensator on the draws from ``first`` on, as many records side by side as `HELD` allows."""
-    drawn = slice(first, first + len(plants))
-    stiffness, slip_torque = asked.slips.stiffness[drawn], asked.slips.slip_torque[drawn]
     around = {
         name: [around_sliders(p, law, asked.wiring, asked.order) for p in plants]
         for name, law in asked.laws.items()
     }
-    shape = stiffness.shape
-    db, variance, travel = (
-        {name: np.full(size, rest) for name in around}
-        for size, rest in ((shape[0], np.inf), (shape[0], 0.0), (shape, np.inf))
-    )
     responses = [evaluate_open(plant, asked.lines_hz) for plant in plants]
-
-    def measure(loops: Sequence[_Loop]) -> list[_Squares]:
-        lines = [_lines(asked, plants[p.draw], responses[p.draw], p, first + p.draw) for p in loops]
-        came = _slide(asked, _side_by_side(loops, stiffness, slip_torque), lines)
-        return [
-            _Squares(_mean_squares(asked, loop.form, free, one), one.square.T)
-            for loop, free, one in zip(loops, lines, came, strict=True)
-        ]
-
-    every = _decaying(asked, around)
-    squares: dict[tuple[str | None, int], list[_Squares]] = {(p.name, p.draw): [] for p in every}
-    for loops in _in_parts(asked, every):
-        for loop, one in zip(loops, measure(loops), strict=True):
-            squares[loop.name, loop.draw].append(one)
-    for (name, at), parts in squares.items():
-        performance, angle = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-        db[name][at], variance[name][at] = _ratio_db(*performance)
-        travel[name][at] = np.sqrt(np.mean(angle, axis=1))
+    squares: dict[str | None, list[list[_Squares]]] = {name: [[] for _ in plants] for name in around}
+    for loops in _in_parts(asked, _decaying(asked, around)):
+        for loop, one in zip(loops, _squares(asked, plants, responses, loops, first), strict=True):
+            squares[loop.name][loop.draw].append(one)
+    stiffness = asked.slips.stiffness[first : first + len(plants)]
     return {
-        name: Slipped(
-            db=db[name],
-            variance=variance[name],
-            travel=travel[name],
-            sticks=hold_while_sticking(each, stiffness),
-        )
+        name: _slipped(squares[name], hold_while_sticking(each, stiffness), len(asked.wiring.joints))
         for name, each in around.items()
     }
+
+
+def _slipped(parts: Sequence[Sequence[_Squares]], sticks: Bool[np.ndarray, " draw"], joints: int) -> Slipped:
+    """By draw, from the parts of its records; a loop that does not decay has none."""
+    db, variance = np.full(len(parts), np.inf), np.zeros(len(parts))
+    travel = np.full((len(parts), joints), np.inf)
+    for at, each in enumerate(parts):
+        if each:
+            performance, angle = (np.concatenate(part, axis=1) for part in zip(*each, strict=True))
+            db[at], variance[at] = _ratio_db(*performance)
+            travel[at] = np.sqrt(np.mean(angle, axis=1))
+    return Slipped(db=db, variance=variance, travel=travel, sticks=sticks)
 
 
 def _decaying(asked: SlipRun, around: Mapping[str | None, Sequence[StateSpace]]) -> list[_Loop]:
@@ -273,6 +260,29 @@ def _in_parts(asked: SlipRun, loops: Sequence[_Loop]) -> list[list[_Loop]]:
     return parts
 
 
+class _Squares(NamedTuple):
+    """Mean squares of the performance with friction and without, and of the joints' angles."""
+
+    performance: Float[np.ndarray, "2 record"]
+    angle: Float[np.ndarray, "joint record"]
+
+
+def _squares(
+    asked: SlipRun,
+    plants: Sequence[Plant],
+    responses: Sequence[Complex[np.ndarray, "line output input"]],
+    loops: Sequence[_Loop],
+    first: int,
+) -> list[_Squares]:
+    """All ``loops`` side by side, of ``plants`` that are the draws from ``first`` on."""
+    lines = [_lines(asked, plants[p.draw], responses[p.draw], p, first + p.draw) for p in loops]
+    came = _slide(asked, _side_by_side(loops, asked.slips, first), lines)
+    return [
+        _Squares(_mean_squares(asked, loop.form, free, one), one.square.T)
+        for loop, free, one in zip(loops, lines, came, strict=True)
+    ]
+
+
 def _lines(
     asked: SlipRun, plant: Plant, response: Complex[np.ndarray, "line output input"], loop: _Loop, draw: int
 ) -> Complex[np.ndarray, "output record line"]:
@@ -286,13 +296,6 @@ def _lines(
         real, imaginary = rng.standard_normal((2, noise.shape[2], every))[:, :, asked.lines]
         drawn[:, :, at] = (real + 1j * imaginary).T
     return np.ascontiguousarray((noise @ drawn).transpose(1, 2, 0))
-
-
-class _Squares(NamedTuple):
-    """Mean squares of the performance with friction and without, and of the joints' angles."""
-
-    performance: Float[np.ndarray, "2 record"]
-    angle: Float[np.ndarray, "joint record"]
 
 
 class _Came(NamedTuple):
@@ -392,21 +395,19 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
     return float(part @ tried[:, 0] / part.sum())
 
 
-def _side_by_side(
-    loops: Sequence[_Loop], stiffness: np.ndarray, slip_torque: np.ndarray
-) -> list[SlidingLoops]:
+def _side_by_side(loops: Sequence[_Loop], slips: DrawnSlips, first: int) -> list[SlidingLoops]:
     """Loops of one compensator together, if of as many records: they differ in their poles by little."""
-    joints, groups = stiffness.shape[1], []
+    joints, groups = slips.slip_torque.shape[1], []
     for _, each in itertools.groupby(loops, lambda loop: (loop.name, len(loop.records))):
         own = list(each)
-        draws, most = [loop.draw for loop in own], max(len(loop.form.poles) for loop in own)
+        draws, most = [first + loop.draw for loop in own], max(len(loop.form.poles) for loop in own)
         groups.append(
             SlidingLoops(
                 poles=np.array([_filled(loop.form.poles, most, -1.0) for loop in own]),
                 drives=np.array([_filled(loop.form.drives, most, 0.0) for loop in own]),
                 reads=np.array([_filled(loop.form.reads[:joints], most, 0.0) for loop in own]),
-                stiffness=stiffness[draws],
-                slip_torque=slip_torque[draws],
+                stiffness=slips.stiffness[draws],
+                slip_torque=slips.slip_torque[draws],
                 records=len(own[0].records),
             )
         )
