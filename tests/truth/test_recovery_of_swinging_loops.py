@@ -271,8 +271,8 @@ def edge(loop, begun):
     It goes on too. None where no start on the way to ``begun`` dies out, or one that parts too soon.
     """
     low, high = 1e-4, 1.0
-    for _ in range(11):
-        sizes = np.geomspace(low, high, 16)
+    for _ in range(7):
+        sizes = np.geomspace(low, high, 40)
         watched = watch(loop, tuple(M * sizes for M in begun), 4)
         k = int(np.argmax(watched.on))
         if not (watched.on[k] and k):
@@ -303,7 +303,7 @@ SWINGING_ON = [
 BETWEEN = [54, 91, 168, 271, 39, 84]
 
 
-@pytest.mark.parametrize("seed", repeats(SWINGING_ON, 2))
+@pytest.mark.parametrize("seed", repeats(SWINGING_ON))
 def test_no_loop_in_which_a_motion_goes_on_is_proved(seed):
     """With the sensors' ranges no larger than the least motion that is found to go on, of 120."""
     loop = draw(seed)
@@ -322,7 +322,7 @@ def test_none_is_proved_at_the_motion_between_those_that_die_out_and_those_that_
     assert reason(loop, 1.001 * peaks)
 
 
-@pytest.mark.parametrize(("seed", "rounds"), repeats([(2, 1), (3, 1), *((s, 4) for s in range(40))], 2))
+@pytest.mark.parametrize(("seed", "rounds"), repeats([(2, 1), *((s, 4) for s in range(40))]))
 def test_of_forty_loops_none_that_is_proved_has_a_motion_that_goes_on(seed, rounds):
     """Within the ranges, of 60 random starts and of 60 a round that are bred to keep limits acting."""
     loop = draw(seed)
@@ -333,14 +333,14 @@ def test_of_forty_loops_none_that_is_proved_has_a_motion_that_goes_on(seed, roun
         assert not any(np.any(one.on & np.all(one.tail <= 1.0, axis=0)) for one in found)
 
 
-@pytest.mark.parametrize("seed", repeats(range(40), 5))
+@pytest.mark.parametrize("seed", repeats(range(40), 3))
 def test_what_is_simulated_is_what_package_and_engine_compute(seed):
     """Sensors and commands of 300 samples, with limits, what the law learns, and the hold's sections."""
     loop, rng = draw(seed), np.random.default_rng([49, seed])
     package, *_ = held_package(loop)
     F, G, C = loop.article
-    x = rng.standard_normal((len(F), 1)) * 3.0
-    package = dataclasses.replace(package, input_range=np.full(len(C), 1e6), vectors=None)
+    x = rng.standard_normal((len(F), 1)) * 300.0
+    package = dataclasses.replace(package, input_range=np.full(len(C), 1e9), vectors=None)
     seen, _ = run(loop, loop.start(x, np.zeros((len(loop.law[0]), 1))), 300)
     law, sections = ReferenceLaw(package), [SectionState(Section(path.b, path.a)) for path in loop.hold]
     x, again = x[:, 0], []
