@@ -166,3 +166,22 @@ def test_words_that_are_no_names_are_told_where_they_belong(tmp_path: Path, line
     with pytest.raises(DataError) as refused:
         load_record(tmp_path / "run.csv")
     assert "one line names the columns" in refused.value.hint
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("0,001,2,0", "decimal commas.*or name every column"),
+        ("0.001,2,0,5", "decimal commas.*or name every column"),
+        ("0,001,2,5,3,5", "decimal commas"),
+        ("0.001,2.0,#N/A", "nan where there is no sample"),
+        ("0.001,--,2.0", "nan where there is no sample"),
+        ("0.001,2.0,1.2e", "numbers with a decimal point"),
+        ("0.001,2.0", "truncated"),
+    ],
+)
+def test_a_line_that_is_none_is_told_its_cure(tmp_path: Path, line: str, says: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(f"time [s],u:force [N],y:way [m]\n0.0,1.0,2.0\n{line}\n0.002,1.0,2.0\n")
+    with pytest.raises(DataError, match=says):
+        read_record(path)

@@ -693,3 +693,12 @@ def test_two_sensors_of_one_mode_are_no_duplicates(copied: bool) -> None:
         periodic=False,
     )
     assert [(f.kind, f.channel) for f in detect_faults(record)] == [("duplicate", "root")] * copied
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("samples", range(1, 9))
+def test_records_of_a_few_samples_are_judged_without_a_word_of_numpy(samples: int) -> None:
+    x = np.random.default_rng(samples).standard_normal((2, 1, 1, samples, 1))
+    ports = (Port("u", "N"),), (Port("y", "m"),)
+    record = Record(sample_hz=100.0, u=x[0], y=x[1], inputs=ports[0], outputs=ports[1], periodic=False)
+    assert all(fault.what for fault in detect_faults(record))

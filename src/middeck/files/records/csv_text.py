@@ -54,6 +54,8 @@ HEADING = re.compile(rf"(?:(u|y):)?\s*([^\[\]]+?)\s*(?:{_UNIT})?")
 LINES = 8192
 AGAIN = "copy or record it again"
 ADVICE = "the first line must read like: time [s],u:torque [N m],y:angle [rad]"
+# What tables write where there is no sample.
+NO_SAMPLE = frozenset({"n/a", "na", "null", "none", "missing", "-", "--", "div/0!", "value!", "ref!", "num!"})
 NAMES_FIRST = (
     "one line names the columns and comes first, units in brackets behind the names; begin other words with #"
 )
@@ -336,7 +338,9 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     if len(cells) != width:
         what = f"mismatched lengths: {len(cells)} values for {width} columns"
         commas = "decimal commas? part the columns with semicolons, or write decimal points"
-        hint = NAMES_FIRST if width == 1 else commas if len(cells) == 2 * width else cut
+        # Of a number without a fraction a decimal comma makes one value, of others two.
+        several = commas if len(cells) == 2 * width else f"{commas}; or name every column"
+        hint = NAMES_FIRST if width == 1 else several if width < len(cells) <= 2 * width else cut
         raise DataError(what, where=where, hint=hint)
     empty = next((k for k, c in enumerate(cells, 1) if not c.strip()), None)
     if empty is not None:
@@ -345,7 +349,9 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     try:
         return [float(c) for c in cells]
     except ValueError as error:
-        hint = "numbers with a decimal point only" if any(map(_is_number, cells)) else NAMES_FIRST
+        none = any(c.strip().strip("#").lower() in NO_SAMPLE for c in cells)
+        points = "nan where there is no sample" if none else "numbers with a decimal point only"
+        hint = points if any(map(_is_number, cells)) else NAMES_FIRST
         if re.match(r"\d{4}-\d\d-\d\d|\d{1,2}[.:/]\d\d[.:/]\d", cells[0].strip()):
             raise DataError(f"{cells[0]!r} is a date or a clock time", where=where, hint=DATES) from None
         raise DataError(str(error), where=where, hint=hint) from None

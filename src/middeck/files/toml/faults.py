@@ -18,7 +18,12 @@ FOREIGN_UNITS = frozenset(ending[1:] for ending in UNITS) | {
     *("kgm2", "kg_mm2", "g_mm2", "g_cm3", "n_per_mm", "nm_per_deg"),
 }
 
-
+# Keys of directions, of which people write a letter.
+DIRECTIONS = frozenset({"axis", "up", "gravity_direction"})
+AXES = {
+    **{"x": "[1.0, 0.0, 0.0]", "y": "[0.0, 1.0, 0.0]", "z": "[0.0, 0.0, 1.0]"},
+    **{"-x": "[-1.0, 0.0, 0.0]", "-y": "[0.0, -1.0, 0.0]", "-z": "[0.0, 0.0, -1.0]"},
+}
 ABSENT = object()
 
 
@@ -157,6 +162,8 @@ def _as_array(key: str, value: Any) -> str:
     """How one value or one table is written as an array of one."""
     if isinstance(value, dict):
         return f"[[{key}]] for each table"
+    if key in DIRECTIONS and isinstance(value, str):
+        return f"{key} = {AXES.get(value.lower().lstrip('+'), '[x, y, z], three numbers')}"
     return f"{key} = [{show(value)}]" if isinstance(value, str | int | float) and key else ""
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 KEY = r"^\s*(?P<key>[\w.\"-]+)\s*"
 HEAD = r"(?!\s*(?:\[[^\[\]]+\]|\[\[[^\[\]]+\]\])\s*(?:#|$))"  # of no table that is closed
+BARE = r"^[^\"'#]*"  # before any text or comment
 NEAR = 3  # lines above the one that the parser names: it notices an open bracket late
 
 
@@ -19,6 +20,15 @@ class Trouble(NamedTuple):
 
 TROUBLES = (
     Trouble(r"[\u201c\u201d\u201e\u2018\u2019\u00ab\u00bb]", "typographic quotes", 'straight quotes: "text"'),
+    Trouble(BARE + r"[\u2010-\u2015\u2212]\s*[\d.]", "a typographic minus", "a hyphen: -"),
+    Trouble(BARE + r"[\u00a0\u2007\u2009\u200b\u202f]", "a space that is none to TOML",
+            "a plain space in its place"),
+    Trouble(KEY + rf"=\s*(?P<n>{NUMBER})[dD](?P<e>[-+]?\d+)", "an exponent of Fortran", "{key} = {n}e{e}"),
+    Trouble(KEY + rf"=\s*{NUMBER}\s*[*/^]", "arithmetic", "the number that it gives"),
+    Trouble(KEY + r"=\s*[-+]?\d{1,3}(?:(?:,\d{3}){2,}|(?: \d{3})+)(?!\d)", "separators in a number",
+            "leave them out, or take _ for them: 70_000"),
+    Trouble(KEY + r"=\s*[-+]?(?P<w>(?i:nan|inf|infinity))\b", "'{w}', which is no number here",
+            "a finite number"),
     Trouble(
         KEY + r"=\s*(?P<whole>[-+]?\d+),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$",
         "a decimal comma",

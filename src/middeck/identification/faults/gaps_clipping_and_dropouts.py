@@ -143,6 +143,8 @@ def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> 
     runs = [(a, b) for a, b in equal_runs(x, least) if a > 0 and x[a] not in (low, high)]
     if is_input:  # a burst rests for long, and to the end
         runs = [(a, b) for a, b in runs if b - a < REST * period and b < len(x)]
+    if not runs:
+        return []
     fast = unlike and np.median(np.abs(np.diff(x, 2))) > TURNS * np.median(np.abs(np.diff(x)))
     runs = [r for r in runs if fast or _leaps(x, r, levels.step)]
     if not runs:

@@ -87,7 +87,7 @@ def scatter_of_periods(
     noise = _noise(moments, H, keep)
     total, dof = _total(moments, H, keep)
     noise_dof = float(U.shape[1] * (moments.periods - 1))
-    if started is not None and started.what:
+    if started is not None and (started.what or started.unknown.any()):
         added = started.covariance(keep)
         if noise is not None:
             noise, noise_dof = _pooled(noise, noise_dof)

@@ -1,4 +1,4 @@
-"""The transient at the beginning of a repeated signal: detected above noise, cut off or subtracted.
+"""The transient at the beginning of a repeated signal, and its drift: told from noise, and taken out.
 
 What repeats is the same in every period. An output minus itself a period later is therefore free motion,
 
@@ -8,16 +8,21 @@ whatever the response is. Its poles are found one by one, at the frequency where
 that explains most of it, and refined together (variable projection, Golub and Pereyra 1973), as long as the
 description length falls (Rissanen 1978). If the motion dies out early, the first periods are cut off;
 otherwise it is subtracted, and its uncertainty is added to the variance of the average.
+
+A ramp, as of a sensor that warms up, adds a constant to that difference, by which it is found. In each period
+it is the same sawtooth, so that no scatter between periods shows what it adds to all lines.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.levenberg_marquardt import Refined, Step, search
+from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.values import record as frozen
 
@@ -33,6 +38,10 @@ AROUND = 10
 LEFT = 0.1
 # Share of the periods, and how many, that must remain for the others to be cut off.
 ENOUGH, FEWEST = 0.5, 4
+# Deviations from which on a ramp is taken out: a lesser one moves the first line by about one of its own.
+STEEP = 4.0
+# Share of a channel's rms from which on a ramp is told of: a lesser one is taken out and counted as well.
+TOLD = 0.05
 # A pole leaves a basis undetermined below this share of its largest singular value.
 SAME = 1e-9
 STEPS = 30
@@ -40,13 +49,13 @@ STEPS = 30
 
 @frozen
 class StartUp:
-    """The record without its start-up transient, and how it was removed.
+    """The record without its start-up transient and its drift, and how they were removed.
 
     Attributes:
         record: The steady periods, or all of them without the free motion.
         what: What was found and done; empty for a steady record.
         unknown: Covariance, per unit of that of the periods' differences, that the motion taken out adds to
-            each line of an average of periods.
+            each line of an average of periods; that of a ramp as well.
         spread: Covariance of the differences' samples, of all outputs.
     """
 
@@ -66,30 +75,88 @@ def steadied(taken: Record) -> StartUp:
     steady = StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
     if periods < 2:
         return steady
-    z = (taken.y[:, :-1] - taken.y[:, 1:]).reshape(experiments, -1, outputs)
-    z = z - z.mean(axis=1, keepdims=True)
-    size = np.sqrt(np.mean(z**2, axis=(0, 1)))
+    u, told = _without_ramps(taken.u, taken.inputs, np.zeros(0, dtype=complex))[:2]
+    taken = taken if u is taken.u else dataclasses.replace(taken, u=u)
+    z = _differences(taken.y)
+    size = np.sqrt(np.mean(np.var(z, axis=1), axis=0))
     if not size.all():
-        return steady
-    target = np.moveaxis(z / size, 1, 0).reshape(z.shape[1], -1)
-    poles, left = _motions(target)
+        return dataclasses.replace(steady, record=taken, what=told)
+    poles, left = _motions(_columns((z - z.mean(axis=1, keepdims=True)) / size))
+    own = left.reshape(-1, outputs) * size
+    y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
+    taken = taken if y is taken.y else dataclasses.replace(taken, y=y)
+    steady = StartUp(taken, _joined(told, drifts), unknown, own.T @ own / len(own))
     if not len(poles):
         return steady
+    z = _differences(y)
+    target = _columns((z - z.mean(axis=1, keepdims=True)) / size)
     motion, unknown = _continued(poles, target, periods, samples)
     y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
-    own = left.reshape(-1, outputs) * size
-    spread = own.T @ own / len(own)
-    first = _steady_from(y, np.diag(spread), samples)
+    first = _steady_from(y, np.diag(steady.spread), samples)
     share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
     found = f"the periods begin with a transient, {share:.2g} of the output's rms in the first"
     if periods - first >= max(FEWEST, ENOUGH * periods):
         cut = dataclasses.replace(taken, u=taken.u[:, first:], y=taken.y[:, first:])
-        return dataclasses.replace(
-            steady, record=cut, what=f"{found}: the first {first} of {periods} are left out"
-        )
-    what = f"{found}: {len(poles)} free motions are subtracted from all {periods}, and their uncertainty"
-    what += " is added to the variance; record more periods, or wait before recording"
-    return StartUp(dataclasses.replace(taken, y=taken.y - y), what, unknown, spread)
+        found += f": the first {first} of {periods} are left out"
+        return dataclasses.replace(steady, record=cut, what=_joined(found, steady.what))
+    found += f": {len(poles)} free motions are subtracted from all {periods}, and their uncertainty"
+    found += " is added to the variance; record more periods, or wait before recording"
+    return dataclasses.replace(
+        steady,
+        record=dataclasses.replace(taken, y=taken.y - y),
+        what=_joined(found, steady.what),
+        unknown=steady.unknown + unknown,
+    )
+
+
+def _joined(*said: str) -> str:
+    return "; ".join(filter(None, said))
+
+
+def _differences(x: Float[np.ndarray, "experiment period sample channel"]) -> np.ndarray:
+    """Each channel less itself a period later."""
+    return (x[:, :-1] - x[:, 1:]).reshape(len(x), -1, x.shape[3])
+
+
+def _columns(z: Float[np.ndarray, "experiment sample channel"]) -> Float[np.ndarray, "sample column"]:
+    return np.moveaxis(z, 1, 0).reshape(z.shape[1], -1)
+
+
+def _without_ramps(
+    x: Float[np.ndarray, "experiment period sample channel"],
+    ports: Sequence[Port],
+    poles: Complex[np.ndarray, " pole"],
+) -> tuple[np.ndarray, str, Float[np.ndarray, " line"]]:
+    """The channels without the ramps that show beside free motion; what to tell, and what is not known.
+
+    The last is as in `StartUp`: the square of the sawtooth by which a ramp may be wrong.
+    """
+    experiments, periods, samples, channels = x.shape
+    z = _columns(_differences(x))
+    ones, motion = np.ones((len(z), 1)), _basis(poles, len(z))
+    amplitudes = np.linalg.lstsq(np.hstack([ones, motion]), z, rcond=SAME)[0]
+    constant, left = amplitudes[0], z - np.hstack([ones, motion]) @ amplitudes
+    # Differences that are steady noise tell of a constant beside the motion to this.
+    beside = ones - motion @ np.linalg.lstsq(motion, ones, rcond=SAME)[0]
+    known = max(float(np.sum(beside**2)), np.finfo(float).tiny)
+    rounding = SAME * np.sqrt(np.mean(x**2, axis=(1, 2))).ravel()
+    strong = constant**2 * known / STEEP**2
+    steep = (strong > np.mean(left**2, axis=0)) & (np.abs(constant) > rounding)
+    if not steep.any():
+        return x, "", np.zeros(samples // 2 + 1)
+    slope = np.where(steep, -constant / samples, 0.0)
+    time = np.arange(periods * samples) - 0.5 * (periods * samples - 1)
+    ramp = (slope.reshape(experiments, 1, channels) * time[:, None]).reshape(x.shape)
+    # Of the bias of a gyro, which walks, a ramp is part of the noise (`_gain`).
+    drifts = np.where(steep & (strong > _level(left, 0, AROUND)), np.abs(slope), 0.0)
+    most = drifts.reshape(experiments, channels).max(axis=0) * len(time) / np.std(x, axis=(0, 1, 2))
+    told = [
+        f"{port.name} drifts by {drift:.2g} of its rms over the periods; the ramp is taken out"
+        for port, drift in zip(ports, most, strict=True)
+        if drift > TOLD
+    ]
+    sawtooth = np.fft.rfft(np.arange(samples) / samples)
+    return x - ramp, _joined(*told), np.abs(sawtooth) ** 2 / known
 
 
 def _steady_from(
@@ -127,12 +194,17 @@ def _gain(before: np.ndarray, after: np.ndarray, sigma: float, omega: float) -> 
     """
     count = len(after)
     half = AROUND + int(2.0 * sigma * count / np.pi)
-    k = round(omega * count / (2.0 * np.pi))
-    near = np.arange(max(k - half, 0), min(k + half, count // 2) + 1)
-    power = np.abs(np.fft.rfft(after, axis=0)[near]) ** 2
-    level = np.mean(power * (np.maximum(near / max(k, 1), 1.0) ** 2)[:, None], axis=0) / count
-    level += np.finfo(float).tiny
+    level = _level(after, round(omega * count / (2.0 * np.pi)), half)
     return float(np.sum((np.sum(before**2, axis=0) - np.sum(after**2, axis=0)) / (2.0 * level)))
+
+
+def _level(left: Float[np.ndarray, "sample column"], k: int, half: int) -> Float[np.ndarray, " column"]:
+    """Variance of noise on line k by the ``half`` lines to either side, which may grow as 1/f^2."""
+    count = len(left)
+    near = np.arange(max(k - half, 0), min(k + half, count // 2) + 1)
+    power = np.abs(np.fft.rfft(left, axis=0)[near]) ** 2
+    level = np.mean(power * (np.maximum(near / max(k, 1), 1.0) ** 2)[:, None], axis=0) / count
+    return level + np.finfo(float).tiny
 
 
 def _poles(theta: np.ndarray) -> Complex[np.ndarray, " pole"]:
