@@ -15,6 +15,7 @@ side: none runs on into the next.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Literal
 
@@ -28,6 +29,8 @@ Weighting = Literal["moesp", "cva", "n4sid"]
 CHUNK = 8192
 # Directions of the past below this share of the strongest are rounding, or an input that is too smooth.
 SMOOTH = 1e-8
+# Bases that are kept: of a record two triangles and two weightings, which every order tried asks for.
+KEPT = 8
 
 
 @record
@@ -79,8 +82,15 @@ def _hankel(x: np.ndarray, rows: int) -> Float[np.ndarray, "column row"]:
     return windows.transpose(0, 2, 1).reshape(len(windows), -1)
 
 
+@functools.lru_cache(maxsize=KEPT)
 def observability(past: PastFuture, weighting: Weighting) -> Float[np.ndarray, "row column"]:
-    """A basis of the observability matrix, its strongest directions first."""
+    """A basis of the observability matrix, its strongest directions first; read-only."""
+    basis = _directions(past, weighting)
+    basis.setflags(write=False)
+    return basis
+
+
+def _directions(past: PastFuture, weighting: Weighting) -> Float[np.ndarray, "row column"]:
     first = past.rows * past.inputs
     last = len(past.L) - past.rows * past.outputs
     L21, L22 = past.L[first:last, :first], past.L[first:last, first:last]
