@@ -7,7 +7,7 @@ import numpy as np
 import promise_case as case
 import pytest
 from scipy.integrate import quad
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 from middeck.control.law.compensator import Compensator, driven_ports, measured_ports
 from middeck.control.robust.verification.monte_carlo import noise_on
@@ -380,6 +380,22 @@ def test_loops_around_sliders_are_the_linear_loops():
     delayed = G[:1, :, :] * np.exp(-0.3j * 2.0 * np.pi * hz[0])
     K = statespace_response(law.system, 2.0 * np.pi * hz[:1])
     np.testing.assert_allclose(H[0, 1, 0], (G[0, 0, 0] / (1.0 - K[0, 0, 0] * delayed[0, 0, 0])), rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+@pytest.mark.parametrize("rate", [1e-3, 1.0, 1e3])
+def test_poles_that_coincide_answer_as_the_loop_does(size: int, rate: float):
+    """One that is damped critically, a chain of equal ones, and both beside a mode that rings."""
+    double, chain = np.array([[0.0, 1.0], [-0.25, -1.0]]), np.diag([-1.0] * size) + np.eye(size, k=1)
+    ringing = np.array([[-0.02, 3.0], [-3.0, -0.02]])
+    A = block_diag(double, chain, ringing) * rate
+    rng = np.random.default_rng(size)
+    B, C = rng.standard_normal((len(A), 2)), rng.standard_normal((3, len(A)))
+    form = pole_form(StateSpace(A, B, C, np.zeros((3, 2))))
+    assert form is not None
+    for t in np.linspace(0.0, 20.0, 21) / rate:
+        found = np.real((form.reads * np.exp(form.poles * t)) @ form.drives.T)
+        assert found == pytest.approx(C @ expm(A * t) @ B, abs=3e-6)
 
 
 def test_what_laws_answer_is_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch):

@@ -21,7 +21,9 @@ from middeck.values import record
 PIECE = 1024
 """Lines whose responses are found at once: what is made on the way stays near the processor."""
 NEGLIGIBLE = 1e-6
-"""Part of a pole in a response, relative to the largest, below which it is left out."""
+"""Part of a pole in a response, relative to the largest response, below which it is left out."""
+LOST, APART = 1e-9, 1e-8
+"""Part of a response that the parts of its poles may lack, and by how much a loop that lacks more is changed."""
 
 
 @record(kw_only=True)
@@ -73,17 +75,53 @@ def hold_while_sticking(
 
 
 def pole_form(loop: StateSpace) -> SlipPoles | None:
-    """The loop by its poles, negligible ones left out; None where one does not decay."""
-    values, vectors = solve_poles(loop.A)
+    """The loop by its poles, negligible ones left out; None where one does not decay.
+
+    Poles that coincide have no parts of their own: those of a loop that differs by `APART` stand for them
+    (Davies 2007, Approximate diagonalization).
+    """
+    values, drives, reads = _parts(loop, loop.A)
     if not np.all(np.real(values) < 0.0):
         return None
-    drives = np.linalg.solve(vectors, loop.B.astype(complex)).T
-    reads = loop.C @ vectors
-    one = np.imag(values) >= 0.0  # of each pair
-    reads = reads * np.where(np.imag(values) > 0.0, 2.0, 1.0)
-    size = np.abs(reads[:, None] * drives) / -np.real(values)
-    counts = np.any(size > NEGLIGIBLE * size.max(axis=2, keepdims=True), axis=(0, 1)) & one
+    if not _adds_up(loop, values, drives, reads):
+        values, drives, reads = _parts(loop, _apart(loop.A))
+    at_poles = 1.0 / (1j * np.imag(values)[:, None] - values)
+    peak = np.abs(np.einsum("op,jp,kp->ojk", reads, drives, at_poles)).max(axis=2, keepdims=True)
+    size = np.abs(reads[:, None] * drives) / np.abs(np.real(values))
+    counts = np.any(size > NEGLIGIBLE * peak, axis=(0, 1)) & (np.imag(values) >= 0.0)
+    reads = reads * np.where(np.imag(values) > 0.0, 2.0, 1.0)  # one of each pair
     return SlipPoles(values[counts], drives[:, counts], reads[:, counts])
+
+
+def _parts(
+    loop: StateSpace, A: Float[np.ndarray, "state state"]
+) -> tuple[
+    Complex[np.ndarray, " state"], Complex[np.ndarray, "joint state"], Complex[np.ndarray, "output state"]
+]:
+    """Poles of A, what torques do to each, and what outputs read of it."""
+    values, vectors = solve_poles(A)
+    return values, np.linalg.solve(vectors, loop.B.astype(complex)).T, loop.C @ vectors
+
+
+def _apart(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"]:
+    """A with each state, in its own unit, and each link of two changed by about `APART` of their rates."""
+    balanced, (unit, _) = sla.matrix_balance(A, permute=False, separate=True)
+    rate = np.sqrt(np.linalg.norm(balanced, axis=1))
+    change = APART * rate[:, None] * rate * np.random.default_rng(0).uniform(-1.0, 1.0, A.shape)
+    return A + unit[:, None] * change / unit
+
+
+def _adds_up(
+    loop: StateSpace,
+    values: Complex[np.ndarray, " state"],
+    drives: Complex[np.ndarray, "joint state"],
+    reads: Complex[np.ndarray, "output state"],
+) -> bool:
+    """Whether the poles' parts have the loop's response where all answer: amid their sizes, on the real axis."""
+    amid = float(np.median(np.abs(values)))
+    whole = loop.C @ np.linalg.solve(amid * np.eye(len(values)) - loop.A, loop.B)
+    lost = np.abs((reads / (amid - values)) @ drives.T - whole)
+    return bool(np.all(lost <= LOST * np.abs(whole).max(initial=0.0)))
 
 
 def solve_poles(
