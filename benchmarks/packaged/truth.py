@@ -8,6 +8,7 @@ whatever it said, past it. The list is a table of its own, `results/truth_packag
 from __future__ import annotations
 
 import csv
+import datetime
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ ORDER = (
 FIELDS = (
     "number", "attempt", "article", "environment", "motors", "sensors", "decades_of_authority",
     "share_of_limits", "growth_time_s", "refused_by", "stopped_by", "after_full_authority_s", "allowed_s",
-    "angle_over_envelope", "torque_over_limit", "on_blacklist",
+    "angle_over_envelope", "torque_over_limit", "on_blacklist", "judged_on",
 )  # fmt: skip
 
 
@@ -68,6 +69,7 @@ def truth_package(case: Case, _: Any) -> tuple[str, dict[str, Any]]:
         "after_full_authority_s": f"{came.after_s:.3f}" if came.trip else "",
         "allowed_s": f"{came.allowed_s:.3f}", "angle_over_envelope": f"{came.peak:.3f}",
         "torque_over_limit": f"{came.torque:.4f}", "on_blacklist": "yes" if came.blacklisted else "no",
+        "judged_on": datetime.date.today().isoformat(),
     }  # fmt: skip
 
 
@@ -94,12 +96,13 @@ def table_rows(listed: list[dict[str, Any]], laws: int) -> list[dict]:
     first = Counter(one["refused_by"].split(", ")[0] for one in listed)
     steps = (step for one in listed for step in one["refused_by"].split(", "))
     alone = Counter(step for step in steps if step and not is_last(step))
+    judged = Counter(one["judged_on"] for one in listed)
     return [
         row(CASE, "packages stable on both models on board that the truth destabilises", "", len(listed),
             note=f"frequencies off by 2 to 5 %; {laws} different laws; {_families(listed)}"),
         row(CASE, "of these, packages that pass the gate with the truth as its rig", "", len(through),
             note=f"stopped by {_said(first)}, asked in the order of {ORDER}; for itself each of the cheap "
-            f"steps refuses {_said(alone)}"),
+            f"steps refuses {_said(alone)}; judged on {_said(judged)}"),
         row(CASE, "of these, packages that pass the gate and do not trip", "",
             sum(one["stopped_by"] == "nothing" for one in through), 0.0, note=_trips(through)),
         row(CASE, "past the gate: late trips of packages with a growth time below 10 s", "",
