@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tracemalloc
 from collections.abc import Callable
 
@@ -335,3 +336,20 @@ def test_a_sensor_that_drifts_at_random_is_named_and_harms_no_mode(wander: float
     assert abs(natural_hz(fit.model)[0] - 12.0) < 4.0 * fit.uncertainty.natural_hz[0]
     assert any("drifts at random" in said for said in fit.warnings) == (wander > 0.0)
     assert not any("correlated with the inputs" in said for said in fit.warnings)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"), [("spikes", "spikes? up to"), ("dropout", "stuck for 120 samples")]
+)
+def test_a_fit_of_which_much_is_left_names_spikes_and_dropouts(fault: str, said: str) -> None:
+    """As noise in all lines they were "noise and what the model lacks are 76 % of the output" alone."""
+    plant = (np.array([6.0]), np.array([0.02]), [300.0], 0.011)
+    record = shaken(plant, 1024, 100.0, (1, 40), noise=0.003)
+    y = record.y.copy()
+    if fault == "spikes":
+        y[0, 0, [200, 611], 0] += 30.0 * y.std()
+    else:
+        y[0, 0, 400:520, 0] = y[0, 0, 400, 0]
+    fit = fit_record(dataclasses.replace(record, y=y), states=2, sampled=False)
+    assert any(re.search(said, text) for text in fit.warnings)
+    assert fit_record(record, states=2, sampled=False).warnings == ()

@@ -40,6 +40,8 @@ MISSING = ("gap", "dead")
 LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift", "stuck")
 # What biases an estimate as a whole.
 BIASING = ("shift", "joint", "feedback", "delay", "truncated", "unlike", "stuck")
+# What spoils few samples, and thereby all lines.
+BRIEF = ("spike", "dropout")
 SEVERITIES = ("unusable", "serious", "note")
 
 
@@ -106,9 +108,12 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
 
 
-def biasing_faults(record: Record) -> list[Fault]:
-    """The faults that bias an estimate as a whole: no scatter shows them."""
-    return [f for f in detect_faults(record) if f.kind in BIASING]
+def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[Fault]:
+    """The faults that bias an estimate as a whole: no scatter shows them.
+
+    Of channels of which much is ``wrong`` also spikes and dropouts: as noise in all lines they hide there.
+    """
+    return [f for f in detect_faults(record) if f.kind in BIASING or (f.kind in BRIEF and f.channel in wrong)]
 
 
 def _without(record: Record, found: Sequence[Fault], kinds: Sequence[str]) -> Record | None:

@@ -130,7 +130,8 @@ def causes_of(
     )
     leads = lead > LEADS
     wrong = np.any(left > LEFT) or steps or bool(changed) or leads.any()
-    faults = biasing_faults(record) if wrong else []
+    most = [port.name for port, share in zip(record.outputs, left, strict=True) if share > MUCH]
+    faults = biasing_faults(record, most) if wrong else []
     found = [
         f"{f.side} {f.channel}: {f.what}; the stated standard deviations are too small. "
         f"{f.hint[0].upper()}{f.hint[1:]}"
