@@ -23,11 +23,11 @@ STUDY = Path(__file__).parents[2] / "studies/mace-1993.toml"
 SEEDS = range(20)
 # Loops of the sheet's article are unstable on this one: the quick share is the hardest.
 HARD = [11]
-# Its fit is sure of itself from the second order on; the mesh, the rig's too, is no part of the law, nor is a
-# long test.
+# Its fit is sure of itself from the second order on; the mesh, the rig's too, is no part of the law. The test
+# keeps its length: of periods of 12 s, three of twenty intervals missed with OpenBLAS's kernel for AVX-512.
 QUICK = [
     *("promise.draws=4", "promise.log10_authority=[3.0]", "promise.states=[36]"),
-    *("mesh.elements_per_strut=2", "promise.period_s=12"),
+    "mesh.elements_per_strut=2",
 ]
 
 
