@@ -22,7 +22,7 @@ KERNELS = ("Prescott", "Haswell", "Zen", "SkylakeX")
 PROBE = "import numpy, scipy.linalg; a = numpy.eye(64); a @ a; scipy.linalg.inv(a)"
 COPIES = 2  # NumPy's OpenBLAS and SciPy's
 # The chapter on the promise takes two thirds of the study's time; MIDDECK_LONG=1 leaves it whole.
-FEWER = ("promise.draws=4", "promise.log10_authority=[0, 3]", "promise.period_s=12")
+FEWER = ("promise.draws=4", "promise.log10_authority=[0, 3]")
 SHORTER = () if os.environ.get("MIDDECK_LONG") == "1" else [w for one in FEWER for w in ("--set", one)]
 
 

@@ -23,7 +23,7 @@ PIECE = 1024
 NEGLIGIBLE = 1e-6
 """Part of a pole in a response, relative to the largest response, below which it is left out."""
 LOST, APART = 1e-9, 1e-8
-"""Part of a response that the parts of its poles may lack, and by how much a loop that lacks more is changed."""
+"""Part of a response that the parts of its poles may lack; by how much a loop is changed that lacks more."""
 
 
 @record(kw_only=True)
@@ -117,7 +117,7 @@ def _adds_up(
     drives: Complex[np.ndarray, "joint state"],
     reads: Complex[np.ndarray, "output state"],
 ) -> bool:
-    """Whether the poles' parts have the loop's response where all answer: amid their sizes, on the real axis."""
+    """Whether the parts have the loop's response where all answer: on the real axis, amid their sizes."""
     amid = float(np.median(np.abs(values)))
     whole = loop.C @ np.linalg.solve(amid * np.eye(len(values)) - loop.A, loop.B)
     lost = np.abs((reads / (amid - values)) @ drives.T - whole)
