@@ -144,6 +144,18 @@ def test_no_part_of_fast_math_compiles(flag, tmp_path):
     assert b"compile without -f" in failed.stderr
 
 
+def test_a_processor_that_keeps_more_digits_between_operations_is_refused(tmp_path):
+    """As the x87 does; here its compiler is played by what it says of itself."""
+    made = generate_c(package_of(2, *SHAPES[3]), "law")
+    (tmp_path / "law.h").write_text(made.header)
+    (tmp_path / "law.c").write_text(made.source)
+    for method, passes in ((2, False), (1, False), (0, True)):
+        build = ["cc", "-std=c99", "-U__FLT_EVAL_METHOD__", f"-D__FLT_EVAL_METHOD__={method}", "-c", "law.c"]
+        done = subprocess.run(build, cwd=tmp_path, capture_output=True, check=False)
+        assert (done.returncode == 0) == passes
+        assert (b"rounds each operation to its type" in done.stderr) != passes
+
+
 def test_the_object_calls_nothing(tmp_path):
     """No library, no allocation, no global that changes."""
     made = generate_c(package_of(2, *SHAPES[0]), "law")
