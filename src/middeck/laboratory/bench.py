@@ -7,6 +7,7 @@ uses nothing else of the rig; only the stability of a loop is read from the rig'
 from __future__ import annotations
 
 import dataclasses
+import warnings
 
 import numpy as np
 from jaxtyping import Float
@@ -50,11 +51,13 @@ class Bench:
 
 @record
 class Taken:
-    """A closed-loop run: its response or why there is none, and the rms torque of the compensator."""
+    """A closed-loop run: its response or why there is none, the rms torque of the compensator, and what is
+    said of the record."""
 
     response: FrequencyResponse | None
     cause: str
     control_rms: float | None
+    warnings: tuple[str, ...] = ()
 
 
 def build_bench(
@@ -118,5 +121,8 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
     cause = run.cause or limit_cycle(run)
     if cause or run.record is None or run.control is None:
         return Taken(None, cause, None)
-    response = estimate_response(run.record, band_hz=bench.band_hz)
-    return Taken(response, "", float(np.sqrt(np.mean(run.control**2))))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        response = estimate_response(run.record, band_hz=bench.band_hz)
+    rms = float(np.sqrt(np.mean(run.control**2)))
+    return Taken(response, "", rms, tuple(str(one.message) for one in said))

@@ -106,6 +106,7 @@ class MeasuredLoop:
         modes: Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
         on_rig: The loop by the rig's own eigenvalues and return ratio: the pair unshifted, then each shift of
             it.
+        warnings: What is said of the closed loop's record.
     """
 
     name: str
@@ -123,6 +124,7 @@ class MeasuredLoop:
     static_db: float | None
     modes: tuple[ModeReduction, ...]
     on_rig: tuple[RigLoop, ...]
+    warnings: tuple[str, ...]
 
     @property
     def stable(self) -> bool:
@@ -168,6 +170,7 @@ def measure_loop(
         static_db=None if closed is None else _static_db(case.measured, closed),
         modes=() if closed is None else _mode_reductions(case, closed),
         on_rig=judge_loops(views, compensator),
+        warnings=tuple(f"{name}: {said}" for said in taken.warnings),
     )
 
 

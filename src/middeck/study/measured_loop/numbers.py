@@ -41,6 +41,7 @@ def loop_numbers(loop: MeasuredLoop) -> Numbers:
         **fields(loop, *OF_LOOPS),
         "survives_shift_percent": {f"{percent:+g}": ok for percent, ok in loop.survives},
         "rig": loop.on_rig,
+        "warnings": loop.warnings,
     }
 
 
