@@ -72,15 +72,13 @@ class StartUp:
 def steadied(taken: Record) -> StartUp:
     """``taken`` as the steady record that it would have been; itself where it is steady."""
     experiments, periods, samples, outputs = taken.y.shape
-    steady = StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
     if periods < 2:
-        return steady
+        return StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
     u, told = _without_ramps(taken.u, taken.inputs, np.zeros(0, dtype=complex))[:2]
     taken = taken if u is taken.u else dataclasses.replace(taken, u=u)
     z = _differences(taken.y)
     size = np.sqrt(np.mean(np.var(z, axis=1), axis=0))
-    if not size.all():
-        return dataclasses.replace(steady, record=taken, what=told)
+    size = np.where(size > 0.0, size, 1.0)  # an output that repeats to the digit
     poles, left = _motions(_columns((z - z.mean(axis=1, keepdims=True)) / size))
     own = left.reshape(-1, outputs) * size
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
@@ -88,9 +86,7 @@ def steadied(taken: Record) -> StartUp:
     steady = StartUp(taken, _joined(told, drifts), unknown, own.T @ own / len(own))
     if not len(poles):
         return steady
-    z = _differences(y)
-    target = _columns((z - z.mean(axis=1, keepdims=True)) / size)
-    motion, unknown = _continued(poles, target, periods, samples)
+    motion, unknown = _continued(poles, _columns(_differences(y) / size), periods, samples)
     y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
     first = _steady_from(y, np.diag(steady.spread), samples)
     share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
@@ -142,6 +138,9 @@ def _without_ramps(
     rounding = SAME * np.sqrt(np.mean(x**2, axis=(1, 2))).ravel()
     strong = constant**2 * known / STEEP**2
     steep = (strong > np.mean(left**2, axis=0)) & (np.abs(constant) > rounding)
+    # A motion that dies out, as an input's own, is not there in the second half; a ramp is as it is before.
+    half = len(z) // 2
+    steep &= np.abs(left[:half].mean(axis=0) - left[-half:].mean(axis=0)) < np.abs(constant)
     if not steep.any():
         return x, "", np.zeros(samples // 2 + 1)
     slope = np.where(steep, -constant / samples, 0.0)
@@ -163,7 +162,9 @@ def _steady_from(
     motion: Float[np.ndarray, "experiment period sample output"], variance: np.ndarray, samples: int
 ) -> int:
     """First period from which no line of the motion counts against the noise of one period."""
-    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / (0.5 * samples * variance)
+    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / (
+        0.5 * samples * variance + np.finfo(float).tiny
+    )
     counts = np.flatnonzero((power > LEFT).any(axis=(0, 2)))
     return int(counts[-1]) + 1 if len(counts) else 0
 
@@ -223,7 +224,8 @@ def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:
         k = int(np.argmax(power))
         explained = float(power[k]) / float(np.sum(window**2))
         if explained > best[0]:
-            best = (explained, float(np.log(sigma)), np.pi * k / count)
+            # At rest a motion has one column less, and none that turns by less is told from it.
+            best = (explained, float(np.log(sigma)), np.pi * max(k, 1) / count)
     return best[1], best[2]
 
 
@@ -234,6 +236,11 @@ def _basis(
     n = np.arange(count)[:, None]
     motion = np.exp(poles * n) * (n / count) ** power
     return np.concatenate([motion.real, -motion.imag], axis=1)
+
+
+def _centred(columns: Float[np.ndarray, "sample column"]) -> Float[np.ndarray, "sample column"]:
+    """What is left of them beside a constant, as the differences have it that a ramp is told by."""
+    return columns - columns.mean(axis=0)
 
 
 def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
@@ -250,7 +257,7 @@ def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
 
 
 def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
-    basis = _basis(_poles(theta), len(target))
+    basis = _centred(_basis(_poles(theta), len(target)))
     return target - basis @ np.linalg.lstsq(basis, target, rcond=SAME)[0]
 
 
@@ -259,7 +266,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
     poles, half = _poles(theta), len(theta) // 2
     if np.real(poles).min() < -np.pi:
         return None
-    basis = _basis(poles, len(target))
+    basis = _centred(_basis(poles, len(target)))
     Q, R = np.linalg.qr(basis)
     size = np.abs(np.diag(R))
     if not np.isfinite(basis).all() or size.min() <= SAME * size.max():
@@ -278,6 +285,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
         by_p = real * a[m] - imag * a[half + m]
         by_turn = -imag * a[m] - real * a[half + m]
         for row, slope in ((m, poles[m].real * by_p), (half + m, by_turn)):
+            slope = _centred(slope)
             rows[row] = (slope - Q @ (Q.T @ slope)).ravel()
     return Step(cost=cost, gradient=-rows @ left.ravel(), gram=rows @ rows.T, linear=a)
 
