@@ -146,8 +146,10 @@ def _without_ramps(
     slope = np.where(steep, -constant / samples, 0.0)
     time = np.arange(periods * samples) - 0.5 * (periods * samples - 1)
     ramp = (slope.reshape(experiments, 1, channels) * time[:, None]).reshape(x.shape)
-    # Of the bias of a gyro, which walks, a ramp is part of the noise (`_gain`).
-    drifts = np.where(steep & (strong > _level(left, 0, AROUND)), np.abs(slope), 0.0)
+    # Of the bias of a gyro, which walks, a ramp is part of the noise (`_gain`), and of few periods the more:
+    # their differences walk as well, and their mean as half a line does.
+    walk = _level(left, 0, AROUND) * max(4.0 / (periods - 1), 1.0)
+    drifts = np.where(steep & (strong > walk), np.abs(slope), 0.0)
     most = drifts.reshape(experiments, channels).max(axis=0) * len(time) / np.std(x, axis=(0, 1, 2))
     told = [
         f"{port.name} drifts by {drift:.2g} of its rms over the periods; the ramp is taken out"
@@ -210,7 +212,8 @@ def _level(left: Float[np.ndarray, "sample column"], k: int, half: int) -> Float
 
 def _poles(theta: np.ndarray) -> Complex[np.ndarray, " pole"]:
     half = len(theta) // 2
-    return -np.exp(theta[:half]) + 1j * theta[half:]
+    with np.errstate(over="ignore"):  # a step too long, which `_step` refuses
+        return -np.exp(theta[:half]) + 1j * theta[half:]
 
 
 def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:

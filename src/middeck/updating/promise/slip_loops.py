@@ -28,7 +28,7 @@ LOST, APART = 1e-9, (1e-8, 1e-10, 1e-12)
 Poles of little damping bear the least change, many that coincide ask for the most."""
 
 FAINT = 1e-12
-"""Part of the strongest response of all below which one is rounding: what a joint does to what it cannot move."""
+"""Part of the strongest response below which one is rounding: what a joint does to what it cannot move."""
 
 Parts = tuple[
     Complex[np.ndarray, " state"], Complex[np.ndarray, "joint state"], Complex[np.ndarray, "output state"]
