@@ -274,6 +274,7 @@ SYNTAX = {
     "x = 6/5": (3, "arithmetic", "the number that it gives"),
     "E_pa = 70,000,000,000": (3, "separators in a number", "70_000"),
     "E_pa = 70 000 000 000": (3, "separators in a number", "70_000"),
+    "x = nan\ny = [1 2]": (4, "y = [1 2]", "mend this line"),
     "mass_kg = NaN": (3, "'NaN'", "a finite number"),
     "[[node]]\nx_m = np.float64(0.5)": (4, "as NumPy prints it", "0.5"),
     "[[node]]\nx_m = 1 2": (4, "newline", "mend this line"),

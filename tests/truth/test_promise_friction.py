@@ -41,6 +41,8 @@ from middeck.updating.promise.slip_loops import (
 from middeck.updating.promise.slip_run import Slipped, SlipRun, join_slips, run_slips, set_run
 from middeck.updating.refinement.refine import Refined
 
+# Frequencies and damping of a loop's modes.
+DECADES = ((1e-3, 0.7), (1.0, 0.01), (1e3, 0.01), (1e5, 0.3))
 GIMBAL = JointSlip(name="turn", slip_torque=0.05, slip_angle=1e-3)
 
 
@@ -396,6 +398,38 @@ def test_poles_that_coincide_answer_as_the_loop_does(size: int, rate: float):
     for t in np.linspace(0.0, 20.0, 21) / rate:
         found = np.real((form.reads * np.exp(form.poles * t)) @ form.drives.T)
         assert found == pytest.approx(C @ expm(A * t) @ B, abs=3e-6)
+
+
+def test_poles_of_little_damping_that_coincide_answer_as_the_loop_does():
+    """A change of 1e-8 moved the peak by half a percent."""
+    swing = np.array([[-1e-3, 1.0], [-1.0, -1e-3]])
+    A = np.block([[swing, np.eye(2)], [np.zeros((2, 2)), swing]])
+    loop = StateSpace(A, np.eye(4)[:, 3:], np.eye(4)[:1], np.zeros((1, 1)))
+    form = pole_form(loop)
+    assert form is not None
+    assert answer_of(form, 1j) == pytest.approx(
+        loop.C @ np.linalg.solve(1j * np.eye(4) - A, loop.B), rel=1e-5
+    )
+
+
+def test_a_loop_of_many_decades_does_not_grow_by_what_tells_its_poles_apart():
+    """Poles of 1e-3 to 1e5 rad/s in states turned at random: changed by 1e-8, one that decays grew."""
+    rng = np.random.default_rng(0)
+    A = block_diag(*[np.array([[0.0, 1.0], [-w * w, -2.0 * z * w]]) for w, z in DECADES])
+    turn = np.linalg.qr(rng.standard_normal(A.shape))[0]
+    loop = StateSpace(turn.T @ A @ turn, turn.T[:, 1::2], turn[::2], np.zeros((4, 4)))
+    form = pole_form(loop)
+    assert form is not None
+    assert np.all(form.poles.real < 0.0)
+    for s in (1j, 1e3j, 1e5j):
+        whole = loop.C @ np.linalg.solve(s * np.eye(len(A)) - loop.A, loop.B)
+        assert answer_of(form, s) == pytest.approx(whole, abs=1e-4 * np.abs(whole).max())
+
+
+def answer_of(form: SlipPoles, s: complex) -> np.ndarray:
+    """Half of each part and of its mirror's, as the real part is the half of both."""
+    one = (form.reads / (s - form.poles)) @ form.drives.T
+    return 0.5 * (one + (form.reads.conj() / (s - form.poles.conj())) @ form.drives.conj().T)
 
 
 def test_what_laws_answer_is_kept_up_to_a_size(monkeypatch: pytest.MonkeyPatch):

@@ -121,8 +121,12 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
     cause = run.cause or limit_cycle(run)
     if cause or run.record is None or run.control is None:
         return Taken(None, cause, None)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
         response = estimate_response(run.record, band_hz=bench.band_hz)
+    said = [one for one in caught if issubclass(one.category, UserWarning)]
+    for other in caught:  # as of NumPy: nothing that is said of a record
+        if other not in said:
+            warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
     rms = float(np.sqrt(np.mean(run.control**2)))
     return Taken(response, "", rms, tuple(str(one.message) for one in said))

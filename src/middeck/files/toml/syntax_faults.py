@@ -1,6 +1,7 @@
 """The fault of a line that is not TOML, in words, and its remedy."""
 
 import re
+import tomllib
 from typing import NamedTuple
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -76,7 +77,7 @@ def explain(text: str, line: int, error: str) -> tuple[int, str, str]:
         return line, *twice
     for number in range(line, max(0, line - 1 - NEAR), -1):
         content = lines[number - 1] if number <= len(lines) else ""
-        found = _trouble(content) if content.strip() and not content.lstrip().startswith("#") else None
+        found = None if _sound(content) else _trouble(content)
         if found is not None:
             return number, f"{found[0]} in '{_shown(content)}'", found[1]
     shown = f" in '{_shown(lines[line - 1])}'" if 0 < line <= len(lines) and lines[line - 1].strip() else ""
@@ -85,6 +86,15 @@ def explain(text: str, line: int, error: str) -> tuple[int, str, str]:
         f"{error}{shown}",
         "mend this line or the one before it; a file that ends here may be cut off",
     )
+
+
+def _sound(content: str) -> bool:
+    """Whether a line is TOML by itself, as numbers that no model takes are: nan, inf."""
+    try:
+        tomllib.loads(content)
+    except tomllib.TOMLDecodeError:
+        return False
+    return True
 
 
 def _trouble(content: str) -> tuple[str, str] | None:

@@ -72,15 +72,13 @@ class StartUp:
 def steadied(taken: Record) -> StartUp:
     """``taken`` as the steady record that it would have been; itself where it is steady."""
     experiments, periods, samples, outputs = taken.y.shape
-    steady = StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
     if periods < 2:
-        return steady
+        return StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
     u, told = _without_ramps(taken.u, taken.inputs, np.zeros(0, dtype=complex))[:2]
     taken = taken if u is taken.u else dataclasses.replace(taken, u=u)
     z = _differences(taken.y)
     size = np.sqrt(np.mean(np.var(z, axis=1), axis=0))
-    if not size.all():
-        return dataclasses.replace(steady, record=taken, what=told)
+    size = np.where(size > 0.0, size, 1.0)  # an output that repeats to the digit
     poles, left = _motions(_columns((z - z.mean(axis=1, keepdims=True)) / size))
     own = left.reshape(-1, outputs) * size
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
@@ -88,9 +86,7 @@ def steadied(taken: Record) -> StartUp:
     steady = StartUp(taken, _joined(told, drifts), unknown, own.T @ own / len(own))
     if not len(poles):
         return steady
-    z = _differences(y)
-    target = _columns((z - z.mean(axis=1, keepdims=True)) / size)
-    motion, unknown = _continued(poles, target, periods, samples)
+    motion, unknown = _continued(poles, _columns(_differences(y) / size), periods, samples)
     y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
     first = _steady_from(y, np.diag(steady.spread), samples)
     share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
@@ -142,13 +138,18 @@ def _without_ramps(
     rounding = SAME * np.sqrt(np.mean(x**2, axis=(1, 2))).ravel()
     strong = constant**2 * known / STEEP**2
     steep = (strong > np.mean(left**2, axis=0)) & (np.abs(constant) > rounding)
+    # A motion that dies out, as an input's own, is not there in the second half; a ramp is as it is before.
+    half = len(z) // 2
+    steep &= np.abs(left[:half].mean(axis=0) - left[-half:].mean(axis=0)) < np.abs(constant)
     if not steep.any():
         return x, "", np.zeros(samples // 2 + 1)
     slope = np.where(steep, -constant / samples, 0.0)
     time = np.arange(periods * samples) - 0.5 * (periods * samples - 1)
     ramp = (slope.reshape(experiments, 1, channels) * time[:, None]).reshape(x.shape)
-    # Of the bias of a gyro, which walks, a ramp is part of the noise (`_gain`).
-    drifts = np.where(steep & (strong > _level(left, 0, AROUND)), np.abs(slope), 0.0)
+    # Of the bias of a gyro, which walks, a ramp is part of the noise (`_gain`), and of few periods the more:
+    # their differences walk as well, and their mean as half a line does.
+    walk = _level(left, 0, AROUND) * max(4.0 / (periods - 1), 1.0)
+    drifts = np.where(steep & (strong > walk), np.abs(slope), 0.0)
     most = drifts.reshape(experiments, channels).max(axis=0) * len(time) / np.std(x, axis=(0, 1, 2))
     told = [
         f"{port.name} drifts by {drift:.2g} of its rms over the periods; the ramp is taken out"
@@ -163,7 +164,9 @@ def _steady_from(
     motion: Float[np.ndarray, "experiment period sample output"], variance: np.ndarray, samples: int
 ) -> int:
     """First period from which no line of the motion counts against the noise of one period."""
-    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / (0.5 * samples * variance)
+    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / (
+        0.5 * samples * variance + np.finfo(float).tiny
+    )
     counts = np.flatnonzero((power > LEFT).any(axis=(0, 2)))
     return int(counts[-1]) + 1 if len(counts) else 0
 
@@ -209,7 +212,8 @@ def _level(left: Float[np.ndarray, "sample column"], k: int, half: int) -> Float
 
 def _poles(theta: np.ndarray) -> Complex[np.ndarray, " pole"]:
     half = len(theta) // 2
-    return -np.exp(theta[:half]) + 1j * theta[half:]
+    with np.errstate(over="ignore"):  # a step too long, which `_step` refuses
+        return -np.exp(theta[:half]) + 1j * theta[half:]
 
 
 def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:
@@ -223,7 +227,8 @@ def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:
         k = int(np.argmax(power))
         explained = float(power[k]) / float(np.sum(window**2))
         if explained > best[0]:
-            best = (explained, float(np.log(sigma)), np.pi * k / count)
+            # At rest a motion has one column less, and none that turns by less is told from it.
+            best = (explained, float(np.log(sigma)), np.pi * max(k, 1) / count)
     return best[1], best[2]
 
 
@@ -234,6 +239,11 @@ def _basis(
     n = np.arange(count)[:, None]
     motion = np.exp(poles * n) * (n / count) ** power
     return np.concatenate([motion.real, -motion.imag], axis=1)
+
+
+def _centred(columns: Float[np.ndarray, "sample column"]) -> Float[np.ndarray, "sample column"]:
+    """What is left of them beside a constant, as the differences have it that a ramp is told by."""
+    return columns - columns.mean(axis=0)
 
 
 def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
@@ -250,7 +260,7 @@ def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
 
 
 def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
-    basis = _basis(_poles(theta), len(target))
+    basis = _centred(_basis(_poles(theta), len(target)))
     return target - basis @ np.linalg.lstsq(basis, target, rcond=SAME)[0]
 
 
@@ -259,7 +269,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
     poles, half = _poles(theta), len(theta) // 2
     if np.real(poles).min() < -np.pi:
         return None
-    basis = _basis(poles, len(target))
+    basis = _centred(_basis(poles, len(target)))
     Q, R = np.linalg.qr(basis)
     size = np.abs(np.diag(R))
     if not np.isfinite(basis).all() or size.min() <= SAME * size.max():
@@ -278,6 +288,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
         by_p = real * a[m] - imag * a[half + m]
         by_turn = -imag * a[m] - real * a[half + m]
         for row, slope in ((m, poles[m].real * by_p), (half + m, by_turn)):
+            slope = _centred(slope)
             rows[row] = (slope - Q @ (Q.T @ slope)).ravel()
     return Step(cost=cost, gradient=-rows @ left.ravel(), gram=rows @ rows.T, linear=a)
 

@@ -22,8 +22,18 @@ PIECE = 1024
 """Lines whose responses are found at once: what is made on the way stays near the processor."""
 NEGLIGIBLE = 1e-6
 """Part of a pole in a response, relative to the largest response, below which it is left out."""
-LOST, APART = 1e-9, 1e-8
-"""Part of a response that the parts of its poles may lack; by how much a loop is changed that lacks more."""
+LOST, APART = 1e-9, (1e-8, 1e-10, 1e-12)
+"""Part of a response that the parts of its poles may lack; by how much a loop is changed that lacks more.
+
+Poles of little damping bear the least change, many that coincide ask for the most."""
+
+FAINT = 1e-12
+"""Part of the strongest response below which one is rounding: what a joint does to what it cannot move."""
+
+Parts = tuple[
+    Complex[np.ndarray, " state"], Complex[np.ndarray, "joint state"], Complex[np.ndarray, "output state"]
+]
+"""Poles, what torques do to each, and what outputs read of it."""
 
 
 @record(kw_only=True)
@@ -77,14 +87,15 @@ def hold_while_sticking(
 def pole_form(loop: StateSpace) -> SlipPoles | None:
     """The loop by its poles, negligible ones left out; None where one does not decay.
 
-    Poles that coincide have no parts of their own: those of a loop that differs by `APART` stand for them
-    (Davies 2007, Approximate diagonalization).
+    Poles that coincide have no parts of their own: those of a loop that differs by one of `APART` stand for
+    them (Davies 2007, Approximate diagonalization), whichever answers most as this one does.
     """
     values, drives, reads = _parts(loop, loop.A)
     if not np.all(np.real(values) < 0.0):
         return None
     if not _adds_up(loop, values, drives, reads):
-        values, drives, reads = _parts(loop, _apart(loop.A))
+        beside = [_parts(loop, _apart(loop.A, change)) for change in APART]
+        values, drives, reads = _closest(loop, [(values, drives, reads), *beside])
     at_poles = 1.0 / (1j * np.imag(values)[:, None] - values)
     peak = np.abs(np.einsum("op,jp,kp->ojk", reads, drives, at_poles)).max(axis=2, keepdims=True)
     size = np.abs(reads[:, None] * drives) / np.abs(np.real(values))
@@ -93,22 +104,35 @@ def pole_form(loop: StateSpace) -> SlipPoles | None:
     return SlipPoles(values[counts], drives[:, counts], reads[:, counts])
 
 
-def _parts(
-    loop: StateSpace, A: Float[np.ndarray, "state state"]
-) -> tuple[
-    Complex[np.ndarray, " state"], Complex[np.ndarray, "joint state"], Complex[np.ndarray, "output state"]
-]:
+def _parts(loop: StateSpace, A: Float[np.ndarray, "state state"]) -> Parts:
     """Poles of A, what torques do to each, and what outputs read of it."""
     values, vectors = solve_poles(A)
     return values, np.linalg.solve(vectors, loop.B.astype(complex)).T, loop.C @ vectors
 
 
-def _apart(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"]:
-    """A with each state, in its own unit, and each link of two changed by about `APART` of their rates."""
+def _apart(A: Float[np.ndarray, "state state"], share: float) -> Float[np.ndarray, "state state"]:
+    """A with each state, in its own unit, and each link of two changed by about ``share`` of their rates."""
     balanced, (unit, _) = sla.matrix_balance(A, permute=False, separate=True)
     rate = np.sqrt(np.linalg.norm(balanced, axis=1))
-    change = APART * rate[:, None] * rate * np.random.default_rng(0).uniform(-1.0, 1.0, A.shape)
+    change = share * rate[:, None] * rate * np.random.default_rng(0).uniform(-1.0, 1.0, A.shape)
     return A + unit[:, None] * change / unit
+
+
+def _closest(loop: StateSpace, found: Sequence[Parts]) -> Parts:
+    """The parts of poles that decay whose response is closest to the loop's at its own frequencies."""
+    at = 1j * np.unique(np.abs(np.imag(found[0][0])))[:, None, None]
+    whole = loop.C @ np.linalg.solve(at * np.eye(len(loop.A)) - loop.A, loop.B)
+    peak = np.abs(whole).max(axis=0)
+    counts = peak > FAINT * peak.max(initial=0.0)
+
+    def lost(parts: Parts) -> float:
+        values, drives, reads = parts
+        if not np.all(np.real(values) < 0.0):
+            return np.inf
+        lost = np.abs((reads / (at - values)) @ drives.T - whole).max(axis=0)
+        return float(np.sum(lost[counts] / peak[counts]))
+
+    return min(found, key=lost)
 
 
 def _adds_up(
