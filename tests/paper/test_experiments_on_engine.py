@@ -275,6 +275,8 @@ def test_the_engine_on_the_linear_rig_has_the_decibels_of_its_return_ratio(paper
     assert abs(found - loop.on_rig[0].improvement_db) < 1e-5
 
 
+# The gimbal's angle walks by its friction; the payload's is judged.
+@pytest.mark.filterwarnings("ignore:pri_rel_z drifts")
 @pytest.mark.usefixtures("compiler")
 @pytest.mark.parametrize("name", repeats(LOOPS))
 def test_each_experiment_goes_through_gate_and_engine_to_the_decibels_of_the_study(
