@@ -23,6 +23,7 @@ from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
 from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine, random_multisine
+from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
@@ -121,12 +122,18 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
     cause = run.cause or limit_cycle(run)
     if cause or run.record is None or run.control is None:
         return Taken(None, cause, None)
+    response, said = _estimated(run.record, bench.band_hz)
+    return Taken(response, "", float(np.sqrt(np.mean(run.control**2))), said)
+
+
+def _estimated(
+    record: Record, band_hz: tuple[float, float] | None
+) -> tuple[FrequencyResponse, tuple[str, ...]]:
+    """The response, and what is said of the record; warnings of arithmetic stay warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        response = estimate_response(run.record, band_hz=bench.band_hz)
-    said = [one for one in caught if issubclass(one.category, UserWarning)]
-    for other in caught:  # as of NumPy: nothing that is said of a record
-        if other not in said:
-            warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
-    rms = float(np.sqrt(np.mean(run.control**2)))
-    return Taken(response, "", rms, tuple(str(one.message) for one in said))
+        response = estimate_response(record, band_hz=band_hz)
+    for one in caught:
+        if not issubclass(one.category, UserWarning):
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+    return response, tuple(str(one.message) for one in caught if issubclass(one.category, UserWarning))

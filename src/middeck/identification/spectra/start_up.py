@@ -71,7 +71,7 @@ class StartUp:
 
 def steadied(taken: Record) -> StartUp:
     """``taken`` as the steady record that it would have been; itself where it is steady."""
-    experiments, periods, samples, outputs = taken.y.shape
+    periods, samples, outputs = taken.y.shape[1:]
     if periods < 2:
         return StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
     u, told = _without_ramps(taken.u, taken.inputs, np.zeros(0, dtype=complex))[:2]
@@ -84,9 +84,16 @@ def steadied(taken: Record) -> StartUp:
     y, drifts, unknown = _without_ramps(taken.y, taken.outputs, poles)
     taken = taken if y is taken.y else dataclasses.replace(taken, y=y)
     steady = StartUp(taken, _joined(told, drifts), unknown, own.T @ own / len(own))
-    if not len(poles):
-        return steady
-    motion, unknown = _continued(poles, _columns(_differences(y) / size), periods, samples)
+    return _without_motion(steady, poles, size) if len(poles) else steady
+
+
+def _without_motion(
+    steady: StartUp, poles: Complex[np.ndarray, " pole"], size: Float[np.ndarray, " output"]
+) -> StartUp:
+    """The first periods cut off if the free motion is soon over, else all less that motion."""
+    taken = steady.record
+    experiments, periods, samples, outputs = taken.y.shape
+    motion, unknown = _continued(poles, _columns(_differences(taken.y) / size), periods, samples)
     y = np.moveaxis(motion.reshape(periods, samples, experiments, outputs), 2, 0) * size
     first = _steady_from(y, np.diag(steady.spread), samples)
     share = float(np.sqrt(np.max(np.sum(y[:, 0] ** 2, (0, 1)) / np.sum(taken.y[:, -1] ** 2, (0, 1)))))
@@ -164,9 +171,8 @@ def _steady_from(
     motion: Float[np.ndarray, "experiment period sample output"], variance: np.ndarray, samples: int
 ) -> int:
     """First period from which no line of the motion counts against the noise of one period."""
-    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / (
-        0.5 * samples * variance + np.finfo(float).tiny
-    )
+    noise = 0.5 * samples * variance + np.finfo(float).tiny
+    power = np.max(np.abs(np.fft.rfft(motion, axis=2)) ** 2, axis=2) / noise
     counts = np.flatnonzero((power > LEFT).any(axis=(0, 2)))
     return int(counts[-1]) + 1 if len(counts) else 0
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.joints.sliding import held_gain
-from middeck.updating.promise.slip_loops import PIECE, SlipPoles
+from middeck.updating.promise.slip_loops import LINES_AT_ONCE, SlipPoles
 from middeck.updating.promise.slip_time import SlipTime
 
 
@@ -54,8 +54,8 @@ def mean_squares(
     # Each line counts for its conjugate too; the last of an odd number of samples is its own.
     times = np.where(2 * number + 1 == samples, 1.0, 2.0)
     square = np.zeros(len(torque))
-    for first in range(0, len(number), PIECE):
-        piece = slice(first, first + PIECE)
+    for first in range(0, len(number), LINES_AT_ONCE):
+        piece = slice(first, first + LINES_AT_ONCE)
         back = np.exp(-2j * np.pi * (number[piece] + 0.5) / samples)
         answer = reads @ (1.0 / (1.0 - grown[:, None] * back))
         made = -answer[:, joints:] - np.einsum("ojl,rjl->orl", answer[:, :joints], moved[:, :, piece])

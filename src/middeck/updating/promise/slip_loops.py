@@ -18,7 +18,7 @@ from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import StateSpace, select_paths, series
 from middeck.values import record
 
-PIECE = 1024
+LINES_AT_ONCE = 1024
 """Lines whose responses are found at once: what is made on the way stays near the processor."""
 NEGLIGIBLE = 1e-6
 """Part of a pole in a response, relative to the largest response, below which it is left out."""
@@ -90,16 +90,15 @@ def pole_form(loop: StateSpace) -> SlipPoles | None:
     Poles that coincide have no parts of their own: those of a loop that differs by one of `APART` stand for
     them (Davies 2007, Approximate diagonalization), whichever answers most as this one does.
     """
-    values, drives, reads = _parts(loop, loop.A)
-    if not np.all(np.real(values) < 0.0):
+    parts = _parts(loop, loop.A)
+    if not np.all(np.real(parts[0]) < 0.0):
         return None
-    if not _adds_up(loop, values, drives, reads):
-        beside = [_parts(loop, _apart(loop.A, change)) for change in APART]
-        values, drives, reads = _closest(loop, [(values, drives, reads), *beside])
-    at_poles = 1.0 / (1j * np.imag(values)[:, None] - values)
-    peak = np.abs(np.einsum("op,jp,kp->ojk", reads, drives, at_poles)).max(axis=2, keepdims=True)
+    if not _adds_up(loop, parts):
+        parts = _closest(loop, [parts, *(_parts(loop, _apart(loop.A, change)) for change in APART)])
+    values, drives, reads = parts
+    peak = np.abs(_response(parts, 1j * np.imag(values))).max(axis=0)
     size = np.abs(reads[:, None] * drives) / np.abs(np.real(values))
-    counts = np.any(size > NEGLIGIBLE * peak, axis=(0, 1)) & (np.imag(values) >= 0.0)
+    counts = np.any(size > NEGLIGIBLE * peak[:, :, None], axis=(0, 1)) & (np.imag(values) >= 0.0)
     reads = reads * np.where(np.imag(values) > 0.0, 2.0, 1.0)  # one of each pair
     return SlipPoles(values[counts], drives[:, counts], reads[:, counts])
 
@@ -118,33 +117,37 @@ def _apart(A: Float[np.ndarray, "state state"], share: float) -> Float[np.ndarra
     return A + unit[:, None] * change / unit
 
 
+def _response(parts: Parts, at: Complex[np.ndarray, " point"]) -> Complex[np.ndarray, "point output joint"]:
+    values, drives, reads = parts
+    return (reads / (at[:, None, None] - values)) @ drives.T
+
+
+def _whole(loop: StateSpace, at: Complex[np.ndarray, " point"]) -> Complex[np.ndarray, "point output joint"]:
+    """What the parts of the poles add up to but for rounding."""
+    return loop.C @ np.linalg.solve(at[:, None, None] * np.eye(len(loop.A)) - loop.A, loop.B)
+
+
 def _closest(loop: StateSpace, found: Sequence[Parts]) -> Parts:
     """The parts of poles that decay whose response is closest to the loop's at its own frequencies."""
-    at = 1j * np.unique(np.abs(np.imag(found[0][0])))[:, None, None]
-    whole = loop.C @ np.linalg.solve(at * np.eye(len(loop.A)) - loop.A, loop.B)
+    at = 1j * np.unique(np.abs(np.imag(found[0][0])))
+    whole = _whole(loop, at)
     peak = np.abs(whole).max(axis=0)
     counts = peak > FAINT * peak.max(initial=0.0)
 
     def lost(parts: Parts) -> float:
-        values, drives, reads = parts
-        if not np.all(np.real(values) < 0.0):
+        if not np.all(np.real(parts[0]) < 0.0):
             return np.inf
-        lost = np.abs((reads / (at - values)) @ drives.T - whole).max(axis=0)
-        return float(np.sum(lost[counts] / peak[counts]))
+        most = np.abs(_response(parts, at) - whole).max(axis=0)
+        return float(np.sum(most[counts] / peak[counts]))
 
     return min(found, key=lost)
 
 
-def _adds_up(
-    loop: StateSpace,
-    values: Complex[np.ndarray, " state"],
-    drives: Complex[np.ndarray, "joint state"],
-    reads: Complex[np.ndarray, "output state"],
-) -> bool:
+def _adds_up(loop: StateSpace, parts: Parts) -> bool:
     """Whether the parts have the loop's response where all answer: on the real axis, amid their sizes."""
-    amid = float(np.median(np.abs(values)))
-    whole = loop.C @ np.linalg.solve(amid * np.eye(len(values)) - loop.A, loop.B)
-    lost = np.abs((reads / (amid - values)) @ drives.T - whole)
+    amid = np.array([np.median(np.abs(parts[0]))], dtype=complex)
+    whole = _whole(loop, amid)
+    lost = np.abs(_response(parts, amid) - whole)
     return bool(np.all(lost <= LOST * np.abs(whole).max(initial=0.0)))
 
 
@@ -189,8 +192,8 @@ def noise_response(
     late_s = float(plant.delay_s.max(initial=0.0))
     reads, makes = np.array(y)[:, None], np.array(rows)[:, None]
     found = np.empty((len(frequency_hz), len(rows), len(w) + len(y)), dtype=complex)
-    for first in range(0, len(found), PIECE):
-        piece = slice(first, first + PIECE)
+    for first in range(0, len(found), LINES_AT_ONCE):
+        piece = slice(first, first + LINES_AT_ONCE)
         G = open_response[piece]
         K = answer[: len(found)][piece] * np.exp(-2j * np.pi * frequency_hz[piece] * late_s)[:, None, None]
         # Commands, by what is read without the law and by its noise.

@@ -51,7 +51,7 @@ TRIED = 400
 MOST, HELD = 15_000_000, 70_000_000
 """Numbers of responses that are held at once, and of samples and lines of the records that run side by side,
 beside which their performance takes as much again: a step of a hundred takes little more than one of ten."""
-PIECE = 2048
+SAMPLES_AT_ONCE = 2048
 """Samples that slide at once."""
 
 
@@ -319,8 +319,8 @@ def _slide(
     sliding = Sliding(groups, 1.0 / time.sample_hz)
     sliding.move(-held[:, :, time.samples - time.settling :])
     before, square = sliding.states, np.zeros(held.shape[:2])
-    for first in range(0, time.samples, PIECE):
-        piece = held[:, :, first : first + PIECE]
+    for first in range(0, time.samples, SAMPLES_AT_ONCE):
+        piece = held[:, :, first : first + SAMPLES_AT_ONCE]
         angle, torque = sliding.move(piece)
         square += np.mean(angle**2, axis=2) * (piece.shape[2] / time.samples)
         piece[:] = torque  # the angles without sliders are not asked for again
