@@ -57,7 +57,10 @@ def promise(kept: PromiseKept) -> Numbers:
             "stable_in_orbit": law.orbit.stable,
             "growth_hz": law.orbit.frequency_hz,
         },
-        "warnings": findings(kept.ground.refined),
+        "warnings": [
+            *findings(kept.ground.refined),
+            *(f"record from orbit: {said}" for said in kept.measured.warnings),
+        ],
     }
 
 
