@@ -75,12 +75,12 @@ def centre_of_mass(
     translations, wherever the article stands.
     """
     coupled = motions.T @ (M @ motions)
-    mass = coupled[:TURNS.start, :TURNS.start]
+    mass = coupled[: TURNS.start, : TURNS.start]
     if not mass[0, 0] > 0.0:
         return np.zeros(3)
     # A rotation about c instead of the origin has the translation (axis x -c) besides.
     arms = (mass @ skew(np.eye(3))).reshape(9, 3)
-    return np.linalg.lstsq(arms, coupled[:TURNS.start, TURNS].T.reshape(9))[0]
+    return np.linalg.lstsq(arms, coupled[: TURNS.start, TURNS].T.reshape(9))[0]
 
 
 def rigid_basis(
