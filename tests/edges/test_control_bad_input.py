@@ -13,6 +13,7 @@ import pytest
 
 from cli_runner import ROOT, middeck
 from middeck.control.analysis.margins.margins import measure_margins
+from middeck.control.h2.law_form import LawForm
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.control.law.uncertainty import ModeShift, Uncertainty
@@ -22,6 +23,8 @@ from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
+from middeck.control.reduction.compensators import reduce_compensator
+from middeck.control.reduction.modal import reduce_modes
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
@@ -33,6 +36,7 @@ from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
+from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.state_space.modal_system import ModalSystem
@@ -300,3 +304,28 @@ def test_a_sweep_needs_something_to_compare_with() -> None:
     band = Performance(np.ones(1), np.eye(1), (0.0, 5.0))
     sweep = partial(sweep_authority, lambda a: design_lqg(plant(), LQGWeights(**GOOD), a), np.ones(1))
     refused(lambda: sweep(on={"p": plant()}, performance=band, reference=0.0), ConfigError, "reference = 0")
+
+
+def static_plant() -> Plant:
+    """A gain of two on the measurement; what is disturbed is not felt."""
+    ports = {"inputs": ["w", "u"], "outputs": ["z", "y"], "w": ["w"], "u": ["u"], "z": ["z"], "y": ["y"]}
+    return make_plant(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), [[0, 1], [0, 2]], **ports)
+
+
+@pytest.mark.parametrize(
+    "design",
+    [
+        lambda p, w: design_lqg(p, w, 1.0),
+        lambda p, w: design_sampled_lqg(p, w, 1.0, 0.1),
+        lambda p, w: design_multimodel(p, w, 1.0, uncertainty=Uncertainty(shifts=()), form=LawForm(order=1)),
+    ],
+)
+def test_a_plant_without_states_has_nothing_to_design_for(design: Callable[..., Any]) -> None:
+    weights = LQGWeights(**(GOOD | {"disturbed": ("w",)}))
+    refused(lambda: design(static_plant(), weights), ConfigError, "nothing to design for")
+
+
+def test_what_has_no_states_is_not_told_to_keep_some() -> None:
+    gain = Compensator(gain_system(np.eye(1)), static_plant().outputs[1:], static_plant().inputs[1:])
+    refused(lambda: reduce_compensator(gain, static_plant(), 1), ConfigError, "it needs no reduction")
+    refused(lambda: reduce_modes(static_plant(), 1, band_hz=(0.0, 1.0)), ConfigError, "it needs no reduction")

@@ -396,3 +396,17 @@ def test_a_search_for_scales_does_not_run_away(seed: int) -> None:
     start = balance_channels(round_once[None] ** 2)[0] + 0.5 * rng.standard_normal(6)
     value, _ = minimise_scaling(round_once, start)
     assert np.abs(np.linalg.eigvals(round_once)).max() <= value <= np.linalg.norm(round_once, 2)
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "C", "gain", "delay_s"),
+    [
+        ([[-1.0]], [[1.0]], [[1.0]], 1.0, 0.0),  # closed: 1/s
+        ([[-1.0]], [[1.0]], [[1.0]], 1.0, 0.1),
+        ([[0.0, 1.0], [-4.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 4.0, 0.0),  # closed: 1/s^2
+    ],
+)
+def test_a_loop_that_closes_to_an_integrator_has_no_disk(A, B, C, gain: float, delay_s: float):
+    plant = make_plant(A, B, C, delay_s=delay_s)
+    law = Compensator(gain_system(np.array([[gain]])), plant.outputs, plant.inputs)
+    assert measure_disk_margin(plant, law).alpha == 0.0

@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from middeck.structure.correlation.effective_mass import measure_effective_mass
 from middeck.structure.model.article import AttachPoint
-from middeck.structure.model.environment import Environment, GroundBushing
+from middeck.structure.model.environment import Device, Environment, GroundBushing
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, joint, lab, node, rigid_bar, springs_above, structure
@@ -65,3 +66,27 @@ def test_a_payload_is_a_pendulum_where_its_weight_brings_it_back(gravity: np.nda
     restored = 0.04 * k + 0.2 * np.linalg.norm(gravity)
     assert found.name[0] == name
     assert found.omega[0] == pytest.approx(np.sqrt(restored / (0.01 + 0.04)), rel=1e-3)
+
+
+@pytest.mark.parametrize("place", [0.0, 1000.0])
+def test_mass_that_moves_with_a_cable_moves_no_centre(place: float):
+    """A kilogram of device on each cable moves along y only; all of it may stand a kilometre off."""
+    carried, off = 1.0, np.full(3, place)
+    ends = {"left": np.array([-1.0, 0.5, 0.0]), "right": np.array([1.0, 0.5, 0.0])}
+    hub = node("bar", off, body(MASS, inertia=(0.3, 2.1, 2.0)))
+    article = structure([hub], attach=[AttachPoint(name, "bar", at) for name, at in ends.items()])
+    cables = tuple(
+        Device(
+            name=name,
+            attach=name,
+            force=0.5 * MASS * G,
+            stiffness=40.0,
+            cable_length=CABLE_M,
+            moving_mass=carried,
+        )
+        for name in ends
+    )
+    found = modes_of(article, Environment(title="cables", gravity=GRAVITY, devices=cables))
+    assert set(found.name) == TURNS | {"pendulum x", "pendulum z"}
+    about = measure_effective_mass(found).rigid
+    assert about == pytest.approx([MASS, MASS + 2 * carried, MASS, 0.3, 2.1, 2.0 + 2 * carried], rel=1e-6)

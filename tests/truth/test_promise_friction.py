@@ -412,6 +412,12 @@ def test_poles_of_little_damping_that_coincide_answer_as_the_loop_does():
     )
 
 
+def test_a_loop_without_states_has_no_poles():
+    form = pole_form(StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((3, 0)), np.zeros((3, 2))))
+    assert form is not None
+    assert answer_of(form, 1j) == pytest.approx(np.zeros((3, 2)))
+
+
 def test_a_loop_of_many_decades_does_not_grow_by_what_tells_its_poles_apart():
     """Poles of 1e-3 to 1e5 rad/s in states turned at random: changed by 1e-8, one that decays grew."""
     rng = np.random.default_rng(0)

@@ -118,7 +118,10 @@ def _usage(error: click.UsageError, context: click.Context) -> int:
 
     message = error.format_message()
     known = [name for one in context.command.params for name in one.opts]
-    if "unexpected extra argument" in message and "--environment" in known:
+    extra = re.search(r"unexpected extra argument \((\S*)\)", message)
+    if extra is not None and "--set" in known and (extra[1][:1].isdigit() or "=" in extra[1]):
+        message = f"{message}: an override is one word, as --set key=value"
+    elif "unexpected extra argument" in message and "--environment" in known:
         message = f"{message}: an environment is an option, as --environment lab"
     if isinstance(error, click.NoSuchOption):
         # Whoever shortens an option means that one, not one of as many letters.

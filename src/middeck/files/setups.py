@@ -194,6 +194,9 @@ def find_document(name: str, kind: Kind, beside: str | Path | None = None) -> Pa
     files = [p for folder in folders for p in folder.glob("*.toml")]
     known = sorted({*built_in, *(p.stem for p in files if kind_of_content.looks_like(p) == wanted)})
     advice = nearest(name, known) or f"give the path of {wanted} file"
+    beside_it = [p.name for p in given.parent.glob("*.toml") if kind_of_content.looks_like(p) == wanted]
+    if not advice.startswith("did") and (close := nearest(given.name, beside_it)).startswith("did"):
+        advice = close
     if (given.suffix or len(given.parts) > 1) and not advice.startswith("did"):
         advice = f"check the path; {advice}" if known else "check the path"
     raise ConfigError(f"no {kind} {name!r}", hint=advice)

@@ -73,7 +73,11 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
         "clamped": sorted({clamp.node for clamp in lab.equilibrium.environment.clamps}),
         "left_out_stiffness": felt_stiffness(lab.equilibrium, lab.omega**2, lab.shapes),
         "gravity_m_s2": float(np.linalg.norm(lab.equilibrium.environment.gravity)),
-        "warnings": (*both_sides(orbit, lab), *comparison.warnings, *_without_flexible(comparison)),
+        "warnings": (
+            *both_sides(orbit, lab),
+            *comparison.warnings,
+            *dict.fromkeys(_without_flexible(comparison)),
+        ),
     }
 
 

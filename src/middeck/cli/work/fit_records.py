@@ -16,7 +16,7 @@ from middeck.identification.friction.find import JointFriction, find_friction
 from middeck.identification.friction.remove import without_friction
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, rank_of
-from middeck.identification.record_fit.fit_record import HELD_ABOVE, fit_samples
+from middeck.identification.record_fit.fit_record import HELD_ABOVE, below_half_rate, fit_samples
 from middeck.identification.record_fit.residual_tests import named_cause
 from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
 from middeck.identification.spectra.estimate import estimate_response
@@ -143,13 +143,14 @@ def _fit_record(
             hint="--method 'local rational' fits an estimated response instead",
         )
     _refuse_unlike(settings)
-    fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=settings.band_hz, tell=tell)
+    asked_hz = below_half_rate(settings.band_hz, taken.sample_hz)
+    fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=asked_hz, tell=tell)
     sampled = fit.model.sample_hz is not None
-    band_hz = settings.band_hz or recognise_excitation(taken).band_hz
+    band_hz = asked_hz or recognise_excitation(taken).band_hz
     told = sampled or fit.model.hold_s is not None  # by the record, or by the data
     reaches = not told and band_hz[1] > HELD_ABOVE * taken.sample_hz
     warnings = _chosen(settings, band_hz[1], taken, of_samples=True) if reaches else []
-    shown_hz = settings.band_hz if sampled else band_hz
+    shown_hz = asked_hz if sampled else band_hz
     return Identified(
         record=taken, measured=None, fit=fit, warnings=(*seen, *warnings, *fit.warnings), asked_hz=shown_hz
     )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.control.lqg.weights import LQGWeights, Shaping, pick, require_sizes
+from middeck.control.lqg.weights import LQGWeights, Shaping, pick, require_sizes, require_states
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant, name_states
 from middeck.systems.state_space.feedback import beside
@@ -57,7 +57,7 @@ class LQGProblem:
 def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProblem:
     """The model of ``plant``, whose modes are all controllable or observable (`partition_modes`).
 
-    Raises `ConfigError` for weights, intensities and filters that do not fit its ports.
+    Raises `ConfigError` for weights, intensities and filters that do not fit its ports, and without states.
     """
     require_sizes(weights, plant)
     colours = pick(shaping.colours, weights.disturbed)
@@ -71,6 +71,7 @@ def pose_problem(plant: Plant, weights: LQGWeights, shaping: Shaping) -> LQGProb
     if any(on_outputs) or kept:
         behind = [*_or_one(on_outputs), *_or_one([on_inputs[k] for k in kept])]
         whole = series(whole, beside(*behind, gain_system(np.eye(n_y))))
+    require_states(len(whole.A))
     n_z, n_w = len(plant.z), whole.B.shape[1] - n_u
     z, s, y = slice(n_z), slice(n_z, n_z + len(kept)), slice(n_z + len(kept), None)
     scale = weights.output[:, None]

@@ -154,3 +154,12 @@ def pick(filters: PortFilters, names: Iterable[str]) -> list[StateSpace | None]:
     if missing:
         raise ConfigError(f"no port {missing[0]!r} to shape", hint=f"one of {', '.join(ports)}")
     return [known.get(name) for name in ports]
+
+
+def require_states(states: int) -> None:
+    """Raise `ConfigError` where there are none."""
+    if not states:
+        raise ConfigError(
+            "nothing to design for: no state of the plant is moved by an input or seen by an output",
+            hint="a plant with dynamics, other inputs or outputs, or colours of the noise",
+        )

@@ -100,7 +100,8 @@ def reduce_compensator(
         raise ConfigError(f"no method {method!r}", hint=f"one of {', '.join(known)}")
     n = len(compensator.system.A)
     if not 0 < order < n:
-        raise ConfigError(f"an order of {order} for a compensator of {n} states", hint=f"from 1 to {n - 1}")
+        hint = f"from 1 to {n - 1}" if n > 1 else "it needs no reduction"
+        raise ConfigError(f"an order of {order} for a compensator of {n} states", hint=hint)
     each = [plants] if isinstance(plants, Plant) else list(plants)
     if not each:
         raise ConfigError("no plant to reduce the compensator for", hint="the plant it was designed for")

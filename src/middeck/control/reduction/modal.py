@@ -154,6 +154,8 @@ def _lines(omega: np.ndarray, rate: np.ndarray, band: tuple[float, float]) -> Fl
 def _most(
     share: Float[np.ndarray, " mode"], must: Bool[np.ndarray, " mode"], modes: int
 ) -> Bool[np.ndarray, " mode"]:
+    if not len(share):
+        raise ConfigError("the plant has no modes", hint="it needs no reduction")
     if not max(int(must.sum()), 1) <= modes <= len(share):
         raise ConfigError(
             f"cannot keep {modes} modes of {len(share)}: {int(must.sum())} do not decay and must be kept",

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from middeck.control.law.compensator import driven_ports, measured_ports
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
-from middeck.control.lqg.weights import LQGWeights, require_sizes
+from middeck.control.lqg.weights import LQGWeights, require_sizes, require_states
 from middeck.control.sampled.period import Between, Segment, follow_period
 from middeck.control.sampled.quadratic_integrals import spread_noise
 from middeck.errors import ConfigError
@@ -65,8 +65,8 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     Delays are exact where each path is delayed by its input's delay plus its output's; further delays of
     single paths are approximated (`approximation_order`).
 
-    Raises `ConfigError` for a period that is not positive, for weights that do not fit, and for white noise
-    that reaches z or y directly: its samples are infinite.
+    Raises `ConfigError` for a period that is not positive, for weights that do not fit, for white noise that
+    reaches z or y directly, whose samples are infinite, and for a plant without states.
     """
     if not (np.isfinite(period_s) and period_s > 0.0):
         raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
@@ -75,6 +75,7 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
     part = partition_modes(timed.plant)
     active = part.active
     _check(active, weights)
+    require_states(len(active.system.A))
     control = subsystem(active, active.u, (*active.z, *active.y))
     noise = subsystem(active, weights.disturbed, active.y)
     between = Between(

@@ -127,7 +127,7 @@ def unknown_name(
     """A name that is not ``known``; ``carriers`` are the frames of attach points, which may be meant."""
     if isinstance(name, str) and name not in known:
         hint = nearest(name, known) or f"define a {kind} first"
-        if carriers and name in carriers and kind != "section":
+        if carriers and carriers.get(name, name) != name and kind != "section":
             frame = show(carriers[name])
             place = f"its offset in offsets_m.{path[-1]}" if path[0] == "component" else "its offset_m"
             hint = f"it is an attach point on {frame}: name that, and {place} as the place there"

@@ -402,9 +402,15 @@ def _with_gaps(
     step = float(np.polyfit(index, time - time[0], 1)[0]) if fits else 0.0
     if not is_even(time, index, step, digit):
         worst = int(late.argmax()) + 1
-        coarse = 0.0 <= usual <= 2.0 * digit
+        coarse = 0.0 <= usual <= 2.0 * digit and late.max() <= 2.0 * digit
         if usual < 0.0:
             raise DataError("time falls", where=f"{file}, channel time", hint="sort the lines by time")
+        if steps.min() < -2.0 * digit:
+            back = int(steps.argmin())
+            raise DataError(
+                f"time goes back by {-steps[back]:.3g} s behind sample {back}",
+                where=f"{file}, channel time", hint="part the file there: it holds two recordings",
+            )  # fmt: skip
         raise DataError(
             f"uneven time steps: sample {worst} is {late[worst - 1]:.3g} s off steps of {usual:.6g} s",
             where=f"{file}, channel time",

@@ -10,6 +10,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from middeck.files.records.raw import Head, channel_fault
 from middeck.signals.fault import Fault
 
@@ -18,6 +20,8 @@ TAIL = 1 << 18
 # Fewest lines from which the last one, if it has its end, is told as cut: of fewer it may be the shortest by
 # chance. A logger or an editor may have ended it.
 FEWEST_ENDED = 200
+# Share of the numbers that may have as few digits as the last one, where each is printed with its own.
+RARE = 0.01
 NUMBER = re.compile(r"[+-]?\d*\.?(\d*)(?:[eEdD][+-]?(\d+))?")
 
 
@@ -37,10 +41,12 @@ def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault,
     short = not whole and is_short(cells[-1], cells[:-1])
     if ended and not short:
         return ()
+    rare = not whole and not ended and not short and is_rarely_short(cells[-1], cells[:-1])
     what = f"the last line {'' if ended else 'has no end; it '}ends in the value {cells[-1]}"
-    what += ", with fewer digits than all before it: the file was cut there" if short else ""
+    fewer = "all before it" if short else "99 % of those before it"
+    what += f", with fewer digits than {fewer}: the file was cut there" if short or rare else ""
     hint = "copy or record it again; a file that is whole ends its last line"
-    return (channel_fault("truncated", "serious" if short else "note", heads[-1], what, hint),)
+    return (channel_fault("truncated", "serious" if short or rare else "note", heads[-1], what, hint),)
 
 
 def is_short(cell: str, others: Sequence[str]) -> bool:
@@ -53,6 +59,22 @@ def is_short(cell: str, others: Sequence[str]) -> bool:
     exponents = [e for _, e in each]
     lost = mine[1] < min(exponents) or 0 < mine[1] < min((e for e in exponents if e), default=2)
     return lost or mine[0] < min(d for d, _ in each)
+
+
+def is_rarely_short(cell: str, others: Sequence[str]) -> bool:
+    """Whether of many numbers with decimals nearly all have more significant digits than ``cell``.
+
+    >>> is_rarely_short("0.1", ["0.125", "1.25"] * 100), is_rarely_short("12", ["125", "13"] * 100)
+    (True, False)
+    """
+    mine, decimal = _significant(cell), np.mean(["." in text for text in others])
+    share = np.mean(np.array([_significant(text) for text in others]) <= mine)
+    return bool(mine > 0 and len(others) >= FEWEST_ENDED - 1 and decimal > 1.0 - RARE and share < RARE)
+
+
+def _significant(text: str) -> int:
+    """Digits of a number, those of its exponent and zeros before it apart."""
+    return len(re.split("[eEdD]", text)[0].replace(".", "").lstrip("+-0"))
 
 
 def _digits(text: str) -> tuple[int, int]:

@@ -153,12 +153,17 @@ def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: 
         what = "no channel is" if column.name not in names else "two channels are"
         raise DataError(
             f"{what} named {column.name!r}", where=where,
-            hint=f"one of {', '.join(names)}; or by number, counted from 1: {_by_number(column.name)}",
+            hint=f"one of {', '.join(names)}; or by number, counted from 1 without "
+            f"the column of time: {_by_number(column.name)}",
         )  # fmt: skip
     position = listed if column.number is None else column.number - 1
     if not 0 <= position < len(heads):
         what = f"column {position + 1} is named {column.name!r}, the file has {len(heads)}"
-        raise DataError(what, where=where, hint="columns are counted from 1")
+        raise DataError(what, where=where, hint="columns are counted from 1, without that of time")
+    if names[position] != column.name and column.name in names:
+        what = f"column {position + 1} is {names[position]!r}, {column.name!r} is column "
+        hint = "leave the number out; columns are counted from 1, without that of time"
+        raise DataError(what + str(names.index(column.name) + 1), where=where, hint=hint)
     return position
 
 

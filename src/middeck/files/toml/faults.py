@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 from pydantic import ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.toml.form import UNITS, Form, form_at, stem, unit_of
+from middeck.files.toml.form import UNITS, Form, form_at, keys_of, stem, tables_of, unit_of
 from middeck.files.toml.lines import Path
 from middeck.values import record
 
@@ -25,6 +25,8 @@ AXES = {
     **{"-x": "[-1.0, 0.0, 0.0]", "-y": "[0.0, -1.0, 0.0]", "-z": "[0.0, 0.0, -1.0]"},
 }
 ABSENT = object()
+CLOSE = "did you mean"
+MOST_PLACES = 3  # tables that are named as those of which a key may be
 
 
 @record(kw_only=True)
@@ -99,7 +101,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     small = {choice.lower(): choice for choice in reversed(choices)}
     close = difflib.get_close_matches(word.lower(), small, 1, 0.6)
     if close:
-        return f"did you mean {small[close[0]]!r}?"
+        return f"{CLOSE} {small[close[0]]!r}?"
     return f"one of {', '.join(choices)}" if choices else ""
 
 
@@ -115,7 +117,7 @@ def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
     found = [_finding(item, form) for item in items if not _is_echo(item, items)]
     # A key in another unit is one fault, not also a missing key.
     meant = {(f.path[:-1], f.expected) for f in found if f.expected}
-    return [f for f in found if (f.path[:-1], f.path[-1]) not in meant]
+    return list(dict.fromkeys(f for f in found if (f.path[:-1], f.path[-1]) not in meant))
 
 
 def _is_echo(item: Any, items: Sequence[Any]) -> bool:
@@ -134,7 +136,10 @@ def _finding(item: Any, form: type[Form]) -> Finding:
     if kind == "extra_forbidden":
         return _unknown_key(path, key, item["input"], form)
     if kind == "missing":
-        return finding(path, "missing" + _in_unit(key))
+        hint = "schema = 1, above the first [table]" if path == ("schema",) else ""
+        return finding(path, "missing" + _in_unit(key), hint=hint)
+    if kind == "model_type" and len(path) == 2 and f"[{path[0]}.NAME]" in tables_of(form):
+        return finding(path[:1], "must have a name", hint=f"[{path[0]}.NAME] above its keys")
     messages: dict[str, str] = {
         "range": f"must be {item.get('ctx', {}).get('allowed')}{_in_unit(key, ' ')}",
         "finite": "must be a finite number" + _in_unit(key),
@@ -191,7 +196,22 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
         above = ".".join(map(str, path[:-1]))
         hint = f"it is a key of the file: write it above the first [table], here it belongs to {above}"
         return finding(path, "unknown key", value, hint=hint)
-    return finding(path, "unknown key", value, hint=nearest(key, known))
+    advice = nearest(key, known)
+    other = "" if advice.startswith(CLOSE) else _elsewhere(key, form)
+    return finding(path, "unknown key", value, hint=other or advice)
+
+
+def _elsewhere(key: str, form: type[Form]) -> str:
+    """Of which other tables of the document a key is, in this unit or another."""
+    places = {
+        head: known
+        for head, table in tables_of(form).items()
+        for known in keys_of(table)
+        if key == known or _is_other_unit(key, known)
+    }
+    if len(set(places.values())) != 1 or len(places) > MOST_PLACES:
+        return ""
+    return f"{next(iter(places.values()))!r} is a key of {' and '.join(places)}"
 
 
 def _is_other_unit(key: str, expected: str) -> bool:

@@ -217,6 +217,24 @@ def keys_of(form: type[Form]) -> dict[str, Any]:
     return {field.alias or name: field.annotation for name, field in form.model_fields.items()}
 
 
+def tables_of(form: type[Form]) -> dict[str, type[Form]]:
+    """The tables of a document by their heads, as ``[mesh]``, ``[[node]]`` and ``[section.NAME]``."""
+    found: dict[str, type[Form]] = {}
+
+    def walk(table: type[Form], above: str) -> None:
+        for key, annotation in keys_of(table).items():
+            inner = bare(annotation)
+            origin, arguments = get_origin(inner), get_args(inner)
+            name = f"{above}{key}.NAME" if origin is dict else f"{above}{key}"
+            below = inner if origin is None else bare(arguments[1 if origin is dict else 0])
+            if is_form(below):
+                found[f"[[{name}]]" if origin is tuple else f"[{name}]"] = below
+                walk(below, f"{name}.")
+
+    walk(form, "")
+    return found
+
+
 def child(annotation: Any, key: str | int) -> Any:
     """The annotation below ``annotation`` at ``key``; None if the form has none there."""
     annotation = bare(annotation)

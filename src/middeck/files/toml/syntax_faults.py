@@ -31,6 +31,11 @@ TROUBLES = (
     Trouble(KEY + r"=\s*[-+]?(?P<w>(?i:nan|inf|infinity))\b", "'{w}', which is no number here",
             "a finite number"),
     Trouble(
+        KEY + r"=\s*(?P<whole>[-+]?[1-9]\d{0,2}),(?P<part>\d{3})\s*(?:#.*)?$",
+        "a comma in a number",
+        "{key} = {whole}.{part} if it is a decimal comma, {key} = {whole}{part} if it parts thousands",
+    ),
+    Trouble(
         KEY + r"=\s*(?P<whole>[-+]?\d+),(?P<part>\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$",
         "a decimal comma",
         "a decimal point: {key} = {whole}.{part}",

@@ -177,6 +177,7 @@ def fit_samples(
             f"input_noise has the shape {input_noise.shape}",
             hint=f"(parts, {periods * samples}, {inputs}): samples of an experiment, inputs",
         )
+    band_hz = below_half_rate(band_hz, record.sample_hz)
     given, chosen = record, sampled is None
     if sampled is None:
         sampled = not asked.only_continuous and is_held(record, band_hz)
@@ -313,6 +314,18 @@ def _shorter(
         if record_length(data, run) < record_length(*one[:2]):
             return data, run, f"{reason}; {OF_PATHS}"
     return one
+
+
+def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tuple[float, float] | None:
+    """The band, cut at half the rate, with a warning where it reaches beyond."""
+    if band_hz is None or not band_hz[0] < 0.5 * sample_hz < band_hz[1]:
+        return band_hz
+    warnings.warn(
+        f"a record at {sample_hz:g} Hz tells nothing above {0.5 * sample_hz:g} Hz: the band, up to "
+        f"{band_hz[1]:g} Hz, is fitted up to there",
+        stacklevel=4,
+    )
+    return band_hz[0], 0.5 * sample_hz
 
 
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:

@@ -90,6 +90,8 @@ def pole_form(loop: StateSpace) -> SlipPoles | None:
     Poles that coincide have no parts of their own: those of a loop that differs by one of `APART` stand for
     them (Davies 2007, Approximate diagonalization), whichever answers most as this one does.
     """
+    if not len(loop.A):
+        return SlipPoles(np.zeros(0, complex), loop.B.T.astype(complex), loop.C.astype(complex))
     parts = _parts(loop, loop.A)
     if not np.all(np.real(parts[0]) < 0.0):
         return None

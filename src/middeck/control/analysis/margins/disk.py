@@ -93,8 +93,10 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
         skewed = skewed_sensitivity(P)
         near = _hidden(P, skewed + half) & is_short(loop, 1j * w)
         if near.any():
-            skewed[near] = closed(1j * w[near]) + half
-        return scaled_norms(skewed)
+            with np.errstate(divide="ignore", invalid="ignore"):  # on a pole of the loop
+                skewed[near] = closed(1j * w[near]) + half
+        lost = ~np.all(np.isfinite(skewed), axis=(1, 2))
+        return np.where(lost, np.inf, scaled_norms(np.where(lost[:, None, None], 0.0, skewed)))
 
     peak = find_peaks(bound, omega, bound(omega))
     return disk_from_peak(peak[1], peak[0])
@@ -109,6 +111,9 @@ def _hidden(P: np.ndarray, S: np.ndarray) -> np.ndarray:
 def skewed_sensitivity(
     P: Complex[np.ndarray, "line channel channel"],
 ) -> Complex[np.ndarray, "line channel channel"]:
-    """S - 1/2 = (1 - P)^-1 (1 + P)/2 of what goes round, P = -L."""
+    """S - 1/2 = (1 - P)^-1 (1 + P)/2 of what goes round, P = -L; not a number on a pole of the loop."""
     identity = np.eye(P.shape[1])
-    return 0.5 * np.linalg.solve(identity - P, identity + P)
+    lost = np.linalg.det(identity - P) == 0.0
+    skewed = 0.5 * np.linalg.solve(np.where(lost[:, None, None], identity, identity - P), identity + P)
+    skewed[lost] = np.nan
+    return skewed

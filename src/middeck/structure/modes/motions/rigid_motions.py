@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.elements.frames import rigid_columns
+from middeck.structure.elements.rotations import skew
 from middeck.structure.model.article import JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 
@@ -68,11 +69,18 @@ def _with_links(joints: np.ndarray, space: np.ndarray, M: sp.csr_array) -> np.nd
 def centre_of_mass(
     motions: Float[np.ndarray, "coordinate motion"], M: sp.csr_array
 ) -> Float[np.ndarray, "3"]:
-    """From the coupling of rotations about the origin with translations; the origin of what has no mass."""
-    rigid = motions.T @ (M @ motions)
-    if not rigid[0, 0] > 0.0:
+    """From the coupling of rotations about the origin with translations; the origin of what has no mass.
+
+    A device's moving mass counts along its cable only: rotations about the point found then couple least with
+    translations, wherever the article stands.
+    """
+    coupled = motions.T @ (M @ motions)
+    mass = coupled[: TURNS.start, : TURNS.start]
+    if not mass[0, 0] > 0.0:
         return np.zeros(3)
-    return np.array([rigid[1, 5], rigid[2, 3], rigid[0, 4]]) / rigid[0, 0]
+    # A rotation about c instead of the origin has the translation (axis x -c) besides.
+    arms = (mass @ skew(np.eye(3))).reshape(9, 3)
+    return np.linalg.lstsq(arms, coupled[: TURNS.start, TURNS].T.reshape(9))[0]
 
 
 def rigid_basis(
