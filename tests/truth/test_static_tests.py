@@ -293,7 +293,7 @@ def test_intervals_cover(first: int):
 
 
 def test_members_that_stiffen_with_load_are_within_the_interval_beyond_the_tests():
-    """By 1 % at the largest load of the tests and by its square: an error that its logarithm does not follow."""
+    """By 1 % at the largest load of the tests and by its square: as no logarithm goes."""
 
     def true(kg: float) -> np.ndarray:
         return values(wing(np.exp(0.01 * kg**2)), stand(), hung(kg), (TIP,))

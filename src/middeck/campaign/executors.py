@@ -124,7 +124,7 @@ def _work(path: str, case: Case, given: str) -> tuple[bool, str]:
     """Whether it failed, and the result or the error; inputs are made anew, as if in another process."""
     try:
         return False, encode_result(_find(path)(case, decode_result(given)))
-    except (Exception, SystemExit) as error:  # a case that leaves the process has no result, and ends no other
+    except (Exception, SystemExit) as error:  # leaving the process ends no other case
         return True, f"{type(error).__name__}: {error}"
 
 
@@ -166,7 +166,7 @@ def _one_by_one(path: str, cases: Sequence[Case], given: str) -> Generator[tuple
 
 
 def _await_start(executor: ProcessPoolExecutor) -> None:
-    """A process that dies before it has a case dies of the script that it imports, and no case is at fault."""
+    """A process that dies before it has a case dies of the script that it imports, not of a case."""
     try:
         executor.submit(os.getpid).result()
     except BrokenProcessPool as error:
