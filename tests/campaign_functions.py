@@ -28,6 +28,15 @@ def troubled(case: Case, inputs):
     return object() if case.index == 3 else case.index
 
 
+def leaving(case: Case, inputs):
+    return sys.exit("no rest state") if case.index == 1 else case.index
+
+
+def never_begin():
+    """As a script that runs its campaign when its processes import it."""
+    os._exit(9)
+
+
 def main(ledger, count, wait_s, workers, limit=""):
     """Run to the end in a process that a test may kill; ``limit``: bytes that a file may have."""
     if limit:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from campaign_functions import quantity, some_cases, troubled
-from middeck.campaign import run_campaign
+from campaign_functions import leaving, never_begin, quantity, some_cases, troubled
+from middeck.campaign import executors, run_campaign
 from middeck.errors import ConfigError, DataError
 from repeats import LONG, repeats
 
@@ -89,6 +89,26 @@ def test_faults_and_dead_workers_are_rows_and_run_again_on_request_alone(tmp_pat
     assert run_campaign(troubled, some_cases(8), ledger).digest == found.digest
     with pytest.raises(ConfigError, match="no function"):
         run_campaign("campaign_functions:none", some_cases(8), ledger)
+
+
+def test_a_case_that_leaves_its_process_ends_no_other(tmp_path):
+    found = run_campaign(leaving, some_cases(3), tmp_path / "ledger")
+    assert [(o.result, o.fault) for o in found.outcomes] == [
+        (0, None),
+        (None, "SystemExit: no rest state"),
+        (2, None),
+    ]
+
+
+def test_processes_that_never_begin_are_no_fault_of_a_case(tmp_path, monkeypatch):
+    ledger = tmp_path / "ledger"
+    with monkeypatch.context() as patched:
+        patched.setattr(executors, "_begin_worker", never_begin)
+        with pytest.raises(ConfigError, match="before their first case") as told:
+            run_campaign(leaving, some_cases(1), ledger, workers=2)
+    assert "__main__" in (told.value.hint or "")
+    assert _rows(ledger) == []
+    assert run_campaign(leaving, some_cases(1), ledger).outcomes[0].result == 0
 
 
 def test_order_and_pool_change_no_outcome(tmp_path):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.setups import load_setup, load_structure
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.orbit.deflections import predict_deflections
+from middeck.updating.refinement.refine import Refined
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = coarse("mace-simple")
@@ -101,6 +104,24 @@ def test_the_table_shows_the_factors_that_are_written(tmp_path: Path, capfd: pyt
     factors = tomllib.loads(written.read_text())["factors"]
     (row,) = (line.split() for line in ended.out.splitlines() if line.startswith("modulus "))
     assert row[-4:-2] == [f"{100.0 * (factors['members.E'] - 1.0):+.2f}", "%"]
+
+
+def test_a_mode_without_a_partner_before_has_no_error_before(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    """As one whose frequency the prior misses by more than a factor of two; the document was refused."""
+
+    def first_unpaired(*given: Any) -> Refined:
+        refined = refine_once(*given)
+        return dataclasses.replace(refined, before_hz=((np.nan, *refined.before_hz[0][1:]),))
+
+    monkeypatch.setattr("middeck.refine", first_unpaired)
+    asked = "refine", ARTICLE, SURVEY / "refine.toml", "--count", 3
+    assert json.loads(middeck(capfd, *asked, "--json").out)["surveys"][0]["before_hz"][0] is None
+    shown = middeck(capfd, *asked).out
+    assert "nan" not in shown
+    row = next(line.split() for line in shown.splitlines() if line.startswith("first bending x-y "))
+    assert row[-2] == "-"
 
 
 def test_a_survey_is_sought_beside_its_document():

@@ -124,7 +124,7 @@ def _work(path: str, case: Case, given: str) -> tuple[bool, str]:
     """Whether it failed, and the result or the error; inputs are made anew, as if in another process."""
     try:
         return False, encode_result(_find(path)(case, decode_result(given)))
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # leaving the process ends no other case
         return True, f"{type(error).__name__}: {error}"
 
 
@@ -153,15 +153,28 @@ def _on_pool(
 
 
 def _one_by_one(path: str, cases: Sequence[Case], given: str) -> Generator[tuple[int, bool, str], None, None]:
-    """A death is then known to be that of its case."""
+    """A death is then known to be that of its case. Raises `ConfigError` where no process comes to a case."""
     rest = list(cases)
     while rest:
         with contextlib.suppress(BrokenProcessPool), _spawned(1) as executor:
+            _await_start(executor)
             while rest:
                 outcome = executor.submit(_work, path, rest[0], given).result()
                 yield rest.pop(0).index, *outcome
         if rest:
             yield rest.pop(0).index, True, DIED
+
+
+def _await_start(executor: ProcessPoolExecutor) -> None:
+    """A process that dies before it has a case dies of the script that it imports, not of a case."""
+    try:
+        executor.submit(os.getpid).result()
+    except BrokenProcessPool as error:
+        raise ConfigError(
+            "the worker processes end before their first case",
+            where="campaign",
+            hint='in a script, the call goes under if __name__ == "__main__": they import the script',
+        ) from error
 
 
 def _spawned(workers: int) -> ProcessPoolExecutor:

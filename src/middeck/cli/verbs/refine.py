@@ -165,7 +165,7 @@ def _survey(refined: Refined, k: int) -> dict[str, Any]:
         "name": compared.survey.name,
         "mode": [compared.modes.name[i] for i in ours],
         "measured_hz": hz[theirs],
-        "before_hz": refined.before_hz[k],
+        "before_hz": [None if math.isnan(before) else before for before in refined.before_hz[k]],
         "frequency_hz": damped.get(compared.survey.name, compared.modes.frequency_hz[ours]),
         "unpaired_hz": hz[list(compared.unpaired)],
     }
@@ -214,8 +214,10 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
     def deviation(u: dict[str, Any], std: float, x: float) -> str:
         return f"{std:.4g}" if u["added"] else f"{100.0 * std * math.exp(x):.2f} %"
 
-    def errors(before: Sequence[float], measured: Sequence[float]) -> list[str]:
-        return [f"{100.0 * (a / b - 1.0):+.3f}" for a, b in zip(before, measured, strict=True)]
+    def errors(model: Sequence[float | None], measured: Sequence[float]) -> list[str]:
+        """Of modes that had no partner before, none."""
+        both = zip(model, measured, strict=True)
+        return ["-" if ours is None else f"{100.0 * (ours / hz - 1.0):+.3f}" for ours, hz in both]
 
     unknowns = [
         [u["name"], change(u, u["mean"]), deviation(u, u["spread"], u["mean"]), change(u, u["x"]),

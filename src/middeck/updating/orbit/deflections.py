@@ -34,9 +34,10 @@ class Deflection:
         of_the_article: What the refined article reads.
         value: The most probable: with the errors of the model that the static tests showed.
         std: Standard deviation of what a gauge will read, all told.
-        by_unknowns, by_unseen, by_own, by_gauge: What it is made of: the article's numbers together with the
-            errors that the tests showed; errors of strains that no test had; those of each reading by itself;
-            and the gauge's own.
+        by_unknowns, by_unseen, by_larger, by_own, by_gauge: What it is made of: the article's numbers
+            together with the errors that the tests showed; errors of strains that no test had; changes of
+            those errors where strains are larger than in any test; errors of each reading by itself; and the
+            gauge's own.
         seen: Part of the strain energy that has the strains of the tests.
     """
 
@@ -47,6 +48,7 @@ class Deflection:
     std: Float[np.ndarray, " gauge"]
     by_unknowns: Float[np.ndarray, " gauge"]
     by_unseen: Float[np.ndarray, " gauge"]
+    by_larger: Float[np.ndarray, " gauge"]
     by_own: Float[np.ndarray, " gauge"]
     by_gauge: Float[np.ndarray, " gauge"]
     seen: float
@@ -95,6 +97,7 @@ def _predict(
     of_modes = len(found.d) - seen.shape[1] - zeros.shape[1]
     J = np.hstack([place.slope(at, gauges), np.zeros((len(gauges), of_modes)), seen, zeros])
     by_unknowns, by_unseen = np.linalg.norm(J @ found.root, axis=1), tau[0] * np.abs(unseen)
+    by_larger = tau[0] * np.linalg.norm(fields.beyond(at, gauges), axis=1)
     full = full_scales([c.at for c in refined.statics], [c.test for c in refined.statics])
     size = np.maximum(at.lengths(gauges), [full.get(gauge_key(g), 0.0) for g in gauges])
     own = tau[1] * size * np.sqrt(1.0 + (since_unloaded & ~known))
@@ -105,9 +108,10 @@ def _predict(
         gauges=gauges,
         of_the_article=value,
         value=value + np.hstack([seen, zeros]) @ found.d[of_modes:],
-        std=np.sqrt(by_unknowns**2 + by_unseen**2 + own**2 + reads**2),
+        std=np.sqrt(by_unknowns**2 + by_unseen**2 + by_larger**2 + own**2 + reads**2),
         by_unknowns=by_unknowns,
         by_unseen=by_unseen,
+        by_larger=by_larger,
         by_own=own,
         by_gauge=reads,
         seen=fields.part(at),

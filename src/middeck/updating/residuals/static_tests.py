@@ -304,7 +304,7 @@ class ErrorFields(NamedTuple):
     """Directions of the strains of some static tests, orthonormal in strain energy, one column each.
 
     Each has two errors: that at ``most``, the largest part that a test had of it, and how it changes as that
-    part grows, `GROWTH` of an error for every factor of e.
+    part grows, `GROWTH` of an error for every factor of e. See `beyond` of what is larger than ``most``.
     """
 
     whitened: Float[np.ndarray, "whitened direction"]
@@ -342,6 +342,21 @@ class ErrorFields(NamedTuple):
             motion = moves.motion(rest, lambda rest=rest: self._motion(rest))
             out += sign * slopes(rest, motion, gauges)
         return out[:, :-1], out[:, -1]
+
+    def beyond(self, at: Loaded, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge direction"]:
+        """What gauges read by a change of each error that begins at ``most``, where the tests end.
+
+        The way in which an error changes within the tests need not go on beyond them: members that stiffen
+        change their error by more and more for every factor of e, so that it is counted in parts of ``most``.
+        """
+        out = np.zeros((len(gauges), len(self.most)))
+        for sign, rest in at.states():
+            size = self.whitened.T @ _whitened(rest)
+            growth = GROWTH * np.maximum(np.abs(size) / self.most - 1.0, 0.0)
+            if np.any(growth):
+                further = yield_further(rest, _strains_of(rest, self.whitened * (size * growth)))
+                out += sign * slopes(rest, further, gauges)
+        return out
 
     def _motion(self, rest: Equilibrium) -> RestMotion:
         own = _whitened(rest)
