@@ -10,8 +10,7 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
-from middeck.cli.shown.component_doubts import WITHOUT
-from middeck.cli.shown.screen import Table
+from middeck.cli.shown.screen import WITHOUT, Table
 from middeck.cli.verbs import compare
 from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck

@@ -8,8 +8,7 @@ import pytest
 from reduced import bent_beam, with_component
 
 import middeck as md
-from middeck.cli.shown.component_doubts import without_stiffness
-from middeck.cli.shown.screen import Table
+from middeck.cli.shown.screen import Table, without_stiffness
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads

@@ -9,7 +9,7 @@ from middeck.files.articles.build import build_structure
 from middeck.files.articles.checks import article_findings
 from middeck.files.articles.components import PUNCHED
 from middeck.files.articles.form import ArticleForm
-from middeck.files.articles.names import attach_names, hanging_names, node_names, wheel_names
+from middeck.files.articles.names import attach_names, hanging_names, names_in
 from middeck.files.disk import kind_of_content
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment, joint_findings
@@ -146,7 +146,7 @@ def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
         for c in checked
         if isinstance(c.form, EnvironmentForm)
         for finding in joint_findings(
-            c.form, attach_names(data), node_names(data), wheel_names(data), data["name"]
+            c.form, attach_names(data), names_in(data, "node"), names_in(data, "wheel"), data["name"]
         )
     ]
 

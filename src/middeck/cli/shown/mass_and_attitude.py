@@ -29,12 +29,18 @@ def summary_numbers(summary: Summary) -> dict[str, Any]:
 
 def summary_lines(numbers: dict[str, Any]) -> list[str]:
     """Mass, centre of mass and inertia of a document, for people, and what else it has of a summary."""
-    inertia = np.asarray(numbers["inertia_kg_m2"])
-    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     return [
         f"mass         {numbers['mass_kg']:.6g} kg",
         f"centre       {_row(numbers['centre_of_mass_m'])} m, mass centre, undeformed, x y z",
-        f"inertia      {_row(np.diag(inertia))} kg m^2 about the mass centre, xx yy zz",
+        *_inertia_lines(numbers["inertia_kg_m2"], " about the mass centre"),
+    ]
+
+
+def _inertia_lines(given: np.ndarray, about: str) -> list[str]:
+    inertia = np.asarray(given)
+    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+    return [
+        f"inertia      {_row(np.diag(inertia))} kg m^2{about}, xx yy zz",
         f"             {_row(products, np.abs(inertia).max())} kg m^2, minus products xy xz yz",
     ]
 
@@ -53,14 +59,11 @@ def about_point(summary: Summary, grid: int, at: np.ndarray) -> dict[str, Any]:
 
 def about_lines(numbers: dict[str, Any]) -> list[str]:
     """The lines of `about_point`."""
-    inertia = np.asarray(numbers["inertia_about_it_kg_m2"])
-    products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     where = f"grid {numbers['grid']}" if numbers["grid"] else "the origin"
     return [
         f"\nabout {where} (PARAM GRDPNT), in SI and basic axes, WTMASS included:",
         f"centre       {_row(numbers['centre_of_mass_from_it_m'])} m from it, x y z",
-        f"inertia      {_row(np.diag(inertia))} kg m^2, xx yy zz",
-        f"             {_row(products, np.abs(inertia).max())} kg m^2, minus products xy xz yz",
+        *_inertia_lines(numbers["inertia_about_it_kg_m2"], ""),
     ]
 
 

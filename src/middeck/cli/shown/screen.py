@@ -10,6 +10,9 @@ import click
 
 from middeck.cli.shown.advice import in_options
 
+WITHOUT = """
+may be off: estimated change of the frequency by the geometric stiffness that components lack"""
+
 
 class Table:
     """A titled table of texts; columns of numbers are set flush right."""
@@ -125,6 +128,15 @@ def rows_of(columns: Mapping[str, Any], *forms: str) -> list[list[str]]:
     keys = [form.partition(":")[0] for form in forms]
     rows = zip(*(columns[key] for key in keys), strict=True)
     return [cells(dict(zip(keys, row, strict=True)), *forms) for row in rows]
+
+
+def without_stiffness(table: Table, felt: Sequence[float]) -> Table:
+    """The table with a column of the relative change of each row's frequency, if any is felt (`WITHOUT`)."""
+    if not any(felt):
+        return table
+    changes = [f"{100.0 * share:.2g} %" if share else "" for share in felt]
+    rows = [[*row, change] for row, change in zip(table.rows, changes, strict=True)]
+    return Table(table.title, [*table.headers, "may be off"], rows)
 
 
 def mode_rows(document: Mapping[str, Any]) -> list[list[str]]:

@@ -9,8 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.component_doubts import WITHOUT, without_stiffness
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import WITHOUT, Table, show, without_stiffness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

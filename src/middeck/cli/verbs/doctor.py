@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -75,7 +75,7 @@ def _blocks(report: TimingReport) -> list[str | Table]:
     granted = ", ".join(f"{name}: {_said(given)}" for name, given in report.granted.items())
     rate = report.operations / max(report.step_s[0], 1e-9) / 1e9
     return [
-        f"machine      {_named(report.machine)}",
+        "machine      {processor}, {cores} cores, {kernel}, {preemption}".format(**report.machine),
         f"granted      {granted}",
         f"run          {report.samples} samples at {1.0 / report.period_s:g} Hz, "
         f"{report.overruns} later than a period"
@@ -88,7 +88,3 @@ def _blocks(report: TimingReport) -> list[str | Table]:
 
 def _said(given: bool | None) -> str:
     return "not asked" if given is None else "yes" if given else "NO"
-
-
-def _named(machine: dict[str, Any]) -> str:
-    return f"{machine['processor']}, {machine['cores']} cores, {machine['kernel']}, {machine['preemption']}"

@@ -194,8 +194,7 @@ def _plants(
     tried: options.Tried, packages: list[md.ControllerPackage], paths: tuple[tuple[str, str, float], ...]
 ) -> tuple[Gathered, dict[str, md.Plant]]:
     """What was named, and its plants, shifted ones too, none of which may have the loops that are closed."""
-    from middeck.cli.given.plants_to_try import also_held, gather_plants
-    from middeck.cli.given.shifted_plants import all_plants
+    from middeck.cli.given.plants_to_try import all_plants, also_held, gather_plants
     from middeck.realtime.gate.linear_law import faded_laws
 
     linear = faded_laws(packages)([1.0] * len(packages))

@@ -8,9 +8,8 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.component_doubts import WITHOUT, without_stiffness
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.cli.shown.screen import WITHOUT, Table, case_lines, show, without_stiffness
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -67,7 +67,7 @@ def verb(
     adds a sample and hold; a warning follows if the delays of a model may include one already. --set takes
     the keys of articles and environments.
     """
-    requirements = read_requirements(required, AT_LEAST, AT_MOST)
+    requirements = tuple(map(read_requirement, required))
     law, found, allowed, said = _qualify(law_file, tried, given)
     rows = [_row(q) for q in found]
     document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
@@ -94,8 +94,7 @@ def _qualify(
     import numpy as np
 
     from middeck.cli.given.compensators import load_law
-    from middeck.cli.given.plants_to_try import allowed_shifts, gather_plants, say_hold
-    from middeck.cli.given.shifted_plants import all_plants
+    from middeck.cli.given.plants_to_try import all_plants, allowed_shifts, gather_plants, say_hold
 
     law = load_law(law_file)
     gathered = gather_plants(tried, law)
@@ -264,18 +263,12 @@ class Requirement(NamedTuple):
         return f"{self.quantity} {'<=' if self.at_most else '>='} {self.limit:g}"
 
 
-def read_requirements(
-    texts: Sequence[str], least: Sequence[str], most: Sequence[str]
-) -> tuple[Requirement, ...]:
-    """``stable`` and ``QUANTITY=LIMIT``; those of ``least`` must reach it, those of ``most`` not exceed it.
+def read_requirement(text: str) -> Requirement:
+    """``stable``, or ``QUANTITY=LIMIT``, which a row must reach or not exceed.
 
-    >>> [r.text for r in read_requirements(["stable", "db=-20"], ["gain_db"], ["db"])]
+    >>> [read_requirement(text).text for text in ("stable", "db=-20")]
     ['stable', 'db <= -20']
     """
-    return tuple(_read(text, least, most) for text in texts)
-
-
-def _read(text: str, least: Sequence[str], most: Sequence[str]) -> Requirement:
     if text == STABLE:
         return Requirement(STABLE, None)
     name, _, number = text.partition("=")
@@ -283,10 +276,11 @@ def _read(text: str, least: Sequence[str], most: Sequence[str]) -> Requirement:
         limit = float(number)
     except ValueError:
         limit = math.nan
-    if name not in (*least, *most) or not math.isfinite(limit):
-        known = ", ".join((*least, *most))
-        raise click.UsageError(f"--require {text}: stable, or one of {known} with its limit, as {least[0]}=6")
-    return Requirement(name, limit, name in most)
+    known = (*AT_LEAST, *AT_MOST)
+    if name not in known or not math.isfinite(limit):
+        what = f"--require {text}: stable, or one of {', '.join(known)} with its limit, as {known[0]}=6"
+        raise click.UsageError(what)
+    return Requirement(name, limit, name in AT_MOST)
 
 
 def meets(requirement: Requirement, row: Mapping[str, Any]) -> bool:

@@ -1,19 +1,24 @@
-"""Forms of clamps, bushings and load cases, and the values that they describe."""
+"""Forms of parts with own axes, clamps, bushings and load cases, and the values that they describe."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from middeck.files.articles.axes_form import AxesForm
+from middeck.errors import ConfigError
 from middeck.files.toml.form import Form, Inertia, Name, NotNegative, Vector, real_numbers, rule
 from middeck.structure.model.article import AddedMass, Body, Bushing, LoadCase, PointLoad
 from middeck.structure.model.clamps import LETTERS, Clamp
 from middeck.structure.model.environment import GroundBushing
 
 ORIGIN = (0.0, 0.0, 0.0)
+# Sine between the two axes below which they are one: rounding decides where the third is.
+APART = 1e-6
 
 
 def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
@@ -34,6 +39,26 @@ Held = Annotated[
     ),
 ]
 Stiffness = Annotated[Any, PlainValidator(stiffness_matrix)]
+
+
+class AxesForm(Form):
+    """Axes of its own in W; their lengths do not matter."""
+
+    x_axis: Vector = (1.0, 0.0, 0.0)
+    y_axis: Vector = (0.0, 1.0, 0.0)
+
+    def axes(self, where: str) -> Float[np.ndarray, "3 3"]:
+        """Unit vectors as columns, y in the plane of both; raises `ConfigError` where the two are one."""
+        x, y = np.array(self.x_axis), np.array(self.y_axis)
+        across = np.cross(x, y)
+        if not np.linalg.norm(across) > APART * np.linalg.norm(x) * np.linalg.norm(y):
+            raise ConfigError(
+                f"x_axis {x.tolist()} and y_axis {y.tolist()} make no plane",
+                where=where,
+                hint="two vectors in different directions; lengths do not matter",
+            )
+        x, z = x / np.linalg.norm(x), across / np.linalg.norm(across)
+        return np.column_stack([x, np.cross(z, x), z])
 
 
 class ClampForm(AxesForm):

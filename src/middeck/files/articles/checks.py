@@ -41,7 +41,6 @@ def article_findings(data: Table) -> list[Finding]:
         *unconnected(data),
         *_bodies(data),
         *_axes(data),
-        *_travels(data),
         *_proof_masses(data),
         *_wheels(data),
         *_ports(data),
@@ -128,16 +127,10 @@ def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
 
 
 def _axes(data: Table) -> Iterator[Finding]:
-    """Spring and target keys belong to one state each."""
+    """Spring and target keys belong to one state each; where an axis begins must lie within its travel."""
     for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
         for (i, t), middle in itertools.product(tables(data, table), middles):
             yield from _axis_state((table, i), t, middle)
-
-
-def _travels(data: Table) -> Iterator[Finding]:
-    """Where an axis begins must lie within its travel."""
-    for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
-        for (i, t), middle in itertools.product(tables(data, table), middles):
             driven = t.get(f"state{middle}") == "driven"
             start = f"command{middle}_deg" if driven and f"command{middle}_deg" in t else f"angle{middle}_deg"
             yield from _travel((table, i), t, f"travel{middle}_deg", start)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError, DataError, MiddeckError
-from middeck.files.articles.component_form import ComponentForm
+from middeck.files.articles.form import ComponentForm
 from middeck.files.disk.atomic import replacing
 from middeck.structure.model.component import Component, require_component, rigid_vectors
 

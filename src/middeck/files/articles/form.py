@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from middeck.files.articles.boundary_form import BushingForm, LoadCaseForm
-from middeck.files.articles.component_form import ComponentForm
+from middeck.files.articles.boundary_form import AxesForm, BushingForm, LoadCaseForm
 from middeck.files.articles.link_form import EquationForm, InterpolationForm, LinkForm
 from middeck.files.toml.form import (
     Direction,
@@ -215,6 +214,21 @@ class SpringForm(Form):
     to: str
     stiffness_n_per_m: Positive
     free_length_m: NotNegative
+
+
+class ComponentForm(AxesForm):
+    """Matrices in a file beside the article, and the frame that each of its boundary grids is fixed to.
+
+    ``cards`` (the punch file) are of OUTPUT4 and punched matrices; NPZ and MAT without ``units`` are in SI.
+    """
+
+    name: Name
+    file: str
+    nodes: dict[str, str]
+    offsets_m: dict[str, Vector] = Field(default_factory=dict)
+    cards: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    units: str | None = None
+    superelement: Annotated[int, whole(1, 10**8)] | None = None
 
 
 class SuspensionForm(Form):

@@ -7,8 +7,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.articles.axes_form import AxesForm
-from middeck.files.articles.boundary_form import ORIGIN, Held
+from middeck.files.articles.boundary_form import ORIGIN, AxesForm, Held
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Form, Name, Positive, Vector
 from middeck.files.toml.lines import Path

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from middeck.files.articles.link_form import link_names, linked_frames
-from middeck.files.articles.names import attach_names, joint_names, named_tables, node_names
+from middeck.files.articles.names import attach_names, joint_names, named_tables, names_in
 from middeck.files.toml.faults import Finding, finding, nearest, show
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, array_of, table_of, tables
@@ -59,15 +59,20 @@ def _default_ports(data: Table, kind: str) -> list[str]:
 
 
 def _twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
+    return given_again(named, f"a second {kind} of this name", "give each its own name")
+
+
+def given_again(named: Sequence[tuple[Path, Any]], message: str, hint: str) -> Iterator[Finding]:
+    """Names that stand before in ``named``; what is no text, the form has refused."""
     seen: set[Any] = set()
     for path, name in named:
         if isinstance(name, str) and name in seen:
-            yield finding(path, f"a second {kind} of this name", name, hint="give each its own name")
+            yield finding(path, message, name, hint=hint)
         seen.add(name if isinstance(name, str) else None)
 
 
 def _references(data: Table) -> Iterator[Finding]:
-    nodes, joints = dict.fromkeys(node_names(data)), dict.fromkeys(joint_names(data))
+    nodes, joints = dict.fromkeys(names_in(data, "node")), dict.fromkeys(joint_names(data))
     frames, points = nodes | joints, dict.fromkeys(attach_names(data))
     sections = dict.fromkeys(named_tables(data, "section"))
     unknown = partial(

@@ -8,26 +8,25 @@ def named_tables(data: Table, key: str) -> dict[str, Table]:
     return {name: t for name, t in table_of(data, key).items() if isinstance(t, dict)}
 
 
-def node_names(data: Table) -> list[str]:
-    """Names of the nodes."""
-    return [str(t["name"]) for _, t in tables(data, "node") if "name" in t]
+def names_in(data: Table, key: str) -> list[str]:
+    """Names in the array of tables ``key``."""
+    return [str(t["name"]) for _, t in tables(data, key) if "name" in t]
 
 
 def joint_names(data: Table) -> list[str]:
     """Names of the joints: two for a gimbal, one for a revolute or a proof mass."""
-    return [*axis_names(data), *(str(t["name"]) for _, t in tables(data, "proof_mass") if "name" in t)]
+    return [*axis_names(data), *names_in(data, "proof_mass")]
 
 
 def axis_names(data: Table) -> list[str]:
     """Names of the axes of gimbals and revolutes."""
     gimbals = [f"{t['name']}_{a}" for _, t in tables(data, "gimbal") if "name" in t for a in "xz"]
-    return gimbals + [str(t["name"]) for _, t in tables(data, "revolute") if "name" in t]
+    return gimbals + names_in(data, "revolute")
 
 
 def attach_names(data: Table) -> list[str]:
     """Names of the attach points: the suspension's nodes and the listed ones."""
-    listed = [str(t["name"]) for _, t in tables(data, "attach") if "name" in t]
-    return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *listed]
+    return [*map(str, array_of(table_of(data, "suspension"), "nodes")), *names_in(data, "attach")]
 
 
 def hanging_names(data: Table) -> list[str]:
@@ -36,11 +35,6 @@ def hanging_names(data: Table) -> list[str]:
     ends = {str(t.get(end)) for t in ties for end in ("from", "to")}
     own = set(map(str, array_of(table_of(data, "suspension"), "nodes")))
     return [name for name in attach_names(data) if name in own or name not in ends]
-
-
-def wheel_names(data: Table) -> list[str]:
-    """Names of the wheels."""
-    return [str(t["name"]) for _, t in tables(data, "wheel") if "name" in t]
 
 
 def damped_names(data: Table) -> dict[str, list[str]]:

@@ -31,6 +31,12 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """``data`` to ``path``, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
 @contextmanager
 def making_folder(path: Path) -> Generator[Path]:
     """A temporary folder that becomes ``path`` at the end, or vanishes if the block fails."""

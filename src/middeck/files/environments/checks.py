@@ -7,6 +7,7 @@ import numpy as np
 
 from middeck.files.articles.boundary_checks import bushing_findings, clamp_findings
 from middeck.files.articles.boundary_form import ClampForm, GroundBushingForm, build_ground
+from middeck.files.articles.name_checks import given_again
 from middeck.files.environments.form import TUNED, default_name
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.lines import Path
@@ -97,17 +98,6 @@ def _name_findings(data: Table) -> list[Finding]:
         key = "name" if "name" in bushing else "attach"
         supports.append((("bushing", i, key), bushing.get("name", f"bushing_{bushing.get('attach')}")))
     return [
-        *_again(names, "device or spring", advice),
-        *_again(supports, "support", "a name of its own, which no clamped node has"),
+        *given_again(names, "names a second device or spring", advice),
+        *given_again(supports, "names a second support", "a name of its own, which no clamped node has"),
     ]
-
-
-def _again(names: list[tuple[Path, Any]], kind: str, advice: str) -> list[Finding]:
-    first: set[str] = set()
-    found: list[Finding] = []
-    for path, name in names:
-        if isinstance(name, str) and name in first:
-            found.append(finding(path, f"names a second {kind}", name, hint=advice))
-        elif isinstance(name, str):
-            first.add(name)
-    return found

@@ -5,7 +5,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from middeck.files.disk.atomic import replacing
+from middeck.files.disk.atomic import write_text
 from middeck.structure.modes.results.drawing import Drawing
 
 LINE = 3  # VTK's number of this cell: two points, which every reader knows
@@ -15,8 +15,7 @@ PARTS = ("member", "section", "rigid", "body", "spring", "bushing", "cable", "co
 
 def write_vtu(path: str | Path, drawing: Drawing) -> None:
     """``drawing`` as a file, whole or not at all: see `vtu_text`."""
-    with replacing(path) as temporary:
-        temporary.write_text(vtu_text(drawing), encoding="utf-8", newline="\n")
+    write_text(path, vtu_text(drawing))
 
 
 def vtu_text(drawing: Drawing) -> str:

@@ -6,7 +6,7 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.disk.atomic import replacing
+from middeck.files.disk.atomic import write_bytes
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, JSON, PACKAGE, is_json, stray
 from middeck.files.json.hash_seal import doubled_key
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
@@ -33,15 +33,15 @@ def write_package(path: str | Path, package: ControllerPackage) -> tuple[Path, .
     file = Path(path)
     match file.suffix.lower():
         case ".mdk":
-            _write_bytes(file, encode_package(package))
+            write_bytes(file, encode_package(package))
         case ".json":
             write_json(file, package_document(package))
         case ".h" | ".c":
             header = file.with_suffix(".h")
             made = generate_c(package, file.stem, header.name)
-            _write_bytes(header, made.header.encode())
+            write_bytes(header, made.header.encode())
             if file.suffix.lower() == ".c":
-                _write_bytes(file, made.source.encode())
+                write_bytes(file, made.source.encode())
                 return file, header
         case other:
             raise ConfigError(f"no writer for {other!r} files", where=str(path), hint=".mdk, .json, .c or .h")
@@ -94,8 +94,8 @@ def package_document(package: ControllerPackage) -> dict[str, Any]:
         **({"error_bound_own": True} if package.error_bound_own else {}),
         "pairs": core.pairs,
         **{name: getattr(core, name) for name in "ABCDE"},
-        "filters": [{"input": f.input, **_section(f.section)} for f in package.filters],
-        "paths": [{"input": p.input, "output": p.output, **_section(p.section)} for p in package.paths],
+        "filters": [{"input": f.input, **plain(f.section)} for f in package.filters],
+        "paths": [{"input": p.input, "output": p.output, **plain(p.section)} for p in package.paths],
         "vectors": vectors,
     }
 
@@ -181,10 +181,6 @@ def _is_single(precision: str, where: str) -> bool:
     return precision == "single"
 
 
-def _section(section: Section) -> dict[str, Any]:
-    return {"b": section.b, "a": section.a}
-
-
 def _read_section(table: Any, where: str) -> Section:
     require_keys(table, ("b", "a"), where, AGAIN)
     return Section(_numbers(table["b"], where), _numbers(table["a"], where))
@@ -195,13 +191,11 @@ def _open(limits: np.ndarray) -> list[float | None]:
 
 
 def _closed(value: Any, missing: float, where: str) -> np.ndarray:
-    return _numbers([missing if v is None else v for v in _list(value, where)], where, finite=False)
+    return np.array([missing if v is None else v for v in _list(value, where)], dtype=float)
 
 
-def _numbers(value: Any, where: str, finite: bool = True) -> np.ndarray:
-    if finite:
-        return json_numbers(value, where, AGAIN)
-    return np.array(value, dtype=float)
+def _numbers(value: Any, where: str) -> np.ndarray:
+    return json_numbers(value, where, AGAIN)
 
 
 def _list(value: Any, where: str) -> list[Any]:
@@ -221,8 +215,3 @@ def _of(table: Any, key: str, kind: type, where: str) -> Any:
 
 def _refuse(what: str, where: str) -> NoReturn:
     raise DataError(what, where=where, hint=AGAIN)
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    with replacing(path) as temporary:
-        temporary.write_bytes(data)

@@ -103,7 +103,7 @@ def _model(data: dict[str, Any], path: str) -> MeasurementModel:
             raise DataError(f"re has shape {re.shape}, im {im.shape}", where=f"{path}, {name}", hint=AGAIN)
         arrays[name] = re + 1j * im
     inputs, outputs = (read_ports(data[side], f"{path}, {side}", AGAIN) for side in ("inputs", "outputs"))
-    rate, hold_s = _rate(data["sample_hz"], path), _hold(data.get("hold_s"), path)
+    rate, hold_s = _number(data, "sample_hz", path, "> 0 Hz"), _number(data, "hold_s", path, ">= 0 s")
     try:
         model = MeasurementModel(**arrays, inputs=inputs, outputs=outputs, sample_hz=rate, hold_s=hold_s)
     except ConfigError as error:
@@ -167,22 +167,15 @@ def _array(value: Any, where: str) -> np.ndarray:
     return json_numbers(value, where, AGAIN)
 
 
-def _hold(value: Any, path: str) -> float | None:
+def _number(data: dict[str, Any], key: str, path: str, allowed: str) -> float | None:
+    """A number that is ``allowed``: "> 0 Hz" or ">= 0 s"; None where the file has none."""
+    value = data.get(key)
     if value is None:
         return None
-    period = _array(value, f"{path}, hold_s")
-    if period.shape != () or period < 0.0:
-        raise DataError(f"hold_s is {value}; must be >= 0 s, or null", where=path, hint=AGAIN)
-    return float(period)
-
-
-def _rate(value: Any, where: str) -> float | None:
-    if value is None:
-        return None
-    rate = _array(value, f"{where}, sample_hz")
-    if rate.shape != () or not rate > 0.0:
-        raise DataError(f"sample_hz is {value}; must be > 0 Hz, or null", where=where, hint=AGAIN)
-    return float(rate)
+    number = _array(value, f"{path}, {key}")
+    if number.shape != () or number < 0.0 or (number == 0.0 and allowed.startswith("> ")):
+        raise DataError(f"{key} is {value}; must be {allowed}, or null", where=path, hint=AGAIN)
+    return float(number)
 
 
 def write_mat_model(path: str | Path, model: MeasurementModel) -> None:

@@ -1,11 +1,10 @@
-"""From the ``[promise]`` table of a study to a ground test, unknowns and the plan of a promise."""
+"""From the ``[promise]`` table of a study to a ground test and the plan of a promise."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from middeck.control.law.pd_loops import PDLoops
-from middeck.files.refinements.documents import build_unknown
 from middeck.files.studies.promise import PromiseForm
 from middeck.identification.friction.find import JointFriction
 from middeck.laboratory.modal_test import ModalTest
@@ -13,7 +12,6 @@ from middeck.structure.model.environment import Environment
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.plan import Ladder, Plan
 from middeck.updating.promise.slip import JointSlip
-from middeck.updating.unknowns.unknowns import Unknown
 
 
 def build_modal_test(form: PromiseForm) -> ModalTest:
@@ -27,11 +25,6 @@ def build_modal_test(form: PromiseForm) -> ModalTest:
         period_s=form.period_s,
         periods=form.periods,
     )
-
-
-def build_unknowns(form: PromiseForm) -> tuple[Unknown, ...]:
-    """The unknowns of the article."""
-    return tuple(build_unknown(u) for u in form.unknown)
 
 
 def build_plan(

@@ -1,5 +1,6 @@
 """Documents of candidates: tests that may be made of an article, and what is promised of it."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,7 +10,7 @@ from pydantic import Field
 from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import CANDIDATES
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.refinements.gauge_form import PlannedStaticForm, build_static, planned_findings
+from middeck.files.refinements.gauge_form import PLANNED, PlannedStaticForm, build_static, static_findings
 from middeck.files.refinements.promised_loads import PromisedLoads, load_promised_loads
 from middeck.files.setups import find_stated, load_setup, load_structure
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, whole
@@ -81,7 +82,7 @@ def load_candidates(path: str | Path, article: str | Path) -> RankedTests:
     The refinement is sought beside it, environments as everywhere. Raises `ConfigError` with all faults of
     the document, and for environments given twice.
     """
-    form = read_form(path, CANDIDATES, CandidatesForm, planned_findings)
+    form = read_form(path, CANDIDATES, CandidatesForm, partial(static_findings, stated=PLANNED))
     twice = [name for name in form.environments if form.environments.count(name) > 1]
     if twice:
         raise ConfigError(

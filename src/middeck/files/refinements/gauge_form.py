@@ -125,14 +125,12 @@ def _case_of(form: _LoadedForm) -> LoadCase | str | None:
     return build_load_cases([own])[0]
 
 
-def static_findings(data: Any) -> list[Finding]:
-    """Faults beyond the forms of static tests: keys of another unit, missing values, loads given twice."""
-    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, VALUED)]
+def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[Finding]:
+    """Faults beyond the forms of static tests: keys of another unit, missing values, loads given twice.
 
-
-def planned_findings(data: Any) -> list[Finding]:
-    """The same of static tests that may be made, which have no values."""
-    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, PLANNED)]
+    What their readings have ``stated`` is `VALUED`; of tests that may be made `PLANNED`.
+    """
+    return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, stated)]
 
 
 def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:

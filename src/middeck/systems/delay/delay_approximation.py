@@ -160,16 +160,6 @@ def _part_modes(modal: ModalSystem) -> _Parts:
 def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
     none = np.zeros_like(system.D)
     parted = part_integrators(system)
-    if not len(parted.residues):
-        rest = StateSpace(system.A, system.B, system.C, none)
-        return _Parts(
-            residues=parted.residues,
-            still=parted.still,
-            at_rest="",
-            moving=rest,
-            names=names,
-            direct=system.D,
-        )
     share = np.sum(parted.states**2, axis=1)
     # A tenth: traces of rounding name nothing.
     at_rest = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))

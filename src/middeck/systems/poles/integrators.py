@@ -58,41 +58,23 @@ def part_integrators(system: StateSpace) -> PartedSystem:
     >>> part_integrators(body).residues.ravel().tolist()                           # 0 / s + 2 / s^2
     [0.0, 2.0]
     """
-    outputs, inputs = system.D.shape
-    nothing = gain_system(np.zeros((outputs, inputs)))
-    none = np.zeros((0, outputs, inputs))
     if not len(system.A):
-        return PartedSystem(
-            residues=none,
-            errors=none,
-            still=nothing,
-            states=np.zeros((0, 0)),
-            leading=np.zeros(0, dtype=int),
-            moving=system,
-        )
+        return _without_integrators(system)
     unit = state_units(system)
     balanced = in_units(system, unit)
     turn, sizes = integrating_chains(balanced.A)
     n = sum(sizes)
     if not n:
-        every = np.arange(len(system.A))
-        return PartedSystem(
-            residues=none,
-            errors=none,
-            still=nothing,
-            states=np.zeros((len(every), 0)),
-            leading=every,
-            moving=system,
-        )
+        return _without_integrators(system)
     A, B, C = turn.T @ balanced.A @ turn, turn.T @ balanced.B, balanced.C @ turn
     chain = strictly_upper(A[:n, :n], sizes)
     # (1, 0; mix, 1) decouples the two parts.
     mix = np.asarray(sla.solve_sylvester(chain, -A[n:, n:], -A[:n, n:])) if n < len(A) else A[:n, n:]
     moving = StateSpace(A[n:, n:], B[n:], C[:, n:] + C[:, :n] @ mix, system.D)
     into = B[:n] - mix @ B[n:]
-    still = StateSpace(chain, into, C[:, :n], nothing.D)
+    still = StateSpace(chain, into, C[:, :n], np.zeros_like(system.D))
     known = _roundings(balanced, turn, n, mix)
-    residues = np.zeros((len(sizes), outputs, inputs))
+    residues = np.zeros((len(sizes), *system.D.shape))
     errors = np.zeros_like(residues)
     seen, lost = C[:, :n], known.seen
     for k in range(len(sizes)):
@@ -108,6 +90,18 @@ def part_integrators(system: StateSpace) -> PartedSystem:
         states=basis,
         leading=_leading(turn[:, n:]),
         moving=moving,
+    )
+
+
+def _without_integrators(system: StateSpace) -> PartedSystem:
+    every, none = np.arange(len(system.A)), np.zeros((0, *system.D.shape))
+    return PartedSystem(
+        residues=none,
+        errors=none,
+        still=gain_system(np.zeros_like(system.D)),
+        states=np.zeros((len(every), 0)),
+        leading=every,
+        moving=system,
     )
 
 

@@ -7,6 +7,8 @@ import numpy as np
 from middeck.files.nastran.article.article_sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.constraints.rigid_links import ALL
+from middeck.files.nastran.deck.coordinates import along_and_about
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.members.members import RODS, Bar
 
@@ -46,17 +48,13 @@ def pin_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, 
                 continue
             name = _pin_name(bar, k)
             x, y, z = end * basis.units.length
-            axes = bar.element_axes
             nodes.append({"name": name, "x_m": x, "y_m": y, "z_m": z})
             links.append(
                 {
                     "name": f"pin_{name}",
                     "from": f"g{standing.carrier(grid)}",
                     "to": name,
-                    "along": "".join(a for a, c in zip("xyz", "123", strict=True) if c not in released),
-                    "about": "".join(a for a, c in zip("xyz", "456", strict=True) if c not in released),
-                    "x_axis": axes[:, 0],
-                    "y_axis": axes[:, 1],
+                    **along_and_about("".join(sorted(set(ALL) - set(released))), bar.element_axes),
                 }
             )
     return nodes, links

@@ -8,12 +8,11 @@ import numpy as np
 
 from middeck.files.nastran.constraints.rigid_links import ALL, expand, partial_links
 from middeck.files.nastran.constraints.rigid_relations import relation, rigid_elements
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import Places, along_and_about
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
-from middeck.structure.model.clamps import LETTERS
 
 # Directions of an equation's terms, shifts and turns in W.
 WAYS = ("x", "y", "z", "rx", "ry", "rz")
@@ -112,17 +111,9 @@ def check_dependent(
             break
 
 
-def _letters(components: str) -> dict[str, str]:
-    along, about = (
-        "".join(letter for letter, digit in zip(LETTERS, digits, strict=True) if digit in components)
-        for digits in ("123", "456")
-    )
-    return {"along": along, "about": about}
-
-
 def _directions(places: Places, grid: int, components: str) -> dict[str, Any]:
     axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
-    return {**_letters(components), "x_axis": axes[:, 0], "y_axis": axes[:, 1]}
+    return along_and_about(components, axes)
 
 
 def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:

@@ -4,12 +4,11 @@ from collections.abc import Container
 from typing import Any
 
 from middeck.files.nastran.constraints.rigid_links import ALL, expand
-from middeck.files.nastran.deck.coordinates import Places, default_components
+from middeck.files.nastran.deck.coordinates import Places, along_and_about, grid_default
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer
 from middeck.files.toml.faults import Fault
-from middeck.structure.model.clamps import LETTERS
 
 
 def read_restraints(
@@ -20,7 +19,7 @@ def read_restraints(
     Scalar points (``scalars``) are passed over: see `held_points`.
     """
     found: dict[int, set[str]] = {}
-    default = default_components(deck.entries)
+    default = grid_default(deck.entries, "ps")
     for entry in deck.entries.of("GRID"):
         ps = default if entry["ps"] is None else entry["ps"]
         if ps:
@@ -40,12 +39,7 @@ def read_restraints(
 
 def clamp(grid: int, held: str, places: Places) -> dict[str, Any]:
     """The clamp, in an environment's form, that holds the components ``held`` of ``grid``."""
-    axes = places.displacement_axes(grid)
-    along, about = (
-        "".join(letter for letter, digit in zip(LETTERS, digits, strict=True) if digit in held)
-        for digits in ("123", "456")
-    )
-    return {"node": f"g{grid}", "along": along, "about": about, "x_axis": axes[:, 0], "y_axis": axes[:, 1]}
+    return {"node": f"g{grid}", **along_and_about(held, places.displacement_axes(grid))}
 
 
 def _terms(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from jaxtyping import Float
 from middeck.files.nastran.deck.cards_read import PLACES
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
 from middeck.files.toml.faults import Fault
+from middeck.structure.model.clamps import LETTERS
 
 # The sine of the angle between two axes that span a plane.
 LEAST_SINE = 1e-6
@@ -78,14 +79,18 @@ def place_grids(entries: Entries) -> Places:
     return _Resolver(entries).places()
 
 
-def default_system(entries: Entries, field: str) -> int:
-    """What GRDSET, if any, says of the field ``cp`` or ``cd`` of grids that leave it blank."""
+def grid_default(entries: Entries, field: str) -> Any:
+    """What GRDSET, if any, says of a field of grids (CP, CD, PS) that leave it blank; else 0."""
     return next((entry[field] for entry in entries.of("GRDSET")), 0)
 
 
-def default_components(entries: Entries) -> str:
-    """The components that GRDSET, if any, holds of grids whose PS is blank."""
-    return next((entry["ps"] or "" for entry in entries.of("GRDSET")), "")
+def along_and_about(components: str, axes: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
+    """Components 1 to 6 in the form of a clamp or link: letters of shifts and turns, and their ``axes``."""
+    along, about = (
+        "".join(letter for letter, digit in zip(LETTERS, digits, strict=True) if digit in components)
+        for digits in ("123", "456")
+    )
+    return {"along": along, "about": about, "x_axis": axes[:, 0], "y_axis": axes[:, 1]}
 
 
 class _Resolver:
@@ -95,10 +100,10 @@ class _Resolver:
         names = [f"CORD{i}{kind}" for i in "12" for kind in "RCS"]
         self.defined = entries.numbered(*names)
         self.grid = entries.numbered("GRID")
-        self.cp = default_system(entries, "cp")
+        self.cp = grid_default(entries, "cp")
         self.systems: dict[int, System] = {0: BASIC}
         self.grids: dict[int, np.ndarray] = {}
-        cd = default_system(entries, "cd")
+        cd = grid_default(entries, "cd")
         self.moves_in = {n: cd if e["cd"] is None else e["cd"] for n, e in self.grid.items()}
         self.faults: dict[str, Fault] = {}
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.disk.atomic import replacing
+from middeck.files.disk.atomic import write_bytes
 from middeck.files.nastran.output4.binary import BinarySource, is_binary
 from middeck.files.nastran.output4.heads import BIG, COMPLEX, DOUBLE, SYMMETRIC, Head
 from middeck.files.nastran.output4.text import TextSource
@@ -182,8 +182,7 @@ def write_op4(path: Path, matrices: Sequence[Op4Matrix]) -> None:
                 run = column[index[0] : index[-1] + 1]
                 records.append(_record([j, index[0] + 1, 2 * len(run)], run.astype("<f8").tobytes()))
         records.append(_record([columns + 1, 1, 2], np.ones(1, "<f8").tobytes()))
-    with replacing(path) as temporary:
-        temporary.write_bytes(b"".join(records))
+    write_bytes(path, b"".join(records))
 
 
 def _record(integers: Sequence[int], rest: bytes) -> bytes:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from middeck.files.promises.study_table import build_modal_test, build_unknowns
+from middeck.files.promises.study_table import build_modal_test
+from middeck.files.refinements.documents import build_unknown
 from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.friction.find import JointFriction, find_friction
@@ -46,7 +47,8 @@ def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generat
     form = study.promise
     article, _ = study.case(form.article, form.environment)
     tests = tuple(_tested(study, one.name, tuple(one.set.items()), settings, rng) for one in form.test)
-    return KnownBefore(tests=tests, refined=refine(article, [t.survey for t in tests], build_unknowns(form)))
+    unknowns = [build_unknown(u) for u in form.unknown]
+    return KnownBefore(tests=tests, refined=refine(article, [t.survey for t in tests], unknowns))
 
 
 def _tested(
