@@ -40,14 +40,30 @@ def doubts_of_record(measured: FrequencyResponse) -> list[str]:
     """Warnings for outputs whose periods or experiments disagree."""
     if measured.variance is None:
         return []
-    size = np.sum(np.abs(measured.H) ** 2, axis=(0, 2))
-    scatter = np.sqrt(np.sum(measured.variance, axis=(0, 2)) / size)
+    scatter = _share(measured, measured.variance)
     return [
         f"output {port.name}: the response scatters by {share:.0%} between periods or experiments; is the "
         "record steady, without drift, spikes or dropouts?"
         for port, share in zip(measured.outputs, scatter, strict=True)
         if share > SCATTER
     ]
+
+
+def _share(
+    measured: FrequencyResponse, squares: Float[np.ndarray, "line output input"]
+) -> Float[np.ndarray, " output"]:
+    """Rms of a part of the response over that of the whole: of all lines alike, or as a fit weighs them.
+
+    The less of both. Lines that a sweep hardly excites are all noise: they are most of the rms and weigh
+    nothing; where the noise is small, a fit follows what is a small part of the rms.
+    """
+    whole = np.abs(measured.H) ** 2
+    plain = np.sum(squares, axis=(0, 2)) / np.sum(whole, axis=(0, 2))
+    variance = measured.variance
+    if variance is None or not np.all(variance > 0.0):
+        return np.sqrt(plain)
+    weighed = np.sum(squares / variance, axis=(0, 2)) / np.sum(whole / variance, axis=(0, 2))
+    return np.sqrt(np.minimum(plain, weighed))
 
 
 def refuse_failed(measured: FrequencyResponse, error: Float[np.ndarray, " output"]) -> None:
@@ -76,8 +92,10 @@ def doubts_of_model(
     poor = [
         f"output {port.name}: the model leaves {left:.0%} of the response unexplained; its parameters mean "
         "little. Look at the record, the band and the order"
-        for port, left in zip(measured.outputs, error, strict=True)
-        if left > LEFT
+        for port, left, weighed in zip(
+            measured.outputs, error, _share(measured, np.abs(residual) ** 2), strict=True
+        )
+        if min(left, weighed) > LEFT
     ]
     if poor or model_error <= 0.5 or measured.variance is None:
         return poor
