@@ -99,6 +99,28 @@ def test_a_key_in_the_wrong_table_is_told_its_own(tmp_path: Path, head: str, key
         assert not environment(tmp_path, f"{text}{head}gravity_m_s2 = 9.81\n")
 
 
+def test_a_key_for_the_one_that_is_missing_is_told_it(tmp_path: Path) -> None:
+    """``node`` is a table of the file too, above which it was advised to be written."""
+    case = '[[load_case]]\nname = "pull"\nload = [{node = "b", force_n = [0.0, 1.0, 0.0]}]\n'
+    assert "load.0.node = \"b\": unknown key\n  try: did you mean 'frame'?" in article(
+        tmp_path, ARTICLE + case
+    )
+    assert not article(tmp_path, ARTICLE + case.replace("node = ", "frame = "))
+
+
+def test_a_number_for_a_direction_is_told_to_be_three(tmp_path: Path) -> None:
+    """``cg_m = 0.1`` was advised to become ``[0.1]``, which lacks two."""
+    said = article(tmp_path, ARTICLE.replace("mass_kg = 1.5", "mass_kg = 1.5\ncg_m = 0.1"))
+    assert "must be an array\n  try: cg_m = [x, y, z], 3 values" in said
+
+
+def test_a_torque_on_a_node_is_told_to_need_an_axis(tmp_path: Path) -> None:
+    torque = '[[actuator]]\nname = "t"\nframe = "b"\n'
+    said = article(tmp_path, ARTICLE + torque)
+    assert "is no joint, so that the actuator needs an axis\n  try: axis = [x, y, z]" in said
+    assert not article(tmp_path, ARTICLE + torque + "axis = [0.0, 0.0, 1.0]\n")
+
+
 def test_a_table_that_needs_a_name_is_told_so_once(tmp_path: Path) -> None:
     said = article(tmp_path, ARTICLE.replace("[section.tube]", "[section]"))
     assert said.count("must have a name\n  try: [section.NAME] above its keys") == 1
