@@ -207,7 +207,7 @@ def test_softened_modes_of_nearly_one_frequency_share_their_losses():
 
 
 def test_large_losses_that_couple_nothing_are_no_shared_losses():
-    """One loss factor in a cantilever in weight: its roots have less than half of it, sin(atan(2 zeta) / 2)."""
+    """One loss factor in a cantilever in weight: its roots have sin(atan(2 zeta) / 2), which is less."""
     section = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=101.0, rho_A=0.5, rho_I_y=1e-5, rho_I_z=1e-5)
     nodes = [build.node("foot", (0.0, 0.0, 0.0)), build.node("tip", (2.0, 0.0, 0.0), build.body(0.2))]
     made = build.structure(nodes, [build.member("foot", "tip", section, 8)])

@@ -217,7 +217,7 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
             unit = unit_of(expected) or "a pure number"
             message = f"unknown key; {expected!r} is expected, in {unit}"
             return finding(path, message, value, hint=f"convert to {unit}", expected=expected)
-    if key in keys_of(form) and not is_of_tables(form, key):
+    if key in keys_of(form) and (isinstance(value, list | tuple | dict) or not is_of_tables(form, key)):
         above = ".".join(map(str, path[:-1]))
         hint = f"it is a key of the file: write it above the first [table], here it belongs to {above}"
         return finding(path, UNKNOWN, value, hint=hint)
