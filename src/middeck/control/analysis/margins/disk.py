@@ -113,7 +113,10 @@ def skewed_sensitivity(
 ) -> Complex[np.ndarray, "line channel channel"]:
     """S - 1/2 = (1 - P)^-1 (1 + P)/2 of what goes round, P = -L; not a number on a pole of the loop."""
     identity = np.eye(P.shape[1])
-    lost = np.linalg.det(identity - P) == 0.0
-    skewed = 0.5 * np.linalg.solve(np.where(lost[:, None, None], identity, identity - P), identity + P)
-    skewed[lost] = np.nan
-    return skewed
+    try:
+        return 0.5 * np.linalg.solve(identity - P, identity + P)
+    except np.linalg.LinAlgError:
+        lost = np.linalg.det(identity - P) == 0.0
+        skewed = 0.5 * np.linalg.solve(np.where(lost[:, None, None], identity, identity - P), identity + P)
+        skewed[lost] = np.nan
+        return skewed
