@@ -80,6 +80,7 @@ def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> D
 
 def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
     loop = form_loop(plant, law)
+    broken_at(loop, at)
     if not decide_loop(loop).stable:
         return disk_from_peak(np.inf, 0.0)
     loop = moved_part(loop)
