@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
 from middeck.files.records import name_columns, read_record
 from middeck.files.setups import load_environment, load_structure
+from middeck.files.studies.documents import load_study
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -209,3 +211,27 @@ def test_a_band_beyond_half_the_rate_is_said() -> None:
         beyond = fit_record(record, states=2, sampled=True, band_hz=(1.0, 80.0))
     within = fit_record(record, states=2, sampled=True, band_hz=(1.0, 50.0))
     assert np.array_equal(beyond.model.poles, within.model.poles)
+
+
+# ---- studies -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('article = "own"', 'article = "mine"', 'control.article = "mine": no article of this name'),
+        ('angles = ["bus_x",', 'angles = ["bus_x", "bus_x",', 'control.angles.1 = "bus_x": is there twice'),
+    ],
+)
+def test_a_slip_in_a_study_is_one_fault(tmp_path: Path, old: str, new: str, said: str) -> None:
+    """With a wrong article each port was a fault; a port named twice came after the first figure."""
+    for source in files("middeck.files").joinpath("start").iterdir():
+        text = source.read_text(encoding="utf-8").replace("$name", "own")
+        (tmp_path / source.name).write_text(text, encoding="utf-8")
+    study = tmp_path / "study.toml"
+    load_study(study)
+    study.write_text(study.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_study(study)
+    assert said in str(caught.value)
+    assert len(caught.value.data["faults"]) == 1
