@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import types
 from collections.abc import Callable
 from typing import (
     Any,
@@ -45,6 +46,20 @@ POSITIONAL = 4
 HASH = "_hash_of_fields"
 # The most sets of shapes of a class that are known to fit, and not looked at again.
 MOST_SHAPES = 1000
+
+
+def require_kind(value: object, kind: type | types.UnionType, what: str, hint: str) -> None:
+    """Raise `ConfigError` where ``value`` is of another kind, as one of two swapped arguments is.
+
+    >>> require_kind(1.0, str, "name", "a text")
+    Traceback (most recent call last):
+    middeck.errors.ConfigError: a float stands in place of the name
+      try: a text
+    """
+    if not isinstance(value, kind):
+        name = type(value).__name__
+        shown = "None" if value is None else f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+        raise ConfigError(f"{shown} stands in place of the {what}", hint=hint)
 
 
 @overload

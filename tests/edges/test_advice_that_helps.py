@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
 from middeck.files.records import name_columns, read_record
 from middeck.files.setups import load_environment, load_structure
+from middeck.files.studies.documents import load_study
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -97,6 +99,28 @@ def test_a_key_in_the_wrong_table_is_told_its_own(tmp_path: Path, head: str, key
     assert meant in said
     if head:
         assert not environment(tmp_path, f"{text}{head}gravity_m_s2 = 9.81\n")
+
+
+def test_a_key_for_the_one_that_is_missing_is_told_it(tmp_path: Path) -> None:
+    """``node`` is a table of the file too, above which it was advised to be written."""
+    case = '[[load_case]]\nname = "pull"\nload = [{node = "b", force_n = [0.0, 1.0, 0.0]}]\n'
+    assert "load.0.node = \"b\": unknown key\n  try: did you mean 'frame'?" in article(
+        tmp_path, ARTICLE + case
+    )
+    assert not article(tmp_path, ARTICLE + case.replace("node = ", "frame = "))
+
+
+def test_a_number_for_a_direction_is_told_to_be_three(tmp_path: Path) -> None:
+    """``cg_m = 0.1`` was advised to become ``[0.1]``, which lacks two."""
+    said = article(tmp_path, ARTICLE.replace("mass_kg = 1.5", "mass_kg = 1.5\ncg_m = 0.1"))
+    assert "must be an array\n  try: cg_m = [x, y, z], 3 values" in said
+
+
+def test_a_torque_on_a_node_is_told_to_need_an_axis(tmp_path: Path) -> None:
+    torque = '[[actuator]]\nname = "t"\nframe = "b"\n'
+    said = article(tmp_path, ARTICLE + torque)
+    assert "is no joint, so that the actuator needs an axis\n  try: axis = [x, y, z]" in said
+    assert not article(tmp_path, ARTICLE + torque + "axis = [0.0, 0.0, 1.0]\n")
 
 
 def test_a_table_that_needs_a_name_is_told_so_once(tmp_path: Path) -> None:
@@ -187,3 +211,27 @@ def test_a_band_beyond_half_the_rate_is_said() -> None:
         beyond = fit_record(record, states=2, sampled=True, band_hz=(1.0, 80.0))
     within = fit_record(record, states=2, sampled=True, band_hz=(1.0, 50.0))
     assert np.array_equal(beyond.model.poles, within.model.poles)
+
+
+# ---- studies -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('article = "own"', 'article = "mine"', 'control.article = "mine": no article of this name'),
+        ('angles = ["bus_x",', 'angles = ["bus_x", "bus_x",', 'control.angles.1 = "bus_x": is there twice'),
+    ],
+)
+def test_a_slip_in_a_study_is_one_fault(tmp_path: Path, old: str, new: str, said: str) -> None:
+    """With a wrong article each port was a fault; a port named twice came after the first figure."""
+    for source in files("middeck.files").joinpath("start").iterdir():
+        text = source.read_text(encoding="utf-8").replace("$name", "own")
+        (tmp_path / source.name).write_text(text, encoding="utf-8")
+    study = tmp_path / "study.toml"
+    load_study(study)
+    study.write_text(study.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_study(study)
+    assert said in str(caught.value)
+    assert len(caught.value.data["faults"]) == 1

@@ -359,7 +359,11 @@ free_length_m = 1.0
             "attach.1.name",
             "a second",
         ),
-        ('[[sensor]]\nname = "s"\nframe = "a"', "sensor.0.frame", "no joint (or give an axis)"),
+        (
+            '[[sensor]]\nname = "s"\nframe = "a"',
+            "sensor.0.frame",
+            "is no joint, so that the sensor needs an axis",
+        ),
         ('[[sensor]]\nname = "s"\nframe = "a"\naxis = [0, 0, 0]', "sensor.0.axis", "zero vector"),
         (
             '[[revolute]]\nname = "r"\nparent = "r"\naxis = [1, 0, 0]\nmass_kg = 1.0',

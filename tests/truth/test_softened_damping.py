@@ -206,6 +206,16 @@ def test_softened_modes_of_nearly_one_frequency_share_their_losses():
     assert np.abs(np.sort(found.zeta) / exact - 1.0).max() > 0.02
 
 
+def test_large_losses_that_couple_nothing_are_no_shared_losses():
+    """One loss factor in a cantilever in weight: its roots have sin(atan(2 zeta) / 2), which is less."""
+    section = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=101.0, rho_A=0.5, rho_I_y=1e-5, rho_I_z=1e-5)
+    nodes = [build.node("foot", (0.0, 0.0, 0.0)), build.node("tip", (2.0, 0.0, 0.0), build.body(0.2))]
+    made = build.structure(nodes, [build.member("foot", "tip", section, 8)])
+    for zeta in (0.02, 0.1, 0.5):
+        modes = solve(dataclasses.replace(made, damping=Damping(flexible=zeta)), STAND)
+        assert not any("share their losses" in w for w in estimate_damping(modes, count=6).warnings)
+
+
 @pytest.mark.parametrize("free_length", [1.9, 2.1])
 def test_preload_holds_or_softens_without_loss_in_orbit_too(free_length: float):
     """A beam with a stay between its ends that presses it together, or pulls at it, against K (1 + j eta)."""

@@ -15,7 +15,7 @@ from middeck.control.noise import measure_noise_rms
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError, NumericalError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem
 from middeck.systems.sampling.sampling import tustin
-from middeck.values import record
+from middeck.values import record, require_kind
 
 CONTINUOUS = "continuous"
 
@@ -71,6 +71,8 @@ def qualify_compensator(
     Raises `ConfigError` for ports that a plant does not have, weights that do not fit, and rates for a
     sampled compensator. The error's place is the name of the plant.
     """
+    require_kind(plants, Mapping, "plants", 'by name: {"nominal": plant}')
+    rates_hz = tuple(np.atleast_1d(rates_hz))
     found: list[Qualified] = []
     for name, plant in plants.items():
         try:

@@ -19,7 +19,7 @@ from middeck.systems.state_space.statespace import (
     gain_system,
     select_paths,
 )
-from middeck.values import record
+from middeck.values import record, require_kind
 
 
 @record
@@ -46,6 +46,10 @@ class Compensator:
     applied: Float[np.ndarray, "state output"] | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        hint = "Compensator(StateSpace(A, B, C, D), inputs, outputs), inputs and outputs of Port(name, unit)"
+        require_kind(self.dynamics, LinearSystem, "law's dynamics", hint)
+        for port in (*self.inputs, *self.outputs):
+            require_kind(port, Port, "port", hint)
         if self.dynamics.D.shape != (len(self.outputs), len(self.inputs)):
             raise ConfigError(
                 f"a compensator with {len(self.outputs)} outputs and {len(self.inputs)} inputs named; "

@@ -21,7 +21,7 @@ from middeck.systems.poles.stability import growth_limits, none_grows
 from middeck.systems.poles.state_units import in_units, uneven_units
 from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
-from middeck.values import record
+from middeck.values import record, require_kind
 
 
 @record
@@ -41,6 +41,7 @@ class ModePartition:
 
 def partition_modes(plant: Plant) -> ModePartition:
     """`set_inert_aside`, the states in like units (`settle_states`)."""
+    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
     part = set_inert_aside(plant)
     system = part.active.dynamics
     if not isinstance(system, StateSpace) or (unit := uneven_units(system)) is None:

@@ -15,7 +15,7 @@ from middeck.systems.poles.stability import growth_rates, none_grows
 from middeck.systems.poles.verdict import warn_if_open
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import StateSpace, select_paths
-from middeck.values import record
+from middeck.values import record, require_kind
 
 
 @record(kw_only=True)
@@ -48,6 +48,13 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     the loop through the direct terms has no solution. Warns (`UserWarning`) where rounding leaves its
     stability open, which `decide_stability` refuses.
     """
+    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
+    require_kind(
+        compensator,
+        Compensator,
+        "compensator",
+        "the compensator behind the plant; Compensator(system, inputs, outputs)",
+    )
     part = set_inert_aside(plant)
     active, law = part.active, compensator.system
     w, z = active.input_indices(active.w), active.output_indices(active.z)

@@ -16,6 +16,7 @@ from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.transmission_zeros import transmission_zeros
 from middeck.systems.sampling.sampling import hold_inputs, sample_dynamics, tustin
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles, series
+from middeck.values import require_kind
 
 Rule = Literal["hold", "tustin", "matched"]
 RINGING, HEARD = 0.2, 0.1
@@ -54,6 +55,7 @@ def emulate(
     >>> [round(float(emulate(lag, 0.1, rule).sampled.A[0, 0]), 6) for rule in ("hold", "tustin", "matched")]
     [0.818731, 0.818182, 0.818731]
     """
+    require_kind(compensator, Compensator, "compensator", "a law: Compensator(system, inputs, outputs)")
     if not (np.isfinite(period_s) and period_s > 0.0):
         raise ConfigError(f"sampling period of {period_s} s", hint="positive and finite")
     if match_hz is not None and not 0.0 <= match_hz < 0.5 / period_s:

@@ -109,7 +109,11 @@ def _references(data: Table) -> Iterator[Finding]:
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
             anywhere = "axis" in t or t.get("kind") in AT_POINT
-            known, kind = (frames, "frame") if anywhere else (joints, "joint (or give an axis)")
+            if not anywhere and t.get("frame") in nodes:
+                message = f"is no joint, so that the {table} needs an axis"
+                yield finding((table, i, "frame"), message, t["frame"], hint="axis = [x, y, z] in its axes")
+                continue
+            known, kind = (frames, "frame") if anywhere else (joints, "joint")
             yield from unknown((table, i, "frame"), t.get("frame"), known, kind)
     for i, name in enumerate(array_of(table_of(data, "suspension"), "nodes")):
         yield from unknown(("suspension", "nodes", i), name, frames, "frame")

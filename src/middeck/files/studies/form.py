@@ -307,10 +307,13 @@ def _documents(data: Table) -> Iterator[Finding]:
 
 
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
-    """Ports that an article of the study lacks; ``ports`` gives its actuators and its sensors by article."""
+    """Ports that an article of the study lacks, or that are named twice.
+
+    ``ports`` gives actuators and sensors by article; of one that the study does not have nothing is said.
+    """
     wanted: list[tuple[str, str, str | Names, list[str]]] = []
-    if form.control is not None:
-        drives, angles = ports.get(form.control.article, ([], []))
+    if form.control is not None and form.control.article in ports:
+        drives, angles = ports[form.control.article]
         wanted += [
             ("control", "inputs", form.control.inputs, drives),
             ("control", "disturbances", form.control.disturbances, drives),
@@ -318,20 +321,20 @@ def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]
             ("control", "metric", form.control.metric, angles),
             ("control", "pd_loops", form.control.pd_loops, [a for a in drives if a in angles]),
         ]
-    if form.figure_6 is not None:
-        drives, sensors = ports.get(form.figure_6.article, ([], []))
+    if form.figure_6 is not None and form.figure_6.article in ports:
+        drives, sensors = ports[form.figure_6.article]
         wanted += [
             ("figure_6", "input", form.figure_6.input, drives),
             ("figure_6", "outputs", form.figure_6.outputs, [*sensors, *(f"{s}_rate" for s in sensors)]),
         ]
-    if form.siso is not None:
-        drives, sensors = ports.get(form.siso.article, ([], []))
+    if form.siso is not None and form.siso.article in ports:
+        drives, sensors = ports[form.siso.article]
         wanted.append(("siso", "actuator", form.siso.actuator, drives))
         wanted.append(("siso", "sensor", form.siso.sensor, sensors))
         if form.sito is not None:
             wanted.append(("sito", "sensors", form.sito.sensors, sensors))
-    if form.promise is not None:
-        drives, sensors = ports.get(form.promise.article, ([], []))
+    if form.promise is not None and form.promise.article in ports:
+        drives, sensors = ports[form.promise.article]
         both = [a for a in drives if a in sensors]
         wanted += [
             ("promise", "inputs", form.promise.inputs, drives),
@@ -346,7 +349,14 @@ def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]
         for where, key, given, known in wanted
         for i, name in enumerate([given] if isinstance(given, str) else given)
     ]
-    return [
+    twice = [
+        finding((where, key, i), "is there twice", name, hint="each port once")
+        for where, key, given, _ in wanted
+        if not isinstance(given, str)
+        for i, name in enumerate(given)
+        if name in given[:i]
+    ]
+    return twice + [
         finding(path, "the article has no such port", name, hint=nearest(name, known))
         for path, name, known in places
         if name not in known

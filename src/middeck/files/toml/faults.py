@@ -2,12 +2,23 @@
 
 import difflib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any, NoReturn
 
 from pydantic import ValidationError
 
 from middeck.errors import ConfigError
-from middeck.files.toml.form import UNITS, Form, form_at, keys_of, stem, tables_of, unit_of
+from middeck.files.toml.form import (
+    UNITS,
+    Form,
+    fixed_length,
+    form_at,
+    is_of_tables,
+    keys_of,
+    stem,
+    tables_of,
+    unit_of,
+)
 from middeck.files.toml.lines import Path
 from middeck.values import record
 
@@ -20,12 +31,13 @@ FOREIGN_UNITS = frozenset(ending[1:] for ending in UNITS) | {
 
 # Keys of directions, of which people write a letter.
 DIRECTIONS = frozenset({"axis", "up", "gravity_direction"})
+LETTERS = 3  # values of a direction or place
 AXES = {
     **{"x": "[1.0, 0.0, 0.0]", "y": "[0.0, 1.0, 0.0]", "z": "[0.0, 0.0, 1.0]"},
     **{"-x": "[-1.0, 0.0, 0.0]", "-y": "[0.0, -1.0, 0.0]", "-z": "[0.0, 0.0, -1.0]"},
 }
 ABSENT = object()
-CLOSE = "did you mean"
+CLOSE, UNKNOWN, MISSING = "did you mean", "unknown key", "missing"
 MOST_PLACES = 3  # tables that are named as those of which a key may be
 
 
@@ -117,7 +129,18 @@ def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
     found = [_finding(item, form) for item in items if not _is_echo(item, items)]
     # A key in another unit is one fault, not also a missing key.
     meant = {(f.path[:-1], f.expected) for f in found if f.expected}
-    return list(dict.fromkeys(f for f in found if (f.path[:-1], f.path[-1]) not in meant))
+    found = list(dict.fromkeys(f for f in found if (f.path[:-1], f.path[-1]) not in meant))
+    return [_for_the_missing(f, found) for f in found]
+
+
+def _for_the_missing(fault: Finding, found: Sequence[Finding]) -> Finding:
+    """``fault``, told the key that its table lacks where it is the only unknown one there, and that too."""
+    beside = [f for f in found if f.path[:-1] == fault.path[:-1]]
+    lacking = [f.path[-1] for f in beside if f.message.startswith(MISSING)]
+    alone = [f.message for f in beside].count(UNKNOWN) == len(lacking) == 1
+    if fault.message != UNKNOWN or fault.hint.startswith(CLOSE) or not alone:
+        return fault
+    return replace(fault, hint=f"{CLOSE} {lacking[0]!r}?")
 
 
 def _is_echo(item: Any, items: Sequence[Any]) -> bool:
@@ -137,7 +160,7 @@ def _finding(item: Any, form: type[Form]) -> Finding:
         return _unknown_key(path, key, item["input"], form)
     if kind == "missing":
         hint = "schema = 1, above the first [table]" if path == ("schema",) else ""
-        return finding(path, "missing" + _in_unit(key), hint=hint)
+        return finding(path, MISSING + _in_unit(key), hint=hint)
     if kind == "model_type" and len(path) == 2 and f"[{path[0]}.NAME]" in tables_of(form):
         return finding(path[:1], "must have a name", hint=f"[{path[0]}.NAME] above its keys")
     messages: dict[str, str] = {
@@ -159,16 +182,18 @@ def _finding(item: Any, form: type[Form]) -> Finding:
     if kind == "literal_error":
         messages[kind] = f"must be {item['ctx']['expected']}".replace("'", '"')
     hint = item.get("ctx", {}).get("hint", "")
-    hint = _as_array(key, item["input"]) if kind in ("list_type", "tuple_type") else hint
+    hint = _as_array(key, item["input"], form, path) if kind in ("list_type", "tuple_type") else hint
     return finding(path, messages.get(kind, str(item["msg"])), item["input"], hint=hint)
 
 
-def _as_array(key: str, value: Any) -> str:
-    """How one value or one table is written as an array of one."""
+def _as_array(key: str, value: Any, form: type[Form], path: Path) -> str:
+    """How one value or one table is written as an array of one, or that it needs more than one."""
     if isinstance(value, dict):
         return f"[[{key}]] for each table"
     if key in DIRECTIONS and isinstance(value, str):
         return f"{key} = {AXES.get(value.lower().lstrip('+'), '[x, y, z], three numbers')}"
+    if (count := fixed_length(form, path)) > 1:
+        return f"{key} = [{', '.join('xyz' if count == LETTERS else ['...'] * count)}], {count} values"
     return f"{key} = [{show(value)}]" if isinstance(value, str | int | float) and key else ""
 
 
@@ -186,19 +211,19 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
     known = [f.alias or name for name, f in table.model_fields.items()] if table else []
     same = next((k for k in known if k.lower() == key.lower()), "")
     if same:
-        return finding(path, "unknown key", value, hint=f"did you mean {same!r}?", expected=same)
+        return finding(path, UNKNOWN, value, hint=f"did you mean {same!r}?", expected=same)
     for expected in known:
         if _is_other_unit(key, expected):
             unit = unit_of(expected) or "a pure number"
             message = f"unknown key; {expected!r} is expected, in {unit}"
             return finding(path, message, value, hint=f"convert to {unit}", expected=expected)
-    if key in {f.alias or name for name, f in form.model_fields.items()}:
+    if key in keys_of(form) and (isinstance(value, list | tuple | dict) or not is_of_tables(form, key)):
         above = ".".join(map(str, path[:-1]))
         hint = f"it is a key of the file: write it above the first [table], here it belongs to {above}"
-        return finding(path, "unknown key", value, hint=hint)
+        return finding(path, UNKNOWN, value, hint=hint)
     advice = nearest(key, known)
     other = "" if advice.startswith(CLOSE) else _elsewhere(key, form)
-    return finding(path, "unknown key", value, hint=other or advice)
+    return finding(path, UNKNOWN, value, hint=other or advice)
 
 
 def _elsewhere(key: str, form: type[Form]) -> str:

@@ -235,6 +235,21 @@ def tables_of(form: type[Form]) -> dict[str, type[Form]]:
     return found
 
 
+def is_of_tables(form: type[Form], key: str) -> bool:
+    """Whether the document has a table, or tables, under this key at its top."""
+    return {f"[{key}]", f"[[{key}]]", f"[{key}.NAME]"} & tables_of(form).keys() != set()
+
+
+def fixed_length(form: type[Form], path: Path) -> int:
+    """How many values an array of the document must have; zero for any number, and where there is none."""
+    annotation: Any = form
+    for key in path:
+        annotation = child(annotation, key)
+    annotation = bare(annotation)
+    values = get_args(annotation) if get_origin(annotation) is tuple else ()
+    return 0 if Ellipsis in values else len(values)
+
+
 def child(annotation: Any, key: str | int) -> Any:
     """The annotation below ``annotation`` at ``key``; None if the form has none there."""
     annotation = bare(annotation)

@@ -15,7 +15,7 @@ from middeck.errors import ConfigError
 from middeck.joints.friction import Friction
 from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
-from middeck.values import record
+from middeck.values import record, require_kind
 
 
 class DeviceKind(Enum):
@@ -223,6 +223,8 @@ class Environment:
     @staticmethod
     def clamped(*nodes: str, gravity: float = 9.80665) -> Environment:
         """Gravity along -y, and all six degrees of freedom of ``nodes`` held: a cantilever on the bench."""
+        for name in nodes:
+            require_kind(name, str, "name of a node", 'each name by itself: Environment.clamped("a", "b")')
         return Environment(
             title="clamped",
             gravity=np.array([0.0, -gravity, 0.0]),

@@ -31,7 +31,7 @@ from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kinds import find_kinds, kind_warnings
 from middeck.structure.modes.names.naming import name_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings
-from middeck.values import record
+from middeck.values import record, require_kind
 
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
 EQUAL_SIZE = 1e-6
@@ -97,6 +97,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
     motion is a rigid-body motion of the free article, or as far as clamps leave it free; ``warnings`` tell
     where that is undecided.
     """
+    require_kind(equilibrium, Equilibrium, "rest state", "solve_equilibrium(structure, environment)")
     if count is not None and (count != int(count) or count < 1):
         raise ConfigError(f"{count} modes", where="count", hint="a whole number from 1, or None for all")
     if equilibrium.environment.spins and not standstill:

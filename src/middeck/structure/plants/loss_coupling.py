@@ -70,9 +70,11 @@ def coupled_pairs(
     between = np.einsum("pk,kp->p", weights, both - own[:, first] - own[:, second])
     found: list[CoupledPair] = []
     for i, j, shared in zip(first.tolist(), second.tolist(), between.tolist(), strict=True):
-        together = _together(omega[[i, j]], zeta[[i, j]], shared)
-        if np.any(np.abs(together - zeta[[i, j]]) > SHIFT * zeta[[i, j]]):
-            found.append(CoupledPair((i, j), (float(together[0]), float(together[1]))))
+        # The root of a complex stiffness has less than the ratio at high losses, whether coupled or not.
+        alone, together = (_together(omega[[i, j]], zeta[[i, j]], h) for h in (0.0, shared))
+        if np.any(np.abs(together - alone) > SHIFT * alone):
+            ratios = np.divide(together, alone, out=np.ones(2), where=alone > 0.0) * zeta[[i, j]]
+            found.append(CoupledPair((i, j), (float(ratios[0]), float(ratios[1]))))
     return found
 
 

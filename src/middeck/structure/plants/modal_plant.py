@@ -19,6 +19,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.state_space.modal_system import ModalSystem, couple_rates, select_modes
 from middeck.systems.state_space.statespace import StateSpace
+from middeck.values import require_kind
 
 
 def build_plant(
@@ -53,6 +54,7 @@ def build_plant(
     Raises `ConfigError` for an unknown port, one name where several are asked for, a negative count, a torque
     at a fixed axis, or rigid modes left out where ``static`` is asked for or wheels spin.
     """
+    require_kind(modes, Modes, "modes", "solve_modes(solve_equilibrium(structure, environment))")
     for what, names in (("inputs", inputs), ("outputs", outputs), ("w", w), ("u", u), ("z", z), ("y", y)):
         require_names(names, what)
     if count < 0:

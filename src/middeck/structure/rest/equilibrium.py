@@ -34,7 +34,7 @@ from middeck.structure.rest.motion_as_a_whole import face_as_drawn
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
-from middeck.values import record
+from middeck.values import record, require_kind
 
 FAR_TURN = np.radians(30.0)  # three times what an unlevelled article rolls
 UNLIKE = 1e-6  # of a bushing's stiffness: what it gains by other axes is felt
@@ -133,6 +133,9 @@ def solve_equilibrium(
     sprung joint that comes to rest beyond its travel; a state that did not converge is returned with its
     residual history and ``converged`` false.
     """
+    require_kind(structure, Structure, "article", "the article first; load_structure(path) reads one")
+    hint = "the environment second; Environment.orbit(), or load_environment(path)"
+    require_kind(environment, Environment, "environment", hint)
     structure, environment = apply_load_case(structure, environment, load_case)
     model = mesh_structure(structure, environment.clamps)
     check_environment(environment, model.structure)

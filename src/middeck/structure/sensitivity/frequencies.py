@@ -29,7 +29,7 @@ from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.structure.sensitivity.tree_derivatives import tree_gradients
-from middeck.values import record
+from middeck.values import record, require_kind
 
 
 @record
@@ -74,6 +74,9 @@ def differentiate_frequencies(
     article with the member softer, to 1e-5 (`stiff_member_derivatives`). Raises `NumericalError` where the
     rest state itself has no derivative, or where a softer member changes one of these frequencies.
     """
+    for parameter in parameters:
+        hint = "find_parameters(structure, environment, names) makes them of names"
+        require_kind(parameter, Parameter, "parameter", hint)
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = tuple(tuple(group.tolist()) for group in by_frequency(modes.omega[:count] ** 2))
     softer, article = soften_modes(modes, count, "derivatives of frequencies")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
+from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.resolvent import evaluate_transfer
 from middeck.systems.state_space.modal_system import ModalSystem, modal_response
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
-from middeck.values import record
+from middeck.values import record, require_kind
 
 
 @record
@@ -63,8 +64,15 @@ def statespace_response(
 
 
 def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> FrequencyResponse:
-    """The plant's frequency response at ``frequency_hz``, all ports, delays exact."""
-    omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
+    """The plant's frequency response at ``frequency_hz``, all ports, delays exact.
+
+    Raises `ConfigError` for a frequency that is not finite.
+    """
+    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
+    f = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+    if not np.all(np.isfinite(f)):
+        raise ConfigError("a frequency is not finite", hint="numbers, in Hz")
+    omega = 2.0 * np.pi * f
     dynamics = plant.dynamics
     on_time = (
         modal_response(dynamics, omega)
@@ -72,7 +80,6 @@ def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> Fr
         else statespace_response(dynamics, omega)
     )
     H = on_time * np.exp(-1j * omega[:, None, None] * plant.delay_s) if plant.delayed else on_time
-    f = np.asarray(frequency_hz, dtype=float)
     return FrequencyResponse(
         frequency_hz=f, H=H, inputs=plant.inputs, outputs=plant.outputs, hold_s=plant.period_s or 0.0
     )

@@ -157,15 +157,24 @@ def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"], finer: floa
     Lines where the ratio is infinite are dropped. ``finer`` divides the steps allowed.
     """
     omega, value = _finite_lines(omega, ratio(1j * omega))
+    found = [(omega, value)]
+    # Ends of the steps to look at: after the first round those that a new line has cut.
+    w, L = np.stack([omega[:-1], omega[1:]]), np.stack([value[:-1], value[1:]])
     for _ in range(ROUNDS):
-        coarse = _coarse(value, finer) & (np.diff(omega) > FINEST * omega[1:])
+        coarse = _coarse(L, finer) & (w[1] - w[0] > FINEST * w[1])
         if not coarse.any():
             break
-        middle = (omega[:-1] + OFF_MIDDLE * np.diff(omega))[coarse]
-        place = np.flatnonzero(coarse) + 1
-        value = np.insert(value, place, ratio(1j * middle), axis=0)
-        omega, value = _finite_lines(np.insert(omega, place, middle), value)
-    return omega, value
+        w, L = w[:, coarse], L[:, coarse]
+        middle = w[0] + OFF_MIDDLE * (w[1] - w[0])
+        new = ratio(1j * middle)
+        cut = np.isfinite(new).all(axis=1)
+        w, L, middle, new = w[:, cut], L[:, cut], middle[cut], new[cut]
+        found.append((middle, new))
+        w = np.hstack([np.stack([w[0], middle]), np.stack([middle, w[1]])])
+        L = np.concatenate([np.stack([L[0], new]), np.stack([new, L[1]])], axis=1)
+    omega, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(omega, kind="stable")
+    return omega[order], value[order]
 
 
 def _finite_lines(omega: np.ndarray, value: np.ndarray) -> Curve:
@@ -173,11 +182,11 @@ def _finite_lines(omega: np.ndarray, value: np.ndarray) -> Curve:
     return omega[keep], value[keep]
 
 
-def _coarse(L: np.ndarray, finer: float) -> np.ndarray:
-    """Which steps are too long."""
+def _coarse(L: Complex[np.ndarray, "2 step channel"], finer: float) -> np.ndarray:
+    """Which steps, from the first of the two values to the second, are too long."""
     size = np.maximum(np.abs(L), 1e-300)
     level = np.log(size)
     inside = np.abs(level) < np.log(WIDEST)
-    turn = np.abs(np.angle(L[1:] / size[1:] * np.conj(L[:-1] / size[:-1])))
-    stretch = np.abs(np.diff(level, axis=0))
-    return np.any((inside[1:] | inside[:-1]) & ((turn > TURN / finer) | (stretch > STRETCH / finer)), axis=1)
+    turn = np.abs(np.angle(L[1] / size[1] * np.conj(L[0] / size[0])))
+    stretch = np.abs(level[1] - level[0])
+    return np.any((inside[1] | inside[0]) & ((turn > TURN / finer) | (stretch > STRETCH / finer)), axis=1)

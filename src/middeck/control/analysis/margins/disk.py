@@ -80,6 +80,7 @@ def measure_disk_margin(plant: Plant, law: Compensator, *, at: At = "both") -> D
 
 def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
     loop = form_loop(plant, law)
+    broken_at(loop, at)
     if not decide_loop(loop).stable:
         return disk_from_peak(np.inf, 0.0)
     loop = moved_part(loop)
@@ -113,7 +114,10 @@ def skewed_sensitivity(
 ) -> Complex[np.ndarray, "line channel channel"]:
     """S - 1/2 = (1 - P)^-1 (1 + P)/2 of what goes round, P = -L; not a number on a pole of the loop."""
     identity = np.eye(P.shape[1])
-    lost = np.linalg.det(identity - P) == 0.0
-    skewed = 0.5 * np.linalg.solve(np.where(lost[:, None, None], identity, identity - P), identity + P)
-    skewed[lost] = np.nan
-    return skewed
+    try:
+        return 0.5 * np.linalg.solve(identity - P, identity + P)
+    except np.linalg.LinAlgError:
+        lost = np.linalg.det(identity - P) == 0.0
+        skewed = 0.5 * np.linalg.solve(np.where(lost[:, None, None], identity, identity - P), identity + P)
+        skewed[lost] = np.nan
+        return skewed
