@@ -822,8 +822,9 @@ def test_surveys_that_cannot_be():
     assert "paired within a factor of 2 in frequency" in told.value.hint
     lowest, ours = far.frequency_hz.min(), modes_of(mast(), clamped()).frequency_hz.max()
     assert f"the nearest two are {lowest:.4g} Hz, measured, and {ours:.4g} Hz" in told.value.hint
-    with pytest.raises(NumericalError, match="the rest state is not stable"):
+    with pytest.raises(NumericalError, match="the rest state is not stable") as told:
         refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
+    assert told.value.where == f"survey {seen.name!r}, at the means of the unknowns"
     with pytest.raises(ConfigError, match="both the article and the environment"):
         Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):
