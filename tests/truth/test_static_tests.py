@@ -308,7 +308,7 @@ def test_members_that_stiffen_with_load_are_within_the_interval_beyond_the_tests
 
 
 def test_a_small_load_tells_of_a_large_one_no_less_than_no_test():
-    """Of strains twenty times those of a test as much may be wrong as of strains that no test had, not more."""
+    """Of strains twenty times those of a test no more may be wrong than of strains that no test had."""
     found = refine(wing(), [], [BENDING], statics=sagged(wing(), (1.0,), (TIP,)))
     small = static_test(0.0, (TWIST,), np.zeros(1))
     small = dataclasses.replace(small, load_case=hung(0.1, 0.3))
