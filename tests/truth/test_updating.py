@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 import scipy.integrate as integrate
+import scipy.optimize as so
 import updating_case as case
 from scipy.stats import norm
 
@@ -30,6 +31,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.damping import split_measured
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
+from middeck.updating.orbit.released_clamps import released_clamps
 from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.refinement.bayesian_estimate import (
@@ -402,6 +404,20 @@ def test_a_stated_cable_ties_no_draw_of_an_article_that_is_held():
         assert drawn[0, drawing.names.index("umbilical")] == 0.0
     tied = set_up(article, tie_umbilical(article, place, 2.0), (), found.unknowns).solve(found.x)
     assert tied.frequency_hz[0] > 1.1 * seen[0]
+
+
+def test_a_clamp_that_yields_and_that_orbit_lacks_is_said():
+    """Compliance of 1 % of L / EI at the root: the first frequency falls by 2 %."""
+    root, still = 0.01, 1.8751041
+
+    def equation(b: float) -> float:  # Blevins 1979, table 8-1: a rotation spring at one end, the other free
+        c, s, ch, sh = np.cos(b), np.sin(b), np.cosh(b), np.sinh(b)
+        return float(1.0 + c * ch - root * b * (s * ch - c * sh))
+
+    assert (so.brentq(equation, 1.0, still) / still) ** 2 == pytest.approx(1.0 - 2.0 * root, abs=1e-3)
+    found = refine(mast(), [survey_of(modes_of(mast(), clamped()), TIGHT)], [MODULUS])
+    assert "clamps at foot" in released_clamps(found, Environment.orbit())
+    assert released_clamps(found, clamped(gravity=0.0)) == ""
 
 
 def test_measured_damping_goes_with_the_shape():
