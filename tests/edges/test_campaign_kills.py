@@ -111,6 +111,20 @@ def test_processes_that_never_begin_are_no_fault_of_a_case(tmp_path, monkeypatch
     assert run_campaign(leaving, some_cases(1), ledger).outcomes[0].result == 0
 
 
+def test_two_campaigns_in_one_folder_know_nothing_of_each_other(tmp_path):
+    """Each case of one runs a whole other one beside it, which the second time has nothing left to do."""
+    alone = run_campaign(quantity, some_cases(3), tmp_path / "alone", inputs=QUICK)
+    beside = []
+
+    def other(_):
+        beside.append(run_campaign(leaving, some_cases(3), tmp_path / "other").digest)
+
+    both = run_campaign(quantity, some_cases(3), tmp_path / "one", inputs=QUICK, progress=other)
+    assert both.digest == alone.digest
+    assert len(set(beside)) == 1
+    assert len(_rows(tmp_path / "one")) == len(_rows(tmp_path / "other")) == 3
+
+
 def test_order_and_pool_change_no_outcome(tmp_path):
     one = run_campaign(quantity, some_cases(6), tmp_path / "one", inputs=QUICK)
     two = run_campaign(quantity, some_cases(6)[::-1], tmp_path / "two", inputs=QUICK)

@@ -298,6 +298,36 @@ def test_readings_under_other_loads_are_promised_and_compared(
     assert [v["inside"] for v in compared["verdicts"]] == [False]
 
 
+SECOND_GAUGE = LOADS[LOADS.index("[[gauge]]") : LOADS.index('[[gauge]]\nname = "end"')]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        (LOADS[LOADS.index("modes = 2") :], "", "nothing is promised"),
+        (LOADS[LOADS.index("[[gauge]]") :], "", "nothing is promised"),
+        (
+            '[[load_case]]\nname = "two_balls"\nmass = [{ frame = "n3", mass_kg = 4.0 }]\n',
+            "",
+            "nothing is promised",
+        ),
+        ('mass = [{ frame = "n3", mass_kg = 4.0 }]\n', "", "of no load"),
+        (SECOND_GAUGE, SECOND_GAUGE + SECOND_GAUGE, "a second gauge of this name"),
+        ("std_deg = 0.01", "std_m = 0.01", "gauge.1.std_m: of a tilt"),
+    ],
+)
+def test_promised_loads_that_say_nothing_or_two_things_are_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, what: str
+):
+    assert old in LOADS
+    with_static(tmp_path)
+    loads = tmp_path / "loads.toml"
+    loads.write_text(LOADS.replace(old, new))
+    ended = middeck(capfd, "promise", ARTICLE, "--load-cases", loads)
+    assert ended.code == ConfigError.exit_code
+    assert what in ended.err
+
+
 def test_a_promise_is_of_loops_or_of_loads(capfd: pytest.CaptureFixture[str]):
     ended = middeck(capfd, "promise", ARTICLE)
     assert ended.code == 2

@@ -23,6 +23,7 @@ from middeck.structure.model.article import (
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import AnchoredSpring, Environment, GroundBushing
 from middeck.structure.model.section import Section
+from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.deflections import predict_deflections
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
@@ -304,6 +305,18 @@ def test_members_that_stiffen_with_load_are_within_the_interval_beyond_the_tests
     assert within.by_larger[0] < 0.01 * within.std[0]
     assert beyond.interval[0, 0] < true(2.0)[0] < beyond.interval[0, 1]
     assert beyond.std[0] < 0.015 * abs(beyond.value[0])
+
+
+def test_a_small_load_tells_of_a_large_one_no_less_than_no_test():
+    """Of strains twenty times those of a test no more may be wrong than of strains that no test had."""
+    found = refine(wing(), [], [BENDING], statics=sagged(wing(), (1.0,), (TIP,)))
+    small = static_test(0.0, (TWIST,), np.zeros(1))
+    small = dataclasses.replace(small, load_case=hung(0.1, 0.3))
+
+    def twist(refined: Refined) -> float:
+        return predict_deflections(refined, stand(), [hung(2.0, 0.3)], [TWIST])[0].std[0]
+
+    assert twist(foresee(found, small).refined) < 1.1 * twist(found)
 
 
 def test_a_deviation_is_made_of_its_parts():

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 import scipy.integrate as integrate
+import scipy.optimize as so
 import updating_case as case
 from scipy.stats import norm
 
@@ -30,6 +31,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.updating.orbit.damping import split_measured
 from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
+from middeck.updating.orbit.released_clamps import released_clamps
 from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.refinement.bayesian_estimate import (
@@ -402,6 +404,20 @@ def test_a_stated_cable_ties_no_draw_of_an_article_that_is_held():
         assert drawn[0, drawing.names.index("umbilical")] == 0.0
     tied = set_up(article, tie_umbilical(article, place, 2.0), (), found.unknowns).solve(found.x)
     assert tied.frequency_hz[0] > 1.1 * seen[0]
+
+
+def test_a_clamp_that_yields_and_that_orbit_lacks_is_said():
+    """Compliance of 1 % of L / EI at the root: the first frequency falls by 2 %."""
+    root, still = 0.01, 1.8751041
+
+    def equation(b: float) -> float:  # Blevins 1979, table 8-1: a rotation spring at one end, the other free
+        c, s, ch, sh = np.cos(b), np.sin(b), np.cosh(b), np.sinh(b)
+        return float(1.0 + c * ch - root * b * (s * ch - c * sh))
+
+    assert (so.brentq(equation, 1.0, still) / still) ** 2 == pytest.approx(1.0 - 2.0 * root, abs=1e-3)
+    found = refine(mast(), [survey_of(modes_of(mast(), clamped()), TIGHT)], [MODULUS])
+    assert "clamps at foot" in released_clamps(found, Environment.orbit())
+    assert released_clamps(found, clamped(gravity=0.0)) == ""
 
 
 def test_measured_damping_goes_with_the_shape():
@@ -822,8 +838,9 @@ def test_surveys_that_cannot_be():
     assert "paired within a factor of 2 in frequency" in told.value.hint
     lowest, ours = far.frequency_hz.min(), modes_of(mast(), clamped()).frequency_hz.max()
     assert f"the nearest two are {lowest:.4g} Hz, measured, and {ours:.4g} Hz" in told.value.hint
-    with pytest.raises(NumericalError, match="the rest state is not stable"):
+    with pytest.raises(NumericalError, match="the rest state is not stable") as told:
         refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
+    assert told.value.where == f"survey {seen.name!r}, at the means of the unknowns"
     with pytest.raises(ConfigError, match="both the article and the environment"):
         Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):

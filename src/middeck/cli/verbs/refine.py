@@ -88,9 +88,12 @@ def verb(
 
 def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
     """The JSON document."""
+    from middeck.updating.orbit.released_clamps import released_clamps
     from middeck.updating.refinement.findings import findings
 
     found = refined.estimate
+    there = predicted.modes.equilibrium.environment
+    released = released_clamps(refined, there)
     damping_std = predicted.damping * predicted.damping_std(0.0)
     return {
         "schema": "middeck.refine/1",
@@ -117,7 +120,7 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
         "friction": [_friction(f) for f in refined.friction()],
         "statics": [_static(refined, k) for k in range(len(refined.statics))],
         "model_error": dict(zip(refined.sorts, found.tau, strict=True)),
-        "environment": predicted.modes.equilibrium.environment.title,
+        "environment": there.title,
         "predicted": {
             "name": [predicted.modes.name[i] for i in predicted.index],
             "frequency_hz": predicted.frequency_hz,
@@ -128,7 +131,10 @@ def describe(refined: Refined, predicted: Prediction) -> dict[str, Any]:
             "seen": predicted.seen,
         },
         "not_in_the_article": [u.name for u in refined.left_out],
-        "warnings": findings(refined),
+        "warnings": [
+            *findings(refined),
+            *([f"the prediction in {there.title} does not include {released}"] if released else []),
+        ],
     }
 
 

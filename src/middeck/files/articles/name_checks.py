@@ -27,21 +27,21 @@ def _names(data: Table) -> Iterator[Finding]:
         frames += [(("gimbal", i, "name"), f"{t.get('name')}_{a}") for a in "xz"]
     for table in ("revolute", "proof_mass"):
         frames += _named(data, table)
-    yield from _twice(frames, "frame")
+    yield from given_twice(frames, "frame")
     points: list[tuple[Path, Any]] = [
         (("suspension", "nodes", i), n) for i, n in enumerate(array_of(table_of(data, "suspension"), "nodes"))
     ]
-    yield from _twice([*points, *_named(data, "attach")], "attach point")
-    yield from _twice(_named(data, "load_case"), "load case")
-    yield from _twice(_named(data, "component"), "component")
-    yield from _twice(_named(data, "wheel"), "wheel")
-    yield from _twice(link_names(data), "link")
+    yield from given_twice([*points, *_named(data, "attach")], "attach point")
+    yield from given_twice(_named(data, "load_case"), "load case")
+    yield from given_twice(_named(data, "component"), "component")
+    yield from given_twice(_named(data, "wheel"), "wheel")
+    yield from given_twice(link_names(data), "link")
     for kind in ("strut", "spring", "bushing"):
         ends = [(i, t, t.get("name", f"{t.get('from')}-{t.get('to')}")) for i, t in tables(data, kind)]
-        yield from _twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
+        yield from given_twice([((kind, i, "name" if "name" in t else "from"), n) for i, t, n in ends], kind)
     for kind in ("actuator", "sensor"):
         ports: list[tuple[Path, Any]] = [((kind,), name) for name in _default_ports(data, kind)]
-        yield from _twice([*ports, *_named(data, kind)], kind)
+        yield from given_twice([*ports, *_named(data, kind)], kind)
 
 
 def _named(data: Table, table: str) -> list[tuple[Path, Any]]:
@@ -58,7 +58,8 @@ def _default_ports(data: Table, kind: str) -> list[str]:
     return ports + [f"{t.get('name')}_rel" for _, t in slides_or_turns]
 
 
-def _twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
+def given_twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
+    """Names, each with its path, that stand a second time."""
     return given_again(named, f"a second {kind} of this name", "give each its own name")
 
 

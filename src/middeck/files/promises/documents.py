@@ -17,6 +17,7 @@ from middeck.files.promises.form import PROMISE
 from middeck.structure.gravity.budget import EFFECTS
 from middeck.updating.orbit.deflections import Deflection
 from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.released_clamps import released_clamps
 from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.orbit.shapes import promised_shapes
 from middeck.updating.promise.draws import LoopSpread
@@ -63,7 +64,14 @@ def promise_document(
         "disturbance_per_rthz": dict(zip(plan.disturbances, plan.intensity.tolist(), strict=True)),
         "noise_per_rthz": dict(plan.noise),
         "shares": LEVELS,
-        "not_valid_for": limits_of(plan, promises),
+        "not_valid_for": [
+            *limits_of(plan, promises),
+            *(
+                f"{name}: {said}"
+                for name in promises
+                if (said := released_clamps(refined, plan.environments[name]))
+            ),
+        ],
         "environments": [
             promised_there(name, p, plan) | _of_shape(refined, p.modes) for name, p in promises.items()
         ],

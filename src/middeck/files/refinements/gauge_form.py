@@ -14,6 +14,7 @@ from middeck.files.articles.boundary_form import (
     PrescribedForm,
     build_load_cases,
 )
+from middeck.files.articles.name_checks import given_twice
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, Positive, Vector
 from middeck.files.toml.lines import Path
@@ -28,6 +29,8 @@ ENDING = {"shift": "m", "tilt": "deg", "force": "n", "moment": "nm"}
 UNIT = {"m": 1.0, "deg": np.pi / 180.0, "n": 1.0, "nm": 1.0}
 # What a reading states of its kind: of a test, and of one that may be made.
 VALUED, PLANNED = ("value", "std"), ("std",)
+# Of load cases that nothing reads, and of gauges that nothing loads.
+NOTHING, ONE_OF_EACH = "nothing is promised", "[[load_case]] and [[gauge]], one of each at least, or modes"
 
 
 class GaugeForm(Form):
@@ -147,10 +150,43 @@ def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) ->
     kind = reading.get("kind", "shift")
     if kind not in ENDING:
         return
+    yield from _of_another_kind(path, reading, kind, stated)
+    for wanted in (f"{what}_{ENDING[kind]}" for what in stated):
+        if wanted not in reading:
+            yield finding(path, f"a {kind} without {wanted}", hint=f"{wanted} = 0.001")
+
+
+def _of_another_kind(
+    path: Path, reading: dict[str, Any], kind: str, stated: tuple[str, ...]
+) -> Iterator[Finding]:
     for what in stated:
         wanted = f"{what}_{ENDING[kind]}"
         for other in (f"{what}_{ending}" for ending in UNIT):
             if other != wanted and other in reading:
                 yield finding((*path, other), f"of a {kind}", hint=f"{wanted}")
-        if wanted not in reading:
-            yield finding(path, f"a {kind} without {wanted}", hint=f"{wanted} = 0.001")
+
+
+def promised_findings(data: Any) -> list[Finding]:
+    """Faults of promised loads beyond their forms.
+
+    A deviation in the unit of another kind, a name given twice, by which no outcome could be compared, and
+    gauges without load cases, and load cases without gauges or without loads.
+    """
+    return list(_of_promise(data))
+
+
+def _of_promise(data: Any) -> Iterator[Finding]:
+    for table in ("load_case", "gauge"):
+        named = [((table, i, "name"), one.get("name")) for i, one in tables(data, table)]
+        yield from given_twice(named, table.replace("_", " "))
+    for i, gauge in tables(data, "gauge"):
+        kind = gauge.get("kind", "shift")
+        if kind in ENDING:
+            yield from _of_another_kind(("gauge", i), gauge, kind, PLANNED)
+    if data.get("since", "unloaded") == "unloaded":
+        for i, case in tables(data, "load_case"):
+            if not any(case.get(key) for key in ("load", "mass", "prescribed")):
+                hint = 'a load, or since = "drawn"'
+                yield finding(("load_case", i), "a change since unloaded, of no load", hint=hint)
+    if bool(data.get("load_case")) != bool(data.get("gauge")):
+        yield finding((), NOTHING, hint=ONE_OF_EACH)

@@ -8,7 +8,7 @@ from pydantic import Field
 from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
 from middeck.files.disk.kind_of_content import LOADS
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.refinements.gauge_form import GaugeForm, build_gauge
+from middeck.files.refinements.gauge_form import GaugeForm, build_gauge, promised_findings
 from middeck.files.setups import article_files, find_stated, load_setup, load_structure
 from middeck.files.toml.form import Form, whole
 from middeck.files.toml.source import read_form
@@ -67,7 +67,7 @@ def load_promised_loads(path: str | Path, article: str | Path) -> PromisedLoads:
 
     The refinement is sought beside it. Raises `ConfigError` with all faults of the document.
     """
-    form = read_form(path, LOADS, PromisedLoadsForm)
+    form = read_form(path, LOADS, PromisedLoadsForm, promised_findings)
     place = find_stated(form.environment, path)
     refinement = load_refinement(Path(path).parent / form.refinement, article)
     return PromisedLoads(

@@ -4,6 +4,7 @@ import dataclasses
 
 from middeck.errors import ConfigError
 from middeck.structure.model.article import LoadCase, Structure
+from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment
 
 
@@ -13,7 +14,7 @@ def apply_load_case(
     """Both with the loads, masses and prescribed displacements of ``case``; as they are without one.
 
     A name means one of the article's own. Raises `ConfigError` where it has none of this name, or a load or a
-    mass of the same name already.
+    mass of the same name already or is on what is not there.
     """
     if case is None:
         return structure, environment
@@ -35,6 +36,15 @@ def apply_load_case(
                     f"a second {what} {part.name!r}", where=f"load case {case.name!r}", hint="another name"
                 )
             taken.add(part.name)
+    frames = [part.name for part in (*structure.nodes, *structure.joints)]
+    for what, new in (("load", case.loads), ("mass", case.masses)):
+        for frame in (part.frame for part in new):
+            if frame not in frames:
+                raise ConfigError(
+                    f"a {what} names frame {frame!r}, which does not exist",
+                    where=f"load case {case.name!r}",
+                    hint=f"nodes and joints are {some_names(frames)}",
+                )
     loaded = dataclasses.replace(
         structure, loads=(*structure.loads, *case.loads), masses=(*structure.masses, *case.masses)
     )

@@ -134,7 +134,12 @@ def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Pri
     Raises `NumericalError` where the article has no rest state at the mean of the prior, and where both
     searches end at values of no article.
     """
-    at = places.solve(prior.mean, places.moves_damping)
+    try:
+        at = places.solve(prior.mean, places.moves_damping)
+    except NumericalError as error:
+        error.where = f"{error.where}, at the means of the unknowns"
+        error.hint = f"means, or an article as drawn, with a rest state in this test; {error.hint}"
+        raise
     found, why = None, None
     try:
         found = _search(places, statics, prior, at)
@@ -251,6 +256,15 @@ class At(NamedTuple):
     damped: list[DampedModes | None]
 
 
+def _solve(place: SetUp, survey: Survey, x: np.ndarray) -> Modes:
+    """The modes of a survey's article. Raises `NumericalError` that names the survey."""
+    try:
+        return place.solve(x)
+    except NumericalError as error:
+        error.where = f"survey {survey.name!r}"
+        raise
+
+
 class Places(NamedTuple):
     """The set-ups of the surveys and of the static tests."""
 
@@ -274,7 +288,7 @@ class Places(NamedTuple):
 
     def solve(self, x: np.ndarray, lossy: bool) -> At:
         """Every set-up at the unknowns ``x``, its complex modes too where ``lossy``."""
-        modes = [place.solve(x) for place in self.surveyed]
+        modes = [_solve(*both, x) for both in zip(self.surveyed, self.surveys, strict=True)]
         damped = [
             solve_damped_near(m, s) if lossy and (states_damping(s) or s.friction) else None
             for m, s in zip(modes, self.surveys, strict=True)

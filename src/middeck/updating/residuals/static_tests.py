@@ -347,12 +347,13 @@ class ErrorFields(NamedTuple):
         """What gauges read by a change of each error that begins at ``most``, where the tests end.
 
         The way in which an error changes within the tests need not go on beyond them: members that stiffen
-        change their error by more and more for every factor of e, so that it is counted in parts of ``most``.
+        change their error by more and more for every factor of e, so that it is counted in parts of ``most``;
+        at most anew as a whole, as of strains that no test had.
         """
         out = np.zeros((len(gauges), len(self.most)))
         for sign, rest in at.states():
             size = self.whitened.T @ _whitened(rest)
-            growth = GROWTH * np.maximum(np.abs(size) / self.most - 1.0, 0.0)
+            growth = np.clip(GROWTH * (np.abs(size) / self.most - 1.0), 0.0, 1.0)
             if np.any(growth):
                 further = yield_further(rest, _strains_of(rest, self.whitened * (size * growth)))
                 out += sign * slopes(rest, further, gauges)
