@@ -13,7 +13,6 @@ from middeck.files.nastran.components.external import (
     Bulk,
     component_of,
     geometry_of,
-    has_card,
     read_bulk,
 )
 from middeck.files.nastran.components.printed import NEAR
@@ -22,6 +21,7 @@ from middeck.files.nastran.deck.cards_read import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.case_control import read_selection
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.deck_lines import Lines
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
@@ -44,9 +44,9 @@ LONGEST = 100_000  # points in a range
 
 
 def has_superelements(path: str | Path) -> bool:
-    """Whether a deck's main bulk data have SEBULK; false for what cannot be read."""
+    """Whether a line of a deck or its includes begins with SEBULK; false for what cannot be read."""
     try:
-        return has_card(path, "SEBULK")
+        return any(line[0].lstrip().upper().startswith("SEBULK") for line in Lines(Path(path)).lines)
     except ConfigError:
         return False
 

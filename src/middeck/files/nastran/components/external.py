@@ -84,11 +84,6 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
     return Bulk(head, join_cards(main), parts, notes, unended)
 
 
-def has_card(path: str | Path, name: str) -> bool:
-    """Whether any line of a deck and its includes begins with ``name``; no card is cut up for that."""
-    return any(line[0].lstrip().upper().startswith(name) for line in Lines(Path(path)).lines)
-
-
 class Boundary(NamedTuple):
     """Coordinates of a component in their order: grids with their components, then scalar points."""
 
