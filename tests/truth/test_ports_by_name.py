@@ -17,7 +17,7 @@ from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError
-from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.parts.computer import place_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import evaluate_plant

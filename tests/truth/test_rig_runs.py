@@ -12,7 +12,7 @@ from middeck.joints import balance
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
 from middeck.laboratory.rig.linear_view import close_rig
-from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.parts.computer import place_law
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder, Sampler
 from middeck.laboratory.rig.rig import build_rig

@@ -124,15 +124,23 @@ def _check_all(
 ) -> list[Checked[Any]]:
     """Override and check documents that belong to one case; raises all their faults together."""
     article = next((str(s.data.get("name")) for s, form, _ in sources if form is ArticleForm), "")
-    targets = [Target(called(s.file), s.data, form, article) for s, form, _ in sources]
-    documents, changed = apply_overrides(targets, overrides)
-    checked = [
-        check(source, data, marks, form, more)
-        for (source, form, more), data, marks in zip(sources, documents, changed, strict=True)
-    ]
+    checked = overridden([(*source, article) for source in sources], overrides)
     faults = [*(f for c in checked for f in c.faults), *join_findings(checked)]
     raise_faults(list(dict.fromkeys(faults)))  # an override of two documents may be wrong in both
     return checked
+
+
+def overridden(
+    parts: Sequence[tuple[Source, type[Form], Any, str]], overrides: Sequence[str]
+) -> list[Checked[Any]]:
+    """Documents with ``overrides``, each checked: its form, further rules, and the article it belongs to."""
+    targets = [Target(called(s.file), s.data, form, article) for s, form, _, article in parts]
+    return [
+        check(source, data, marks, form, more)
+        for (source, form, more, _), data, marks in zip(
+            parts, *apply_overrides(targets, overrides), strict=True
+        )
+    ]
 
 
 def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:

@@ -17,7 +17,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.emulation import emulate
 from middeck.laboratory.bench import Bench
 from middeck.laboratory.rig.linear_view import linearise_rig
-from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.parts.computer import place_law
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.poles.stability import growth_limits, growth_rates, none_grows

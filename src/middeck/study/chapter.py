@@ -22,11 +22,6 @@ def nothing(figures: Numbers) -> list[Any]:
     return []
 
 
-def claims_within(entry: Numbers) -> list[Claim]:
-    """The claims that an entry of numbers.json holds itself."""
-    return entry.get("claims", [])
-
-
 @dataclass(frozen=True, eq=False)
 class Entry(Generic[T]):
     """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand.
@@ -39,7 +34,7 @@ class Entry(Generic[T]):
     _: KW_ONLY
     claims_at: str = ""
     warnings_at: str = ""
-    claims: Callable[[Numbers], list[Claim]] = claims_within
+    claims: Callable[[Numbers], list[Claim]] = lambda entry: entry.get("claims", [])
 
     def __post_init__(self) -> None:
         for place in ("claims_at", "warnings_at"):

@@ -16,7 +16,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.nastran.deck.coordinates import BASIC, System
-from middeck.files.records.uff58 import AGAIN, HEADER, TextSet, fortran, require_stated, scan_texts
+from middeck.files.records.uff58 import AGAIN, HEADER, TextSet, few, fortran, require_stated, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
 NODES, SHAPES, UNITS, SYSTEMS, LINES = (15, 2411), (55, 2414), 164, (18, 2420), 82
@@ -76,7 +76,7 @@ def load_uff(path: Path) -> MeasuredModes:
     said = dict.fromkeys(w for s in shapes for w in (*s.warnings, *_lacking(s, len(numbers))))
     traced = [line for s in sets if s.number == LINES for line in _traced(s, path)]
     if places and (lost := sorted({n for line in traced for n in line} - places.keys())):
-        said[f"trace lines join nodes without coordinates ({_few(lost)}): is the file whole?"] = None
+        said[f"trace lines join nodes without coordinates ({few(lost)}): is the file whole?"] = None
     if rigid:
         said[f"{rigid} modes at 0 Hz are left out"] = None
     if factor is None and (places or any(a > 2 for _, a in moved)):
@@ -133,10 +133,6 @@ def _traced(found: TextSet, path: Path) -> list[list[int]]:
         raise DataError(what, where=lines.where(), hint=AGAIN)
     drawn = [list(pen) for down, pen in groupby(joined, bool) if down]
     return [line for line in drawn if len(line) > 1]
-
-
-def _few(nodes: list[int]) -> str:
-    return ", ".join(map(str, nodes[:5])) + (", ..." if len(nodes) > 5 else "")
 
 
 def _six(row: np.ndarray | None) -> np.ndarray:

@@ -334,6 +334,11 @@ def _number(line: str, start: int, end: int, where: str, what: str) -> float:
     return number
 
 
+def few(nodes: list[int]) -> str:
+    """The first five nodes."""
+    return ", ".join(map(str, nodes[:5])) + (", ..." if len(nodes) > 5 else "")
+
+
 def fortran(text: str) -> str:
     """A Fortran number as Python reads it: 1.0D+02 has an E, and 1.0-101 lost its own.
 

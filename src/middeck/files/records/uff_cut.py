@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from middeck.files.records.uff58 import AXES, Dataset, Place, TextSet, scan_texts
+from middeck.files.records.uff58 import AXES, Dataset, Place, TextSet, few, scan_texts
 
 LINES_OF_NODE = {15: 1, 2411: 2}
 """Lines that a node takes in the data sets of places."""
@@ -32,9 +32,8 @@ def doubts_of_whole(outputs: Sequence[Dataset], sets: Sequence[Dataset], file: P
     ends = {end.number for data in sets for end in (data.response, data.reference)}
     silent = [n for n in places if n not in ends]
     if reached and silent and places.index(silent[0]) > reached[-1]:
-        few = ", ".join(map(str, silent[:5])) + (", ..." if len(silent) > 5 else "")
-        what = f"{len(silent)} of the {len(places)} nodes with places or trace lines have no function ({few})"
-        yield f"{what}: is the file whole?"
+        what = f"{len(silent)} of the {len(places)} nodes with places or trace lines have no function"
+        yield f"{what} ({few(silent)}): is the file whole?"
 
 
 def _numbers(text: TextSet) -> Iterator[int]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from middeck.errors import ConfigError
+from middeck.files.articles.name_checks import given_again
 from middeck.files.toml.faults import Finding, finding, nearest
 from middeck.files.toml.form import Form, Positive, Positives
 from middeck.files.toml.lines import Path
@@ -75,9 +76,5 @@ def refuse_slides(structure: Structure, joints: Collection[str], where: str) -> 
 
 
 def _twice(path: Path, key: str, table: Table) -> Iterator[Finding]:
-    seen: list[Any] = []
-    for i, item in tables(table, key):
-        joint = item.get("joint")
-        if isinstance(joint, str) and joint in seen:
-            yield finding((*path, key, i, "joint"), "given twice", joint, hint="one of a joint")
-        seen.append(joint)
+    joints = [((*path, key, i, "joint"), item.get("joint")) for i, item in tables(table, key)]
+    return given_again(joints, "given twice", "one of a joint")

@@ -13,7 +13,7 @@ from middeck.files.disk.digest import sha256_of
 from middeck.files.disk.kind_of_content import STUDY
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment
-from middeck.files.setups import article_files, build_article, join_findings
+from middeck.files.setups import article_files, build_article, join_findings, overridden
 from middeck.files.studies import form as study_form
 from middeck.files.studies.checks import fixed_axes, signal_findings
 from middeck.files.studies.promise import PromiseForm
@@ -21,7 +21,7 @@ from middeck.files.studies.rig import build_loop_test, build_rig_settings
 from middeck.files.toml.faults import Fault, Finding, finding, raise_faults
 from middeck.files.toml.lines import Path as KeyPath
 from middeck.files.toml.overrides import Target, apply_overrides
-from middeck.files.toml.source import Checked, Kind, Source, check, place_in, read_source, read_sources
+from middeck.files.toml.source import Checked, Kind, Source, place_in, read_source, read_sources
 from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -202,12 +202,7 @@ def _check(
         *((s, ArticleForm, article_findings, name) for name, s in articles.items()),
         *((environments[e], EnvironmentForm, environment_findings, a) for a, e in pairs),
     ]
-    targets = [Target(s.file, s.data, form, article) for s, form, _, article in parts]
-    documents, changed = apply_overrides(targets, overrides)
-    checked: list[Checked[Any]] = [
-        check(source, data, marks, form, more)
-        for (source, form, more, _), data, marks in zip(parts, documents, changed, strict=True)
-    ]
+    checked = overridden(parts, overrides)
     structures = dict(zip(articles, checked[1:], strict=False))
     surroundings = dict(zip(pairs, checked[1 + len(articles) :], strict=True))
     faults: list[Fault] = [f for c in checked for f in c.faults]

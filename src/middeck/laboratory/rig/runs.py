@@ -15,7 +15,7 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.laboratory.rig.linear_view import close_rig, gyro_sums
-from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.parts.computer import place_law
 from middeck.laboratory.rig.plant.ageing import check_life
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.run_events import EventCounter, RunEvents, StopRule, find_stop, stop_limits

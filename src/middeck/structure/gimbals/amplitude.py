@@ -132,7 +132,7 @@ def sweep_amplitude(
     zeta[omega == 0.0] = np.nan
     return AmplitudeCurves(
         joint=joint,
-        slides=_slides(modes, joint),
+        slides=any(j.slides for j in modes.equilibrium.model.structure.joints if j.name == joint),
         amplitude=A,
         stiffness=equal.stiffness,
         loss=equal.loss,
@@ -146,10 +146,6 @@ def sweep_amplitude(
         joint_angle=angle,
         distortion=distortion,
     )
-
-
-def _slides(modes: Modes, joint: str) -> bool:
-    return any(j.slides for j in modes.equilibrium.model.structure.joints if j.name == joint)
 
 
 def _chosen(modes: Modes, select: Sequence[int] | None) -> Int[np.ndarray, " mode"]:

@@ -88,7 +88,7 @@ def part_integrators(system: StateSpace) -> PartedSystem:
         errors=errors,
         still=still,
         states=basis,
-        leading=_leading(turn[:, n:]),
+        leading=np.argmax(np.abs(turn[:, n:]), axis=0),
         moving=moving,
     )
 
@@ -131,10 +131,6 @@ def _roundings(system: StateSpace, turn: np.ndarray, n: int, mix: np.ndarray) ->
         driven=left @ B + along @ np.abs(into),
         link=left @ A @ right,
     )
-
-
-def _leading(turn: np.ndarray) -> Int[np.ndarray, " moving"]:
-    return np.argmax(np.abs(turn), axis=0) if turn.size else np.zeros(0, dtype=int)
 
 
 def rest_once(dynamics: Dynamics) -> tuple[Dynamics, int]:

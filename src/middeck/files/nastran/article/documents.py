@@ -9,8 +9,13 @@ import numpy as np
 
 from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
-from middeck.files.nastran.article.nodes import carried_points, node_tables, rider_links
-from middeck.files.nastran.article.springs import scalar_tables, spring_tables
+from middeck.files.nastran.article.nodes_and_springs import (
+    carried_points,
+    node_tables,
+    rider_links,
+    scalar_tables,
+    spring_tables,
+)
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
 
 if TYPE_CHECKING:

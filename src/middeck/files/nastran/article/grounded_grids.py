@@ -1,18 +1,15 @@
 """What holds grids: the ground, and the environment in motions that nothing in the deck holds."""
 
 from collections.abc import Container
-from typing import Any
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts, turns
+from middeck.files.nastran.article.parts import Basis, Parts, Tables, turns
 from middeck.files.nastran.constraints.constraints import joined_components
 from middeck.files.nastran.constraints.restraints import clamp
 from middeck.files.nastran.constraints.rigid_links import ALL
 from middeck.files.nastran.masses_and_springs.loose_turns import loose_turns, turn_clamp
 from middeck.files.nastran.masses_and_springs.stiffness_of_grids import loose_shifts
 from middeck.structure.model.connectivity import some_names
-
-Tables = list[dict[str, Any]]
 
 
 def ground_clamps(basis: Basis, parts: Parts, standing: Standing) -> Tables:

@@ -34,6 +34,7 @@ from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
 
 LeftOut = tuple[str, int, str]
+Tables = list[dict[str, Any]]
 
 
 class Basis(NamedTuple):

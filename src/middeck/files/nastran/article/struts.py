@@ -6,13 +6,11 @@ import numpy as np
 
 from middeck.files.nastran.article.article_sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.parts import Basis, Parts, Tables
 from middeck.files.nastran.constraints.rigid_links import ALL
 from middeck.files.nastran.deck.coordinates import along_and_about
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.members.members import RODS, Bar
-
-Tables = list[dict[str, Any]]
 
 
 def strut_tables(

@@ -13,7 +13,6 @@ from middeck.files.nastran.components.external import (
     Bulk,
     component_of,
     geometry_of,
-    has_card,
     read_bulk,
 )
 from middeck.files.nastran.components.printed import NEAR
@@ -22,6 +21,7 @@ from middeck.files.nastran.deck.cards_read import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.case_control import read_selection
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
+from middeck.files.nastran.deck.deck_lines import Lines, fault_on
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
@@ -44,9 +44,9 @@ LONGEST = 100_000  # points in a range
 
 
 def has_superelements(path: str | Path) -> bool:
-    """Whether a deck's main bulk data have SEBULK; false for what cannot be read."""
+    """Whether a line of a deck or its includes begins with SEBULK; false for what cannot be read."""
     try:
-        return has_card(path, "SEBULK")
+        return any(line[0].lstrip().upper().startswith("SEBULK") for line in Lines(Path(path)).lines)
     except ConfigError:
         return False
 
@@ -160,14 +160,8 @@ def _assigned(bulk: Bulk, folder: Path) -> dict[int, Path]:
 
 
 def _fault(card: Card, message: str, hint: str = "", at: int = 0) -> Fault:
-    _, file, line = card.line(at)
-    return Fault(
-        file=file,
-        line=line,
-        key=f"{card.name} {card.fields[0] if card.fields else ''}",
-        message=message,
-        hint=hint,
-    )
+    key = f"{card.name} {card.fields[0] if card.fields else ''}"
+    return fault_on(card.line(at), key, message, hint=hint)
 
 
 def _declared(card: Card, bulk: Bulk, files: dict[int, Path]) -> tuple[int, Path | None]:

@@ -19,7 +19,7 @@ from middeck.files.nastran.components.printed import as_printed
 from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import Places, place_grids
 from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
-from middeck.files.nastran.deck.entries import read_entries
+from middeck.files.nastran.deck.entries import ALL, read_entries
 from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
@@ -34,7 +34,6 @@ NAMES = {
     "structural damping": ("K4XX1", "K4XX", "K4AAX", "K4AA"),
 }
 GEOMETRY = ("GRID", "GRDSET", "CORD1R", "CORD2R", "CORD1C", "CORD2C", "CORD1S", "CORD2S")
-ALL = "123456"
 # Rounding of a printed matrix in basic axes, with that of its grids' places and axes, over its own.
 NOISE = 10.0
 _SUPER = re.compile(r"\s*BEGIN(?:\s+BULK)?\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNORECASE)
@@ -83,11 +82,6 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
             into += lines[start + 1 : end]
     parts = {n: join_cards(found) for n, found in supers.items()}
     return Bulk(head, join_cards(main), parts, notes, unended)
-
-
-def has_card(path: str | Path, name: str) -> bool:
-    """Whether any line of a deck and its includes begins with ``name``; no card is cut up for that."""
-    return any(line[0].lstrip().upper().startswith(name) for line in Lines(Path(path)).lines)
 
 
 class Boundary(NamedTuple):

@@ -15,12 +15,12 @@ import scipy.sparse as sp
 
 from middeck.errors import ConfigError
 from middeck.files.disk.atomic import replacing
+from middeck.files.nastran.deck.entries import ALL
 from middeck.files.nastran.output4.matrices import Op4Matrix, write_op4
 from middeck.structure.model.component import Component
 
 # The superelement's number; those of its scalar points begin at so many times it.
 NUMBER, SPOINTS = 101, 10_000
-ALL = "123456"
 
 
 def write_external(stem: str | Path, component: Component) -> dict[str, Path]:

@@ -3,11 +3,9 @@
 from collections.abc import Container, Iterator
 from typing import NamedTuple
 
-from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
+from middeck.files.nastran.deck.entries import ALL, Entries, Entry, raise_some
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
-
-ALL = "123456"
 
 
 class RigidLink(NamedTuple):

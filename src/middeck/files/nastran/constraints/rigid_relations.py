@@ -13,11 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.files.nastran.deck.coordinates import Places
-from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.deck.entries import ALL, Entries, Entry
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
 
-ALL = "123456"
 LINE = 8  # fields of a line
 # Largest condition of the independent rows, lengths over the size of the element: beyond is a mechanism.
 WORST = 1e6

@@ -10,7 +10,7 @@ from itertools import pairwise
 from operator import itemgetter
 from typing import NamedTuple
 
-from middeck.files.nastran.deck.deck_lines import Line
+from middeck.files.nastran.deck.deck_lines import Line, fault_on
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.replication import Row, replicated
 from middeck.files.toml.faults import Fault, raise_faults
@@ -226,10 +226,7 @@ def _tenth(group: list[Row]) -> str:
 def _fault(
     line: Line, message: str, key: str = "", value: str = "", hint: str = "is the deck whole?"
 ) -> Fault:
-    text, file, number = line
-    return Fault(
-        file=file, line=number, key=key, message=message, value=value if key else text.strip()[:40], hint=hint
-    )
+    return fault_on(line, key, message, value if key else line[0].strip()[:40], hint)
 
 
 def _joined(group: list[Row]) -> Card:

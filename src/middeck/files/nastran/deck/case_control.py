@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.deck.deck_lines import Line
+from middeck.files.nastran.deck.deck_lines import Line, fault_on
 from middeck.files.nastran.deck.numbers import integer
 from middeck.files.toml.faults import Fault, raise_faults
 
@@ -39,8 +39,7 @@ class Selection(NamedTuple):
 
     def fault(self, command: str, value: int | str, message: str, hint: str = "") -> Fault:
         """A complaint about the line that selects ``value`` by ``command``."""
-        _, file, line = self.lines[command, value]
-        return Fault(file=file, line=line, key=command, message=message, value=f"{value}", hint=hint)
+        return fault_on(self.lines[command, value], command, message, f"{value}", hint)
 
 
 class _Choice(NamedTuple):
@@ -122,12 +121,12 @@ def _choices(lines: Iterable[Line], faults: list[Fault]) -> dict[str, _Choice]:
         elif command in _SETS:
             number = integer(value)
             if number is None or number < 0:
-                faults.append(_fault(line, command, f"{value!r} is not the number of a set"))
+                faults.append(fault_on(line, command, f"{value!r} is not the number of a set"))
             else:
                 out[command] = _Choice(line, number)
         elif _OTHERS.fullmatch(command):
             faults.append(
-                _fault(line, command, "not converted yet, and without it the modes would be others")
+                fault_on(line, command, "not converted yet, and without it the modes would be others")
             )
         elif command in _MATRICES:
             out[command] = _Choice(line, value)
@@ -143,13 +142,10 @@ def _unlike(cases: dict[int | None, dict[str, _Choice]]) -> list[Fault]:
             first = next(c for c in chosen.values() if c is not None)
             said = ", ".join(f"{c.value if c else 'none'} in {name}" for name, c in chosen.items())
             message = f"subcases select different ones, {said}: each is another structure"
-            faults.append(_fault(first.line, command, message, f"name one with --subcase: {_listed(cases)}"))
+            hint = f"name one with --subcase: {_listed(cases)}"
+            faults.append(fault_on(first.line, command, message, hint=hint))
     return faults
 
 
 def _listed(cases: Iterable[int | None]) -> str:
     return ", ".join(f"{name}" for name in cases) or "none"
-
-
-def _fault(line: Line, command: str, message: str, hint: str = "") -> Fault:
-    return Fault(file=line[1], line=line[2], key=command, message=message, hint=hint)

@@ -11,7 +11,7 @@ from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import Selection, read_selection
-from middeck.files.nastran.deck.deck_lines import Line, read_sections
+from middeck.files.nastran.deck.deck_lines import Line, fault_on, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
 from middeck.files.nastran.deck.numbers import in_single, integer, real
 from middeck.files.toml.faults import Fault
@@ -145,11 +145,11 @@ def given(deck: Deck, name: str) -> Iterator[tuple[str, Fault]]:
     for entry in deck.entries.of("PARAM"):
         if entry.id == name:
             yield entry["v1"], entry.fault("", "v1")
-    for text, file, line in deck.selection.params:
-        parts = text.upper().replace(",", " ").split()
+    for line in deck.selection.params:
+        parts = line[0].upper().replace(",", " ").split()
         if parts[1:2] == [name]:
             value = "".join(parts[2:3])
-            yield value, Fault(file=file, line=line, key=f"PARAM {name}", message="", value=value)
+            yield value, fault_on(line, f"PARAM {name}", "", value)
 
 
 def weight_factor(deck: Deck) -> float:

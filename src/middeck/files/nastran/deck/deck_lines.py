@@ -52,9 +52,14 @@ def read_sections(path: str | Path) -> DeckText:
     return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.notes, reader.unended)
 
 
+def fault_on(line: Line, key: str, message: str, value: str = "", hint: str = "") -> Fault:
+    """A complaint about a line."""
+    return Fault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint)
+
+
 def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:
-    """Raise `ConfigError` about a line."""
-    raise_fault(Fault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint))
+    """Raise `ConfigError` with `fault_on`."""
+    raise_fault(fault_on(line, key, message, value, hint))
 
 
 def _counts(text: str) -> bool:
@@ -139,16 +144,7 @@ class Lines:
         found = next((p for p in (path.parent / given, self.deck.parent / given) if isfile(p)), None)
         if found is None:
             hint = f"put it beside {path.name}"
-            self._absent.append(
-                Fault(
-                    file=line[1],
-                    line=line[2],
-                    key="INCLUDE",
-                    message="there is no such file",
-                    value=named,
-                    hint=hint,
-                )
-            )
+            self._absent.append(fault_on(line, "INCLUDE", "there is no such file", named, hint))
             if self.begins:
                 raise_fault(self._absent[-1])
             return

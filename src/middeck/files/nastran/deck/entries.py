@@ -22,6 +22,7 @@ from middeck.files.nastran.deck.cards_read import (
     REQUIRED,
     Format,
 )
+from middeck.files.nastran.deck.deck_lines import fault_on
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault, nearest, raise_faults
 
@@ -95,8 +96,7 @@ class Entry(NamedTuple):
     def fault(self, message: str, key: str = "", hint: str = "") -> Fault:
         """A complaint about the field ``key`` or about the whole card."""
         if not key:
-            _, file, number = self.card.line()
-            return Fault(file=file, line=number, key=self.label, message=message, hint=hint)
+            return fault_on(self.card.line(), self.label, message, hint=hint)
         return self.fault_at(PLACES[self.name][key], message, hint)
 
     def fault_at(self, place: int, message: str, hint: str = "") -> Fault:
@@ -104,16 +104,10 @@ class Entry(NamedTuple):
         layout, fields = PARSED[self.name], self.card.fields
         field = layout.fields[place] if place < len(layout.fields) else layout.rest
         named = f" ({field.name.upper()})" if field and field.name else ""
-        _, file, number = self.card.line(place)
+        key = f"{' '.join([self.name, *filter(None, fields[:1])])} field {_number(place)}{named}"
         value = fields[place] if place < len(fields) else ""
-        return Fault(
-            file=file,
-            line=number,
-            key=f"{' '.join([self.name, *filter(None, fields[:1])])} field {_number(place)}{named}",
-            message=message,
-            value=value,
-            hint=hint or (SHIFTED if " " in value else ""),
-        )
+        hint = hint or (SHIFTED if " " in value else "")
+        return fault_on(self.card.line(place), key, message, value, hint)
 
 
 class CardError(ValueError):
@@ -355,7 +349,6 @@ CARDS = "docs/how-to/your-nastran-deck.md lists the cards that are read"
 
 
 def _refusal(name: str, found: list[Card]) -> Fault:
-    line = found[0].line()
     count = f"{len(found)} of them" if len(found) > 1 else "one of them"
     if name in CONTINUA:
         message, hint = f"shells and solids are not read ({count})", REDUCE
@@ -367,4 +360,4 @@ def _refusal(name: str, found: list[Card]) -> Fault:
         near = nearest(name, sorted((*PARSED, *IDLE)))
         message, hint = f"no card of this name ({count})", near if near.startswith("did") else CARDS
         hint = hint if name.isalnum() else COLUMNS
-    return Fault(file=line[1], line=line[2], key=name, message=message, hint=hint)
+    return fault_on(found[0].line(), name, message, hint=hint)

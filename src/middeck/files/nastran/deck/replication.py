@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from decimal import Decimal
 
-from middeck.files.nastran.deck.deck_lines import Line
+from middeck.files.nastran.deck.deck_lines import Line, fault_on
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
 
@@ -51,11 +51,8 @@ def replicated(groups: Sequence[list[Row]], faults: list[Fault]) -> list[list[Ro
                 before = (before[0], _next(before[1], pattern), "", False, line)
                 made.append([before])
         except ValueError as error:
-            text, file, number = line
-            hint = "write the card out in full"
-            faults.append(
-                Fault(file=file, line=number, key="", message=str(error), value=text.strip()[:40], hint=hint)
-            )
+            text = line[0].strip()[:40]
+            faults.append(fault_on(line, "", str(error), text, "write the card out in full"))
             spoilt = True
             continue
         out += made

@@ -1,4 +1,4 @@
-"""The digital side of a rig: the sums of gyro samples, and the compensator, as one sampled system."""
+"""The digital side of a rig: the compensator by its ports, and the sums of gyro samples beside it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ import numpy as np
 import scipy.linalg as sla
 from jaxtyping import Float
 
+from middeck.control.law.compensator import Compensator, locate_ports
+from middeck.errors import ConfigError
 from middeck.laboratory.rig.parts.sensors import Sensor, is_summed
-from middeck.systems.state_space.statespace import SampledStateSpace
+from middeck.signals.ports import Port
+from middeck.systems.state_space.statespace import SampledStateSpace, same_period
 from middeck.values import record
 
 
@@ -55,3 +58,32 @@ def integrators(sensors: Sequence[Sensor], period_s: float) -> SampledStateSpace
     n = len(select)
     D = np.diag(np.where(summed, 0.5 * period_s, 1.0))
     return SampledStateSpace(np.eye(n), period_s * select, select.T, D, period_s=period_s)
+
+
+def place_law(
+    law: Compensator | None, inputs: Sequence[Port], outputs: Sequence[Port], period_s: float
+) -> SampledStateSpace:
+    """``law`` from all outputs to all inputs of a rig of this period; None commands nothing.
+
+    A compensator finds its ports by name and leaves other inputs at rest. Raises `ConfigError` for ports that
+    the rig lacks or has in another unit, another period, or a compensator that is not sampled.
+
+    >>> y, u = Port("y", "rad"), Port("u", "N m")
+    >>> lag = SampledStateSpace([[0.5]], [[1.0]], [[1.0]], [[-2.0]], period_s=0.1)
+    >>> place_law(Compensator(lag, (y,), (u,)), (Port("v", "N m"), u), (y,), 0.1).D.tolist()
+    [[0.0], [-2.0]]
+    """
+    if law is None:
+        p, m = len(outputs), len(inputs)
+        return SampledStateSpace(
+            np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), np.zeros((m, p)), period_s=period_s
+        )
+    rows, columns = locate_ports(law, inputs, outputs, "rig")
+    into, out = np.eye(len(outputs))[columns], np.eye(len(inputs))[:, rows]
+    s = law.sampled
+    if not same_period(s.period_s, period_s):
+        raise ConfigError(
+            f"the compensator is sampled at {s.period_s} s, the rig at {period_s} s",
+            hint="emulate(compensator, period_s) of the continuous design has the rig's period",
+        )
+    return SampledStateSpace(s.A, s.B @ into, out @ s.C, out @ s.D @ into, period_s=period_s)

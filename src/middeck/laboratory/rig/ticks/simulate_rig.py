@@ -17,8 +17,7 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.laboratory.rig.linear_view import close_rig
-from middeck.laboratory.rig.parts.computer import Computer, build_computer
-from middeck.laboratory.rig.parts.law import place_law
+from middeck.laboratory.rig.parts.computer import Computer, build_computer, place_law
 from middeck.laboratory.rig.plant.ageing import follow_ageing
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig

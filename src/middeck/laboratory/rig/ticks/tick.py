@@ -123,9 +123,6 @@ def converter_ends(readout: Readout) -> list[ConverterEnds]:
     return [ConverterEnds(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
 
 
-Array = np.ndarray
-
-
 def column_sums(matrix: Array) -> Callable[[Array | float, Array, Array], None]:
     """A call that sets its last argument to its first plus ``matrix`` times its second, column by column.
 

@@ -29,7 +29,7 @@ def routes(kept: PromiseKept) -> Figure:
     figure = new_figure(3.0)
     axes = figure.subplots()
     said = numbers.promise(kept)
-    by = {way: _decibels(db) for way, db in numbers.routes(said).items()}
+    by = {way: np.array(db, dtype=float) for way, db in numbers.routes(said).items()}
     for way, (colour, marker) in WAYS.items():
         axes.plot(
             said["authority_log10"], by[way] - by["measured"], marker=marker, color=COLOUR[colour],
@@ -42,7 +42,3 @@ def routes(kept: PromiseKept) -> Figure:
     axes.margins(y=0.2)
     axes.legend()
     return figure
-
-
-def _decibels(values: list[float | None]) -> np.ndarray:
-    return np.array([np.nan if value is None else value for value in values])
