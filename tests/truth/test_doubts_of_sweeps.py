@@ -1,4 +1,4 @@
-"""Lines that a clean sweep hardly excites are all noise: they weigh nothing in a fit and raise no doubt of it."""
+"""Lines that a clean sweep hardly excites are all noise: they weigh nothing in a fit, and raise no doubt."""
 
 from __future__ import annotations
 
