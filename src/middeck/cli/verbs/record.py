@@ -177,8 +177,7 @@ def describe(taken: md.Record, excitation: Recognised | None, faults: tuple[Faul
 
 
 def _recognised(excitation: Recognised) -> dict[str, Any]:
-    names = ("kind", "what", "period", "periods", "offset", "steady_from", "band_hz")
-    return {name: getattr(excitation, name) for name in names}
+    return fields(excitation, "kind", "what", "period", "periods", "offset", "steady_from", "band_hz")
 
 
 def _channel(side: str, port: md.Port, x: Any) -> dict[str, Any]:
