@@ -158,6 +158,27 @@ def test_an_override_of_two_words_is_told_to_be_one(capsys: pytest.CaptureFixtur
     assert "an override is one word, as --set key=value" in capsys.readouterr().err
 
 
+@pytest.mark.filterwarnings("ignore:.*use more elements")
+@pytest.mark.parametrize(
+    ("ports", "said"),
+    [
+        ("--control push --measure spot_rte", "no sensor 'spot_rte'\n  try: did you mean 'spot_rate'?"),
+        ("--control psh --measure spot", "no actuator 'psh'\n  try: did you mean 'push'?"),
+        ("--control push,push --measure spot", "--control names 'push' twice\n  try: each port once"),
+    ],
+)
+def test_a_port_of_nearly_this_name_is_named(
+    tmp_path: Path, ports: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at = 'frame = "b"\naxis = [0.0, 1.0, 0.0]\n'
+    push, spot = f'[[actuator]]\nname = "push"\nkind = "force"\n{at}', f'[[sensor]]\nname = "spot"\n{at}'
+    article(tmp_path, ARTICLE + push + spot)
+    environment(tmp_path, HALL)
+    files = [str(tmp_path / "bar.toml"), "--environment", str(tmp_path / "hall.toml")]
+    assert execute(["design", *files, "--log10-authority", "1", *ports.split()], lambda: False) == 2
+    assert said in capsys.readouterr().err
+
+
 # ---- records -----------------------------------------------------------------------------------------------
 
 

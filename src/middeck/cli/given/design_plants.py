@@ -130,6 +130,8 @@ def chosen(names: tuple[str, ...], known: Sequence[str], option: str) -> tuple[s
     >>> chosen((), ["motor"], "--control")
     ('motor',)
     """
+    if twice := next((name for i, name in enumerate(names) if name in names[:i]), ""):
+        raise ConfigError(f"{option} names {twice!r} twice", hint="each port once")
     if names:
         return names
     if len(known) == 1:

@@ -13,6 +13,7 @@ Both are analytic: an equilibrium at complex positions gives complex rows.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -26,6 +27,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
 RATE = "_rate"
+NEARLY = 0.8  # ratio of equal letters from which another name may be meant: ports are alike
 
 
 @record
@@ -54,7 +56,7 @@ def input_rows(equilibrium: Equilibrium, names: Sequence[str]) -> InputRows:
     known = {a.name: a for a in equilibrium.model.structure.actuators}
     for name in names:
         if name not in known:
-            raise ConfigError(f"no actuator {name!r}", hint=one_of(known, "[[actuator]]"))
+            raise ConfigError(f"no actuator {name!r}", hint=one_of(known, "[[actuator]]", name))
     chosen = [known[name] for name in names]
     moves = _motions(equilibrium, chosen)
     rows = np.zeros((len(chosen), equilibrium.model.tree.size), moves.dtype)
@@ -111,8 +113,11 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
     )
 
 
-def one_of(known: Collection[str], table: str) -> str:
-    """What to try where a name is not ``known``: the others, or the ``table`` that defines one."""
+def one_of(known: Collection[str], table: str, name: str) -> str:
+    """What to try where ``name`` is not ``known``: one like it, all, or the ``table`` that defines one."""
+    close = difflib.get_close_matches(name, [one for both in known for one in both.split(", ")], 1, NEARLY)
+    if close:
+        return f"did you mean {close[0]!r}?"
     return f"one of {', '.join(known)}" if known else f"add {table} to the article, which has none"
 
 
@@ -124,7 +129,9 @@ def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
     sensor = sensors.get(output.removesuffix(RATE)) if output.endswith(RATE) else None
     if sensor is None:
         known = [n if s.kind is SensorKind.ACCELEROMETER else f"{n}, {n}{RATE}" for n, s in sensors.items()]
-        raise ConfigError(f"no sensor {output.removesuffix(RATE)!r}", hint=one_of(known, "[[sensor]]"))
+        raise ConfigError(
+            f"no sensor {output.removesuffix(RATE)!r}", hint=one_of(known, "[[sensor]]", output)
+        )
     if sensor.kind is SensorKind.ACCELEROMETER:
         raise ConfigError(f"accelerometer {sensor.name!r} has no rate", hint=f"take {sensor.name} itself")
     return sensor, True
