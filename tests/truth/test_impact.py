@@ -154,6 +154,36 @@ def test_the_average_is_the_response_of_shifted_poles(ratio):
     assert test.coherence.min() > 0.999
 
 
+def test_later_hits_too_weak_to_reject_a_blow_are_kept_by_the_force_window():
+    """Hits of 0.4 to 4 %, 0.3 to 0.6 s later: a window that cuts them moves the response as much."""
+    rested = [(2.5 * t, width, size) for t, width, size in SINGLE]
+    later = [
+        (t + 0.3 + 0.1 * k, 0.02, size * (0.04, 0.02, 0.01, 0.004)[k])
+        for k, (t, _, size) in enumerate(rested)
+    ]
+    test = average_blows(struck(PLANT, rested + later, 7500, RATE, noise=0.0), window_s=0.7)
+    assert not any(b.rejected for b in test.blows)
+    expected = response(*PLANT, 2j * np.pi * test.response.frequency_hz + 1.0 / 0.7)
+    assert np.abs(test.response.H[:, 0, 0] - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+def test_a_blow_of_the_other_sign_is_named_and_an_experiment_without_one_told():
+    record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    u = np.array(record.u)
+    u[:, :, 1100:1900] *= -1.0
+    found = locate_blows(dataclasses.replace(record, u=u))
+    assert [b.rejected.split(":")[0] for b in found] == ["", "", "wrong sign", ""]
+    assert abs(found[2].struck - 1510) <= 1
+    still = dataclasses.replace(record, u=np.concatenate([u, 0.0 * u]), y=np.concatenate([record.y, 0.0 * u]))
+    told = average_blows(still).warnings
+    assert told == ("1 of 4 blows were rejected", "no blow in experiment 1: its force has no peak")
+
+
+def test_a_blow_on_the_last_samples_is_cut_short():
+    record = struck(PLANT, [*SINGLE, (29.99, 0.02, 50.0)], 3000, RATE, noise=0.0)
+    assert [b.rejected.split(" ")[0] for b in locate_blows(record)] == ["", "", "", "", "cut"]
+
+
 @pytest.mark.parametrize("of", ["samples", "response"])
 def test_damping_is_that_of_the_article_not_of_the_window(of):
     test = average_blows(struck(PLANT, SINGLE + DOUBLE, 3000, RATE, noise=3e-4), window_s=0.8)

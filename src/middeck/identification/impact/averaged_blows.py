@@ -137,8 +137,8 @@ def average_blows(
 
 
 def _force_window(size: int, blow: Blow) -> Float[np.ndarray, " sample"]:
-    """One for the pulse and as much again, with a slope of half a cosine, then zero."""
-    last = min(2 * blow.pulse_end - blow.struck, blow.last) - blow.first + SLOPE
+    """One for the pulse and as much again, or to the last push, a slope of half a cosine, then zero."""
+    last = min(max(2 * blow.pulse_end - blow.struck, blow.force_end), blow.last) - blow.first + SLOPE
     slope = 0.5 * (1.0 + np.cos(np.pi * np.arange(1, SLOPE + 1) / (SLOPE + 1)))
     return np.concatenate([np.ones(last), slope, np.zeros(max(size - last - SLOPE, 0))])[:size]
 
@@ -248,6 +248,9 @@ def _useful(spectra: Spectra) -> tuple[float, float]:
 def _warnings(record: Record, coherence: np.ndarray, blows: tuple[Blow, ...]) -> list[str]:
     good = sum(not b.rejected for b in blows)
     found = [f"{len(blows) - good} of {len(blows)} blows were rejected"] if good < len(blows) else []
+    still = sorted(set(range(len(record.u))) - {b.experiment for b in blows})
+    if still:
+        found.append(f"no blow in experiment {', '.join(map(str, still))}: its force has no peak")
     for o, port in enumerate(record.outputs):
         share = float(np.mean(coherence[:, o] < INCOHERENT))
         if share > 0.5:

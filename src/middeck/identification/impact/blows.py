@@ -22,6 +22,12 @@ from middeck.values import record as frozen
 
 # A pulse rises above this share of the largest force, and above so many deviations of the force's noise.
 LEAST, CLEAR = 0.02, 10.0
+# A later push of this share of the pulse, above the median of the force for so many pulse lengths around it,
+# is kept by the force window: what a window removes of a real force is an error of the response of its size.
+FAINT, AROUND = 0.002, 4
+# A pulse of the other sign and this share of the largest force, apart from all blows, is a blow with a wrong
+# sign. Ringing of filters has less, and is beside its pulse.
+REVERSED = 0.3
 # What follows a pulse within so many samples may be the ringing of the filters. A second maximum of so much
 # of the pulse is a hit: beyond the ringing, and within it.
 RINGING, DOUBLE, DOUBLE_WITHIN = 8, 0.05, 0.1
@@ -48,6 +54,7 @@ class Blow:
         experiment: In which experiment it fell.
         first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
         pulse_end: The sample after the pulse.
+        force_end: The sample after the last push, later hits too weak to reject the blow included.
         peak: Largest force.
         rejected: Why it is no use; empty for a good one.
     """
@@ -57,6 +64,7 @@ class Blow:
     struck: int
     last: int
     pulse_end: int
+    force_end: int
     peak: float
     rejected: str = ""
 
@@ -64,8 +72,9 @@ class Blow:
 def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, ...]:
     """All blows of a record of one force, in order, the bad ones with the reason.
 
-    Rejected are double hits, overloads (a channel that clips), weak blows, blows cut short by the next one or
-    by the end, and those struck while the response still rings from the one before.
+    Rejected are double hits, overloads (a channel that clips), weak blows, blows whose force has the other
+    sign, blows cut short by the next one or by the end, and those struck while the response still rings from
+    the one before.
 
     Args:
         blow_s: Least time between two blows [s]; by default a quarter of the longest in the record.
@@ -89,21 +98,46 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
             hint="check which channel is the force; middeck identify takes any other excitation",
         )
     apart = _least_apart(pulses, u.shape[1]) if blow_s is None else blow_s * record.sample_hz
-    found = [
-        blow
-        for e, (x, own) in enumerate(zip(force, pulses, strict=True))
-        for blow in _blows(e, x, own, apart, record.sample_hz)
-    ]
+    found: list[Blow] = []
+    for e, (x, own) in enumerate(zip(force, pulses, strict=True)):
+        pulls = _pulls(x, own, apart, float(force.max()))
+        turned = np.array(x)
+        for a, b in pulls:
+            turned[a:b] *= -1.0
+        blows = _blows(e, turned, sorted(own + pulls), apart, record.sample_hz)
+        found += [_of_sign(blow, pulls) for blow in blows]
     found = _judged(found, record.sample_hz)
     found = _overloads(found, record, u, y)
     return tuple(_ringing(found, y))
 
 
+def _noise(force: Float[np.ndarray, " sample"]) -> float:
+    return 1.4826 * float(np.median(np.abs(force)))
+
+
+def _pulls(
+    force: Float[np.ndarray, " sample"], pulses: list[tuple[int, int]], apart: float, largest: float
+) -> list[tuple[int, int]]:
+    """Pulses of the other sign, as large as blows and apart from all of them but for their own ringing."""
+    blows = [a for a, b in pulses if force[a:b].max() > REVERSED * largest]
+    return [
+        (a, b)
+        for a, b in _pulses(-force, largest)
+        if -force[a:b].min() > REVERSED * largest and all(abs(a - own) >= apart for own in blows)
+    ]
+
+
+def _of_sign(blow: Blow, pulls: list[tuple[int, int]]) -> Blow:
+    if not any(a <= blow.struck < b for a, b in pulls):
+        return blow
+    why = "wrong sign: the force pulls where that of the other blows pushes"
+    return dataclasses.replace(blow, rejected=why)
+
+
 def _pulses(force: Float[np.ndarray, " sample"], largest: float) -> list[tuple[int, int]]:
     """Runs of force, those joined that the ringing of a filter parts."""
-    noise = 1.4826 * float(np.median(np.abs(force)))
     joined: list[tuple[int, int]] = []
-    for a, b in runs_of(force > max(LEAST * largest, CLEAR * noise)):
+    for a, b in runs_of(force > max(LEAST * largest, CLEAR * _noise(force))):
         if joined and a - joined[-1][1] < RINGING:
             joined[-1] = joined[-1][0], b
         else:
@@ -130,6 +164,8 @@ def _blows(
             groups[-1].append(pulse)
         else:
             groups.append([pulse])
+    if not groups:
+        return []
     begins = [max(own[0][0] - BEFORE, 0) for own in groups] + [len(force)]
     smooth = _without_ringing(force, groups)
     found: list[Blow] = []
@@ -147,6 +183,7 @@ def _blows(
                 struck=struck,
                 last=begins[k + 1],
                 pulse_end=b,
+                force_end=_last_push(force[: begins[k + 1]], smooth, (a, struck, b)),
                 peak=float(force[struck]),
                 rejected=why,
             )
@@ -167,6 +204,22 @@ def _without_ringing(
     power = np.abs(np.fft.rfft(struck * force)) ** 2
     edge = np.flatnonzero(power > EDGE * power.max())[-1]
     return gaussian_filter1d(force, len(force) / (2.0 * np.pi * SMOOTH * max(edge, 1)))
+
+
+def _last_push(
+    force: Float[np.ndarray, " sample"], smooth: Float[np.ndarray, " sample"], pulse: tuple[int, int, int]
+) -> int:
+    """The sample after the last push that stands out for as short a time as a hit, and is no ringing."""
+    a, struck, b = pulse
+    least, around = max(FAINT * force[struck], CLEAR * _noise(force)), AROUND * max(b - a, RINGING)
+    end = b
+    for first, last in runs_of(force[b:] > least):
+        k = b + first + int(np.argmax(force[b + first : b + last]))
+        level = float(np.median(force[max(k - around, b) : k + around + 1]))
+        momentum = smooth[k] > 0.5 * force[k] / force[struck] * smooth[struck]
+        if momentum and force[k] - level > least:
+            end = b + last
+    return end
 
 
 def _second_hit(
@@ -245,7 +298,9 @@ def _ringing(blows: list[Blow], y: np.ndarray) -> list[Blow]:
         level = after.mean(axis=0)
         early = after[: max(len(after) // 8, 1)] - level
         size = np.sqrt(np.mean(early**2, axis=0))
-        share = float(np.max(np.sqrt(np.mean((before - level) ** 2, axis=0)) / size)) if len(before) else 0.0
+        rings = np.sqrt(np.mean((before - level) ** 2, axis=0)) if len(before) else np.zeros_like(size)
+        # A blow on the last sample of a record has no response.
+        share = float(np.max(np.divide(rings, size, out=np.zeros_like(size), where=size > 0.0)))
         why = blow.rejected
         if not why and share > STILL_RINGING:
             why = f"struck while the response rings from before, at {share:.0%} of what this blow makes"
