@@ -34,8 +34,8 @@ by `CANDIDATE` through a coupling of `RANK_FLOOR` (see `stabilisability`) takes 
 
 MISSED = "the cost (or process noise) misses it"
 WEIGH_IT = (
-    "weigh an output that sees it, and more where its weight is many decades below others; of a filter, let process "
-    "noise reach it"
+    "weigh an output that sees it, and more where its weight is many decades below others; of a filter, let "
+    "process noise reach it"
 )
 
 
