@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
+from middeck.files.measured.survey_csv import load_csv
 from middeck.files.records import name_columns, read_record
 from middeck.files.setups import load_environment, load_structure
 from middeck.files.studies.documents import load_study
@@ -256,3 +257,27 @@ def test_a_slip_in_a_study_is_one_fault(tmp_path: Path, old: str, new: str, said
         load_study(study)
     assert said in str(caught.value)
     assert len(caught.value.data["faults"]) == 1
+
+
+# ---- surveys -----------------------------------------------------------------------------------------------
+
+SURVEY = "frequency [Hz],damping,n1.x,n1.y,n1.z,n3.y,n3.z\n1.75,0.01,0,1,0,-0.6,0\n2.45,0.01,0,0,1,0,-0.5\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            SURVEY.replace("1.75", "1,75"),
+            ":2: 8 cells for 7 columns\n  try: .*decimals have commas, semicolons",
+        ),
+        (f"{SURVEY}1.75,0.01,0,1,0,-0.6,0\n", ":4: the mode of line 2 again\n  try: leave one out"),
+    ],
+)
+def test_a_slip_in_a_survey_is_told_its_cure(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "survey.csv"
+    path.write_text(SURVEY.replace(",", ";").replace(".", ",").replace("n1,", "n1.").replace("n3,", "n3."))
+    assert load_csv(path).frequency_hz.tolist() == [1.75, 2.45]
+    path.write_text(text)
+    with pytest.raises(DataError, match=said):
+        load_csv(path)

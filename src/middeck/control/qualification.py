@@ -72,7 +72,7 @@ def qualify_compensator(
     sampled compensator. The error's place is the name of the plant.
     """
     require_kind(plants, Mapping, "plants", 'by name: {"nominal": plant}')
-    rates_hz = tuple(np.atleast_1d(rates_hz))
+    rates_hz = (float(rates_hz),) if isinstance(rates_hz, int | float) else tuple(rates_hz)
     found: list[Qualified] = []
     for name, plant in plants.items():
         try:

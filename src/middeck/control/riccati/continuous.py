@@ -33,7 +33,10 @@ PROPORTION = 1e3
 by `CANDIDATE` through a coupling of `RANK_FLOOR` (see `stabilisability`) takes ten times as much."""
 
 MISSED = "the cost (or process noise) misses it"
-WEIGH_IT = "weigh an output that sees it; of a filter, let process noise reach it"
+WEIGH_IT = (
+    "weigh an output that sees it, and more where its weight is many decades below others; of a filter, let "
+    "process noise reach it"
+)
 
 
 @record

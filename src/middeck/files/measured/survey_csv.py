@@ -2,6 +2,7 @@
 
 import csv
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,7 @@ def load_csv(path: Path) -> MeasuredModes:
     """
     rows, said = _rows(path)
     head, body = rows[0], rows[1:]
+    _refuse_copies(body, path)
     keys = [_key(cell, f"{path}:{head[0]}") for cell in head[1]]
     twice = sorted({name for name, _ in keys if [n for n, _ in keys].count(name) > 1})
     if twice or "frequency" not in dict(keys):
@@ -60,6 +62,15 @@ def load_csv(path: Path) -> MeasuredModes:
         )
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint or ADVICE) from None
+
+
+def _refuse_copies(body: Sequence[tuple[int, list[str]]], path: Path) -> None:
+    """Raise `DataError` where a mode with a shape is there twice, to the digit."""
+    lines: dict[tuple[str, ...], int] = {}
+    for number, cells in body:
+        first = lines.setdefault(tuple(cells), number)
+        if first != number and len(cells) > len(TOLD):
+            raise DataError(f"the mode of line {first} again", where=f"{path}:{number}", hint="leave one out")
 
 
 def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
@@ -90,7 +101,9 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
 
 def _told(cells: list[str], read: list[int], width: int, where: str) -> list[str]:
     if len(cells) != width:
-        raise DataError(f"{len(cells)} cells for {width} columns", where=where, hint="one number a column")
+        commas = ", and decimal points; where decimals have commas, semicolons between the columns"
+        hint = "one number a column" + (commas if len(cells) > width else "")
+        raise DataError(f"{len(cells)} cells for {width} columns", where=where, hint=hint)
     return [cells[i] for i in read]
 
 
