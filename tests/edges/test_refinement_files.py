@@ -20,6 +20,7 @@ from middeck.files.refinements.documents import load_refinement, refined_text
 from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.setups import load_setup, load_structure
 from middeck.structure.correlation.measured_modes import MeasuredModes
+from middeck.structure.model.article import LoadCase
 from middeck.updating.orbit.deflections import predict_deflections
 from middeck.updating.refinement.refine import Refined
 
@@ -122,6 +123,22 @@ def test_a_mode_without_a_partner_before_has_no_error_before(
     assert "nan" not in shown
     row = next(line.split() for line in shown.splitlines() if line.startswith("first bending x-y "))
     assert row[-2] == "-"
+
+
+def test_a_survey_states_what_the_article_carried(tmp_path: Path):
+    file, named = tmp_path / "refine.toml", "mace-simple-lab.json"
+    text = (SURVEY / "refine.toml").read_text().replace(named, str(SURVEY / named))
+    loaded = 'environment = "lab"\nmass = [{ frame = "n3", mass_kg = 0.5, cg_m = [0.0, 0.1, 0.0] }]\n'
+    file.write_text(text.replace('environment = "lab"\n', loaded))
+    (survey,) = load_refinement(file, ARTICLE).surveys
+    assert isinstance(survey.load_case, LoadCase)
+    (hung,) = survey.load_case.masses
+    assert (hung.frame, hung.body.mass, hung.body.cg.tolist()) == ("n3", 0.5, [0.0, 0.1, 0.0])
+    (tmp_path / "refine.toml").write_text(
+        text.replace('environment = "lab"\n', loaded + 'load_case = "ball"\n')
+    )
+    with pytest.raises(ConfigError, match="beside mass of its own"):
+        load_refinement(tmp_path / "refine.toml", ARTICLE)
 
 
 def test_a_survey_is_sought_beside_its_document():

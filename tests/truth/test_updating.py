@@ -19,7 +19,7 @@ import structure_builders as build
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.ports import Port
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
-from middeck.structure.model.article import AttachPoint, Member, Structure
+from middeck.structure.model.article import AddedMass, AttachPoint, LoadCase, Member, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer_mesh import add_shear
@@ -303,6 +303,39 @@ def test_its_deviations_are_those_of_the_posterior_itself():
     assert weight[[0, -1]].max() < 1e-6
     assert found.estimate.x[0] == pytest.approx(mean, abs=0.05 * std)
     assert found.estimate.x_std[0] == pytest.approx(std, rel=0.05)
+
+
+def test_a_known_mass_on_the_tip_tells_stiffness_and_mass_apart():
+    """Closed form of a cantilever with a tip mass (Blevins 1979, table 8-8), bare and with 0.4 kg.
+
+    The bare beam alone tells their ratio.
+    """
+    L, EI, rho, kg = 2.0, 104.0, 0.53, 0.4
+
+    def first_hz(tip: float) -> np.ndarray:
+        def equation(b: float) -> float:
+            c, s, ch, sh = np.cos(b), np.sin(b), np.cosh(b), np.sinh(b)
+            return float(1.0 + c * ch + tip / (rho * L) * b * (c * sh - s * ch))
+
+        b = so.brentq(equation, 0.3, 1.8752)
+        return (b / L) ** 2 / (2.0 * np.pi) * np.sqrt(np.array([EI, 4.0 * EI]) / rho)
+
+    section = dataclasses.replace(build.TUBE, EI_y=400.0, EI_z=100.0, rho_A=0.5)
+    beam, wall = build.straight_beam(section, L, 8), Environment.clamped("a", gravity=0.0)
+    hung = LoadCase(name="hung", masses=(AddedMass("hung", "b", build.body(kg)),))
+    surveys = []
+    for name, load, tip in (("bare", None, 0.0), ("loaded", hung, kg)):
+        hz = first_hz(tip)
+        measured = MeasuredModes(
+            frequency_hz=hz, damping=np.full(2, 0.01), node=(), direction=(), shape=np.zeros((0, 2)),
+            frequency_std_hz=1e-4 * hz,
+        )  # fmt: skip
+        surveys.append(Survey(name=name, measured=measured, environment=wall, load_case=load))
+    unknowns = [Unknown(name=n, parameters=(f"members.{n}",), spread=0.1) for n in ("E", "rho")]
+    bare, both = refine(beam, surveys[:1], unknowns), refine(beam, surveys, unknowns)
+    assert bare.estimate.x_std.min() > 0.05
+    np.testing.assert_allclose(both.x, np.log([1.04, 1.06]), atol=1e-3)
+    assert both.estimate.x_std.max() < 0.003
 
 
 def test_gravity_is_taken_out():

@@ -18,7 +18,13 @@ from middeck.files.refinements.friction_form import (
     friction_findings,
     refuse_slides,
 )
-from middeck.files.refinements.gauge_form import StaticForm, build_static, static_findings, value_of
+from middeck.files.refinements.gauge_form import (
+    StaticForm,
+    build_static,
+    static_findings,
+    value_of,
+)
+from middeck.files.refinements.loading_form import LoadingForm, case_of, survey_load_findings
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
 from middeck.files.setups import find_stated, load_setup, load_structure
@@ -38,10 +44,9 @@ from middeck.values import record
 FACTORS = re.compile(r"(?ms)^\s*\[factors\].*?(?=^\s*\[|\Z)")
 
 
-class SurveyForm(Form):
+class SurveyForm(LoadingForm):
     """Modes measured in one set-up; ``set`` has what the test set, by the names of parameters."""
 
-    name: str
     modes: str
     environment: str = "lab"
     frequency_std: Positive | None = None
@@ -104,6 +109,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
             measured=seen,
             environment=load_setup(article, place)[1],
             settings=tuple(s.set.items()),
+            load_case=case_of(s),
             frequency_std=s.frequency_std,
             damping_std=s.damping_std,
             response=build_response(s.response, s.anti_resonance, Path(path).parent),
@@ -130,7 +136,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
 
 
 def _findings(data: Any) -> list[Finding]:
-    return [*static_findings(data), *friction_findings(data)]
+    return [*survey_load_findings(data), *static_findings(data), *friction_findings(data)]
 
 
 def build_unknown(form: UnknownForm) -> Unknown:

@@ -6,20 +6,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from middeck.files.articles.boundary_form import (
-    ORIGIN,
-    LoadCaseForm,
-    LoadForm,
-    MassForm,
-    PrescribedForm,
-    build_load_cases,
-)
+from middeck.files.articles.boundary_form import ORIGIN
 from middeck.files.articles.name_checks import given_twice
+from middeck.files.refinements.loading_form import LoadingForm, case_of, loaded_twice, own_loads
 from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, Positive, Vector
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import tables
-from middeck.structure.model.article import LoadCase
 from middeck.structure.model.environment import Environment
 from middeck.updating.residuals.gauges import Gauge, GaugeKind
 from middeck.updating.residuals.static_tests import StaticTest
@@ -57,15 +50,10 @@ class ReadingForm(GaugeForm):
     value_nm: Finite | None = None
 
 
-class _LoadedForm(Form):
-    """One of the article's load cases by name, or loads of its own, and how its readings count."""
+class _LoadedForm(LoadingForm):
+    """How readings under loads count."""
 
-    name: str
     environment: str = "lab"
-    load_case: str | None = None
-    load: Annotated[tuple[LoadForm, ...], Field(strict=False)] = ()
-    mass: Annotated[tuple[MassForm, ...], Field(strict=False)] = ()
-    prescribed: Annotated[tuple[PrescribedForm, ...], Field(strict=False)] = ()
     since: Literal["unloaded", "drawn"] = "unloaded"
     series: str = ""
     set: dict[str, Finite] = Field(default_factory=dict)
@@ -112,20 +100,11 @@ def build_static(
         environment=environment,
         gauges=tuple(build_gauge(r) for r in form.reading),
         value=np.array(value),
-        load_case=_case_of(form),
+        load_case=case_of(form),
         since_unloaded=form.since == "unloaded",
         series=form.series,
         settings=tuple(form.set.items()),
     )
-
-
-def _case_of(form: _LoadedForm) -> LoadCase | str | None:
-    if not (form.load or form.mass or form.prescribed):
-        return form.load_case
-    own = LoadCaseForm.model_construct(
-        name=form.name, load=form.load, mass=form.mass, prescribed=form.prescribed
-    )
-    return build_load_cases([own])[0]
 
 
 def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[Finding]:
@@ -137,9 +116,8 @@ def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[Finding
 
 
 def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
-    own = [key for key in ("load", "mass", "prescribed") if key in test]
-    if own and "load_case" in test:
-        yield finding((*path, "load_case"), f"beside {own[0]} of its own", hint="one or the other")
+    own = own_loads(test)
+    yield from loaded_twice(path, test)
     if test.get("since", "unloaded") == "unloaded" and not own and "load_case" not in test:
         yield finding(path, "a change since unloaded, of no load", hint='a load, or since = "drawn"')
     for k, reading in tables(test, "reading"):

@@ -9,7 +9,6 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.structure.gravity.budget import build_budget
 from middeck.updating.orbit.frequencies import Prediction
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.surveys import set_up
 from middeck.values import record
 
 
@@ -38,7 +37,7 @@ def removed_terms(refined: Refined, predicted: Prediction) -> Removed | None:
     """
     orbit = predicted.modes
     for survey in (c.survey for c in refined.compared):
-        there = set_up(refined.structure, survey.environment, survey.settings, refined.unknowns)
+        there = survey.set_up(refined.structure, refined.unknowns)
         if there.structure != refined.structure:
             continue
         try:

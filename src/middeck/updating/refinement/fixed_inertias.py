@@ -14,7 +14,7 @@ import numpy as np
 from middeck.structure.sensitivity.parameters import Parameter, list_parameters
 from middeck.updating.refinement.bayesian_estimate import estimate_at, most_probable, unlikely
 from middeck.updating.refinement.refine import Refined, problem_of
-from middeck.updating.residuals.surveys import Compared, compare, set_up
+from middeck.updating.residuals.surveys import Compared, compare
 from middeck.updating.unknowns.unknowns import Bound
 
 MASS, INERTIA = ".mass", ".inertia."
@@ -70,7 +70,7 @@ def fixed_inertias(refined: Refined) -> FixedInertias | None:
 def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
     """Inertias that no unknown moves, under the unknowns that multiply the masses of their bodies."""
     survey = compared.survey
-    place = set_up(refined.structure, survey.environment, survey.settings, refined.unknowns)
+    place = survey.set_up(refined.structure, refined.unknowns)
     taken = {p.name for b in place.bound for p in b.parameters}
     still = [
         p

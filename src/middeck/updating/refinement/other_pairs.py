@@ -16,7 +16,7 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.updating.refinement.model_errors import sorts_of
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels
-from middeck.updating.residuals.surveys import Compared, set_up
+from middeck.updating.residuals.surveys import Compared
 from middeck.updating.unknowns.unknowns import product_slopes
 
 # Share of the pair's MAC: a shape of another mode with more than this cannot be distinguished.
@@ -167,7 +167,7 @@ def _errors(refined: Refined, c: Compared, pairs: np.ndarray) -> tuple[np.ndarra
     """Errors of ln f at the mean of the prior, their slopes, and deviations without the unknowns."""
     i, j = pairs.T
     lam = c.modes.omega[i] ** 2
-    place = set_up(refined.structure, c.survey.environment, c.survey.settings, refined.unknowns)
+    place = c.survey.set_up(refined.structure, refined.unknowns)
     pushed = product_slopes(c.modes, place.bound, i, i, lam)
     for joint in c.paired.added:
         pushed += (np.real(joint.slope[:, j]) * c.modes.shapes[joint.coordinate, i] ** 2).T

@@ -34,7 +34,6 @@ from middeck.updating.residuals.static_tests import (
 from middeck.updating.residuals.surveys import (
     Compared,
     Survey,
-    set_up,
 )
 from middeck.updating.unknowns.unknowns import ENVIRONMENT, FRICTION, LOOP, Unknown
 from middeck.values import record
@@ -119,8 +118,7 @@ class Refined:
         """Second derivatives of ln f of the modes of each survey's pairs; all predictions need them."""
         found = []
         for one in self.compared:
-            place, settings = one.survey.environment, one.survey.settings
-            bound = set_up(self.structure, place, settings, self.unknowns).bound
+            bound = one.survey.set_up(self.structure, self.unknowns).bound
             found.append(frequency_curvature(one.modes, bound, one.pairs[:, 0]))
         return tuple(found)
 

@@ -46,7 +46,6 @@ from middeck.updating.residuals.surveys import (
     Survey,
     compare,
     compare_measured_response,
-    set_up,
 )
 from middeck.updating.unknowns.unknowns import Unknown, loop_slopes
 
@@ -331,7 +330,7 @@ def place_tests(
 
     Raises `ConfigError` for an unknown that no test has, and for two sizes of the friction of one joint.
     """
-    surveyed = [set_up(structure, s.environment, s.settings, unknowns) for s in surveys]
+    surveyed = [s.set_up(structure, unknowns) for s in surveys]
     loaded = set_up_statics(structure, statics, unknowns)
     stated: dict[str, tuple[float, float]] = {}
     for friction in (f for s in surveys for f in s.friction):

@@ -17,9 +17,10 @@ from middeck.structure.correlation.measured_modes import (
     straight_channels,
 )
 from middeck.structure.correlation.unit_slips import doubt_survey_units
-from middeck.structure.model.article import JointState, Structure
+from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
+from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
@@ -54,6 +55,7 @@ class Survey:
     Attributes:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
+        load_case: What the article carried: one of its load cases by name, or one of the test's own.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
         response: What the same test measured beside its modes.
@@ -64,10 +66,19 @@ class Survey:
     measured: MeasuredModes
     environment: Environment
     settings: tuple[tuple[str, float], ...] = ()
+    load_case: LoadCase | str | None = None
     frequency_std: float | None = None
     damping_std: float | None = None
     response: MeasuredResponse | None = None
     friction: tuple[SurveyedFriction, ...] = ()
+
+    def set_up(self, structure: Structure, unknowns: Sequence[Unknown]) -> SetUp:
+        """The article as this test has it. Raises `ConfigError` as `set_up` and `apply_load_case`."""
+        bare = set_up(structure, self.environment, self.settings, unknowns)
+        if self.load_case is None:
+            return bare
+        both = apply_load_case(bare.structure, bare.environment, self.load_case)
+        return SetUp(*both, bind(unknowns, *both))
 
     def __post_init__(self) -> None:
         modes = len(self.measured.frequency_hz)
