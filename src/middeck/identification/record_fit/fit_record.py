@@ -189,7 +189,14 @@ def fit_samples(
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
-    search = functools.partial(_searched, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell)
+    search = functools.partial(
+        _searched,
+        band_hz=band_hz,
+        asked=asked,
+        weighting=weighting,
+        of_forces=input_noise is not None,
+        tell=tell,
+    )
     fit = functools.partial(_fit, search, input_noise=input_noise)
     if sampled:
         found = fit(given, record).fit
@@ -257,6 +264,7 @@ def _searched(
     band_hz: tuple[float, float] | None,
     asked: FitOptions,
     weighting: Weighting | None,
+    of_forces: bool,
     tell: Callable[[str], None],
 ) -> _Found:
     sampled, states = asked.sample_hz is not None, asked.states
@@ -278,9 +286,10 @@ def _searched(
                 tell("a delay of each path")
                 data, run, reason = _shorter((data, run, reason), chosen, options)
         if states is None:
-            fitted = tidied(record, data, run, sampled=sampled)
+            fitted = tidied(record, data, run, sampled=sampled, of_forces=of_forces)
         else:
-            fitted = Tidied(data, run, ()) if sampled else with_modes_as_two(record, data, run)
+            as_it_is = sampled or of_forces
+            fitted = Tidied(data, run, ()) if as_it_is else with_modes_as_two(record, data, run)
         return _Found(data, run, fitted, reason)
 
 

@@ -21,6 +21,7 @@ from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.fit.mode_trust import SteadyLine
 from middeck.identification.fit.unneeded_modes import (
     CLEARLY,
+    DOUBTFUL,
     NOTHING,
     mode_significance,
     own_lines,
@@ -74,8 +75,10 @@ class Tidied:
     as_two: tuple[float, ...] = ()
 
 
-def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidied:
+def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool, of_forces: bool = False) -> Tidied:
     """The model without the sines and modes that do not belong to it, as far as that shortens it.
+
+    ``of_forces``: inputs are known to have noise, so that what is left at a peak is no second mode.
 
     A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
     how it simulates.
@@ -83,8 +86,9 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     state = _without_sines(record, Tidied(data, run, ()))
     if not sampled:
         state = shed(state, functools.partial(_significance, record), functools.partial(_without, record))
-        state = _with_twins_apart(state)
-        state = split(state, lambda found: pairs_of(found.run), functools.partial(_in_two, record))
+        state = state if of_forces else _with_twins_apart(state)
+        in_two = functools.partial(_in_two, record, of_forces=of_forces)
+        state = split(state, lambda found: pairs_of(found.run), in_two)
     return _with_hidden_lines(state)
 
 
@@ -171,7 +175,7 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
     return _better(state, with_free_motion(state.data, poles[dropped]), start, lines)
 
 
-def _in_two(record: Record, state: Tidied, m: int) -> Tidied | None:
+def _in_two(record: Record, state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
     """The fit with mode ``m`` split in two, if that is clearly shorter and neither is nothing.
 
     One mode in the place of two leaves most at their peak, as noise of forces does, so that such noise was
@@ -181,11 +185,11 @@ def _in_two(record: Record, state: Tidied, m: int) -> Tidied | None:
     if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
     found = _better(state, state.data, start, state.lines, by=CLEARLY)
-    if state.run.weighting == "motion":
+    if state.run.weighting == "motion" and not of_forces:
         other = _better(found or state, state.data, start, state.lines, by=CLEARLY, kind="output")
         found = other or found
     both = None if found is None else _significance(record, found)[m : m + 2]
-    return found if both is not None and both.min() >= NOTHING else None
+    return found if both is not None and both.min() >= (DOUBTFUL if of_forces else NOTHING) else None
 
 
 def _with_twins_apart(state: Tidied) -> Tidied:
