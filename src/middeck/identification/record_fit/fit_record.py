@@ -28,7 +28,7 @@ from middeck.identification.fit.mode_trust import (
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
-from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
+from middeck.identification.fit.unneeded_modes import CLEARLY, DOUBTFUL, mode_significance
 from middeck.identification.model.fit_options import (
     OF_PATHS,
     Constants,
@@ -59,7 +59,7 @@ from middeck.identification.record_fit.record_terms import record_lacks
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
-from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied
+from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
@@ -190,7 +190,14 @@ def fit_samples(
     if band_hz is None and not sampled:
         inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
         band_hz = driven_band(inputs, record.sample_hz)
-    search = functools.partial(_searched, band_hz=band_hz, asked=asked, weighting=weighting, tell=tell)
+    search = functools.partial(
+        _searched,
+        band_hz=band_hz,
+        asked=asked,
+        weighting=weighting,
+        of_forces=input_noise is not None,
+        tell=tell,
+    )
     fit = functools.partial(_fit, search, input_noise=input_noise)
     if sampled:
         found = fit(given, record).fit
@@ -258,6 +265,7 @@ def _searched(
     band_hz: tuple[float, float] | None,
     asked: FitOptions,
     weighting: Weighting | None,
+    of_forces: bool,
     tell: Callable[[str], None],
 ) -> _Found:
     sampled, states = asked.sample_hz is not None, asked.states
@@ -278,7 +286,11 @@ def _searched(
             if may_be_of_paths(options, asked) and len(record.inputs) > 1 and _lacks(record, data, run):
                 tell("a delay of each path")
                 data, run, reason = _shorter((data, run, reason), chosen, options)
-        fitted = Tidied(data, run, ()) if states is not None else tidied(record, data, run, sampled=sampled)
+        if states is None:
+            fitted = tidied(record, data, run, sampled=sampled, of_forces=of_forces)
+        else:
+            as_it_is = sampled or of_forces
+            fitted = Tidied(data, run, ()) if as_it_is else with_modes_as_two(record, data, run)
         return _Found(data, run, fitted, reason)
 
 
@@ -411,6 +423,11 @@ def _result(
     lacking = fitted.sample_hz is None and input_noise is None
     lacks = record_lacks(run, data, covariance) if lacking else NOTHING
     wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += [
+        f"mode at {hz:.4g} Hz: two modes in its place describe the record better (by over {CLEARLY:g} of "
+        "description length); the stated standard deviations are too small; ask for two more states"
+        for hz in fit.as_two
+    ]
     if model.sample_hz is None:
         wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)

@@ -22,6 +22,7 @@ from middeck.identification.fit.mode_trust import SteadyLine
 from middeck.identification.fit.unneeded_modes import (
     CLEARLY,
     DOUBTFUL,
+    NOTHING,
     mode_significance,
     own_lines,
     pairs_of,
@@ -35,7 +36,7 @@ from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import record_length
 from middeck.identification.record_fit.reduced_record import has_many_outputs
-from middeck.identification.record_fit.refine_record import RecordRun, refine_record
+from middeck.identification.record_fit.refine_record import RecordRun, Weighting, refine_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.record import Record
@@ -53,21 +54,31 @@ LINE_ABOVE, BESIDE = 15.0, 15
 MOST_LINES = 8
 # Powers of 1 / (s - pole) by which modes beside one differ from it, and times what chance makes them gain.
 ORDERS, CHANCE = (1, 2, 3), 2.0
+# Pairs that are nearer to each other than this share of their decay rate are one pole; and the least fall of
+# the description that a search from elsewhere counts.
+TWINS, WORTH = 0.1, 1.0
 # Powers of time in the amplitude.
 POWERS = 3
 
 
 @frozen
 class Tidied:
-    """A tidied fit: data with their steady lines, the model, and those lines."""
+    """A tidied fit: data with their steady lines, the model, and those lines.
+
+    ``as_two`` has the modes [Hz] that two would describe better, where the order that was asked for has none
+    to give up.
+    """
 
     data: Data
     run: RecordRun
     lines: tuple[SteadyLine, ...]
+    as_two: tuple[float, ...] = ()
 
 
-def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidied:
+def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool, of_forces: bool = False) -> Tidied:
     """The model without the sines and modes that do not belong to it, as far as that shortens it.
+
+    ``of_forces``: inputs are known to have noise, so that what is left at a peak is no second mode.
 
     A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
     how it simulates.
@@ -75,8 +86,33 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool) -> Tidi
     state = _without_sines(record, Tidied(data, run, ()))
     if not sampled:
         state = shed(state, functools.partial(_significance, record), functools.partial(_without, record))
-        state = split(state, lambda found: pairs_of(found.run), functools.partial(_in_two, record))
+        state = state if of_forces else _with_twins_apart(state)
+        in_two = functools.partial(_in_two, record, of_forces=of_forces)
+        state = split(state, lambda found: pairs_of(found.run), in_two)
     return _with_hidden_lines(state)
+
+
+def with_modes_as_two(record: Record, data: Data, run: RecordRun) -> Tidied:
+    """A continuous model of the order asked for, its least needed mode given up for one that is two."""
+    state = _with_twins_apart(Tidied(data, run, ()))
+    data, run = state.data, state.run
+    for m in range(run.layout.pairs):
+        two = _in_two(record, state, m)
+        if two is None:
+            continue
+        significance = _significance(record, two)
+        significance[m : m + 2] = np.inf
+        significance[two.run.layout.pairs :] = np.inf
+        least = np.arange(len(significance)) == np.argmin(significance)
+        better = None
+        if significance[least][0] < np.inf:
+            start = without_modes(two.run.start, least)
+            better = _better(state, data, start, (), by=CLEARLY, kind=two.run.weighting)
+        if better is not None:
+            return better
+        hz = float(abs(pairs_of(run)[m])) / (2.0 * np.pi)
+        state = dataclasses.replace(state, as_two=(*state.as_two, hz))
+    return state
 
 
 def covariance_of(record: Record, state: Tidied) -> ModelCovariance:
@@ -139,14 +175,40 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
     return _better(state, with_free_motion(state.data, poles[dropped]), start, lines)
 
 
-def _in_two(record: Record, state: Tidied, m: int) -> Tidied | None:
-    """The fit with mode ``m`` split in two, if that is clearly shorter and neither may be noise."""
+def _in_two(record: Record, state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
+    """The fit with mode ``m`` split in two, if that is clearly shorter and neither is nothing.
+
+    One mode in the place of two leaves most at their peak, as noise of forces does, so that such noise was
+    the likelier kind: the two are also tried with noise of sensors.
+    """
     start = with_split(state.run.start, m)
     if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
     found = _better(state, state.data, start, state.lines, by=CLEARLY)
+    if state.run.weighting == "motion" and not of_forces:
+        other = _better(found or state, state.data, start, state.lines, by=CLEARLY, kind="output")
+        found = other or found
     both = None if found is None else _significance(record, found)[m : m + 2]
-    return found if both is not None and both.min() >= DOUBTFUL else None
+    return found if both is not None and both.min() >= (DOUBTFUL if of_forces else NOTHING) else None
+
+
+def _with_twins_apart(state: Tidied) -> Tidied:
+    """The fit with pairs that came to one pole sought again, from one mode split in two.
+
+    Two modes nearer than their widths have a local minimum where they are a double pole.
+    """
+    for m in range(state.run.layout.pairs):
+        poles = pairs_of(state.run)
+        away = np.where(np.arange(len(poles)) == m, np.inf, np.abs(poles - poles[m]))
+        twin = int(np.argmin(away))
+        if away[twin] > TWINS * abs(poles[m].real):
+            continue
+        alone = without_modes(state.run.start, np.arange(len(state.run.layout.pair)) == twin)
+        one = refine_record(state.data, alone, "output", rounds=ROUNDS, steps=STEPS)
+        if one is not None:
+            start = with_split(one.start, m - (twin < m))
+            state = _better(state, state.data, start, state.lines, by=WORTH, kind="output") or state
+    return state
 
 
 def _leaves_more(state: Tidied, m: int) -> bool:
@@ -230,11 +292,19 @@ def _among(frequency: float, tried: list[float], length_s: float) -> bool:
 
 
 def _better(
-    state: Tidied, data: Data, start: Start, lines: tuple[SteadyLine, ...], *, by: float = 0.0
+    state: Tidied,
+    data: Data,
+    start: Start,
+    lines: tuple[SteadyLine, ...],
+    *,
+    by: float = 0.0,
+    kind: Weighting | None = None,
 ) -> Tidied | None:
-    """A model refined from ``start``, if its description is no longer, or shorter ``by`` so much."""
-    weighting = state.run.weighting
-    other = refine_record(data, start, weighting, rounds=ROUNDS, steps=STEPS)
+    """A model refined from ``start``, if its description is no longer, or shorter ``by`` so much.
+
+    With noise of the state's own kind, unless another is given.
+    """
+    other = refine_record(data, start, kind or state.run.weighting, rounds=ROUNDS, steps=STEPS)
     if other is None or record_length(data, other) + by > record_length(state.data, state.run):
         return None
     return Tidied(data, other, lines)
