@@ -116,9 +116,9 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
 def one_of(known: Collection[str], table: str, name: str) -> str:
     """What to try where ``name`` is not ``known``: one like it, all, or the ``table`` that defines one."""
     close = difflib.get_close_matches(name, [one for both in known for one in both.split(", ")], 1, NEARLY)
-    if close:
-        return f"did you mean {close[0]!r}?"
-    return f"one of {', '.join(known)}" if known else f"add {table} to the article, which has none"
+    if not known:
+        return f"add {table} to the article, which has none"
+    return (f"did you mean {close[0]!r}? " if close else "") + f"one of {', '.join(known)}"
 
 
 def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:
