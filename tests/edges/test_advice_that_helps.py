@@ -164,6 +164,10 @@ def test_an_override_of_two_words_is_told_to_be_one(capsys: pytest.CaptureFixtur
     [
         ("--control push --measure spot_rte", "no sensor 'spot_rte'\n  try: did you mean 'spot_rate'?"),
         ("--control psh --measure spot", "no actuator 'psh'\n  try: did you mean 'push'?"),
+        (
+            "--control push --measure spot_x",
+            "no sensor 'spot_x'\n  try: did you mean 'spot'? one of spot, spot_rate",
+        ),
         ("--control push,push --measure spot", "--control names 'push' twice\n  try: each port once"),
     ],
 )
@@ -204,6 +208,15 @@ def test_a_number_that_contradicts_the_heading_is_refused(tmp_path: Path) -> Non
     assert np.array_equal(kept.u, named.u)
 
 
+def test_without_headings_a_column_of_times_counts_and_no_advice_says_otherwise(tmp_path: Path) -> None:
+    path = record_file(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").partition("\n")[2], encoding="utf-8")
+    torque = read_record(path, name_columns(["2=torque"], ["3=angle"], sample_hz=100.0)).record.u
+    assert torque.std() == pytest.approx(1.0, abs=0.1)  # not the ramp of times
+    with pytest.raises(DataError, match=r"the file has 3\n.*counted from 1$"):
+        read_record(path, name_columns(["2=torque"], ["4=angle"], sample_hz=100.0))
+
+
 def test_two_recordings_in_one_file_are_told_to_be_parted(tmp_path: Path) -> None:
     """Stamps printed coarsely were blamed, and to leave the column of time out would have hidden the seam."""
     with pytest.raises(
@@ -232,6 +245,8 @@ def test_a_band_beyond_half_the_rate_is_said() -> None:
         beyond = fit_record(record, states=2, sampled=True, band_hz=(1.0, 80.0))
     within = fit_record(record, states=2, sampled=True, band_hz=(1.0, 50.0))
     assert np.array_equal(beyond.model.poles, within.model.poles)
+    endless = fit_record(record, states=2, sampled=True, band_hz=(1.0, np.inf))
+    assert np.array_equal(endless.model.poles, within.model.poles)
 
 
 # ---- studies -----------------------------------------------------------------------------------------------
