@@ -123,6 +123,26 @@ def test_a_torque_on_a_node_is_told_to_need_an_axis(tmp_path: Path) -> None:
     assert not article(tmp_path, ARTICLE + torque + "axis = [0.0, 0.0, 1.0]\n")
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("frame", '["b"]', "must be a text in quotes"),
+        ("frame", "{ a = 1 }", "must be a text in quotes"),
+        ("kind", '["force"]', 'must be "torque" or "force"'),
+        ("frame", '"bb"', "no frame of this name\n  try: did you mean 'b'?"),
+    ],
+)
+def test_a_port_of_another_kind_or_misspelt_is_told_so(
+    tmp_path: Path, key: str, value: str, said: str
+) -> None:
+    """An array ended in ``unhashable type``, a misspelt node in the advice to define a joint."""
+    keys = {"name": '"t"', "frame": '"b"'} | {key: value}
+    text = "\n".join(f"{name} = {given}" for name, given in keys.items())
+    told = article(tmp_path, f"{ARTICLE}[[actuator]]\n{text}\n")
+    assert f"actuator.0.{key} = " in told
+    assert said in told
+
+
 def test_a_table_that_needs_a_name_is_told_so_once(tmp_path: Path) -> None:
     said = article(tmp_path, ARTICLE.replace("[section.tube]", "[section]"))
     assert said.count("must have a name\n  try: [section.NAME] above its keys") == 1
