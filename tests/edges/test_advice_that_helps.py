@@ -124,6 +124,26 @@ def test_a_torque_on_a_node_is_told_to_need_an_axis(tmp_path: Path) -> None:
     assert not article(tmp_path, ARTICLE + torque + "axis = [0.0, 0.0, 1.0]\n")
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("frame", '["b"]', "must be a text in quotes"),
+        ("frame", "{ a = 1 }", "must be a text in quotes"),
+        ("kind", '["force"]', 'must be "torque" or "force"'),
+        ("frame", '"bb"', "no frame of this name\n  try: did you mean 'b'?"),
+    ],
+)
+def test_a_port_of_another_kind_or_misspelt_is_told_so(
+    tmp_path: Path, key: str, value: str, said: str
+) -> None:
+    """An array ended in ``unhashable type``, a misspelt node in the advice to define a joint."""
+    keys = {"name": '"t"', "frame": '"b"'} | {key: value}
+    text = "\n".join(f"{name} = {given}" for name, given in keys.items())
+    told = article(tmp_path, f"{ARTICLE}[[actuator]]\n{text}\n")
+    assert f"actuator.0.{key} = " in told
+    assert said in told
+
+
 def test_a_table_that_needs_a_name_is_told_so_once(tmp_path: Path) -> None:
     said = article(tmp_path, ARTICLE.replace("[section.tube]", "[section]"))
     assert said.count("must have a name\n  try: [section.NAME] above its keys") == 1
@@ -165,6 +185,10 @@ def test_an_override_of_two_words_is_told_to_be_one(capsys: pytest.CaptureFixtur
     [
         ("--control push --measure spot_rte", "no sensor 'spot_rte'\n  try: did you mean 'spot_rate'?"),
         ("--control psh --measure spot", "no actuator 'psh'\n  try: did you mean 'push'?"),
+        (
+            "--control push --measure spot_x",
+            "no sensor 'spot_x'\n  try: did you mean 'spot'? one of spot, spot_rate",
+        ),
         ("--control push,push --measure spot", "--control names 'push' twice\n  try: each port once"),
     ],
 )
@@ -205,6 +229,15 @@ def test_a_number_that_contradicts_the_heading_is_refused(tmp_path: Path) -> Non
     assert np.array_equal(kept.u, named.u)
 
 
+def test_without_headings_a_column_of_times_counts_and_no_advice_says_otherwise(tmp_path: Path) -> None:
+    path = record_file(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").partition("\n")[2], encoding="utf-8")
+    torque = read_record(path, name_columns(["2=torque"], ["3=angle"], sample_hz=100.0)).record.u
+    assert torque.std() == pytest.approx(1.0, abs=0.1)  # not the ramp of times
+    with pytest.raises(DataError, match=r"the file has 3\n.*counted from 1$"):
+        read_record(path, name_columns(["2=torque"], ["4=angle"], sample_hz=100.0))
+
+
 def test_two_recordings_in_one_file_are_told_to_be_parted(tmp_path: Path) -> None:
     """Stamps printed coarsely were blamed, and to leave the column of time out would have hidden the seam."""
     with pytest.raises(
@@ -233,6 +266,8 @@ def test_a_band_beyond_half_the_rate_is_said() -> None:
         beyond = fit_record(record, states=2, sampled=True, band_hz=(1.0, 80.0))
     within = fit_record(record, states=2, sampled=True, band_hz=(1.0, 50.0))
     assert np.array_equal(beyond.model.poles, within.model.poles)
+    endless = fit_record(record, states=2, sampled=True, band_hz=(1.0, np.inf))
+    assert np.array_equal(endless.model.poles, within.model.poles)
 
 
 # ---- studies -----------------------------------------------------------------------------------------------

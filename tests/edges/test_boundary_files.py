@@ -185,6 +185,9 @@ def test_an_environment_names_nodes_of_the_article(files: tuple[Path, Path]) -> 
     files[1].write_text(WALL.replace("clamp = [", 'clamp = [{node = "root"}, '))
     with pytest.raises(ConfigError, match=r"toml:3: clamp.1: a degree of freedom is fixed"):
         load_setup(*files)
+    files[1].write_text(WALL.replace('node = "root"', 'node = ["root"]'))
+    with pytest.raises(ConfigError, match=r"toml:3: clamp.0.node = \["):
+        load_setup(*files)
     files[1].write_text(WALL.replace('"end", stiff', '"end", name = "root", stiff'))
     with pytest.raises(ConfigError, match=r"toml:4: bushing.0.name = \"root\": names a second support"):
         load_setup(*files)

@@ -331,6 +331,7 @@ SECOND_GAUGE = LOADS[LOADS.index("[[gauge]]") : LOADS.index('[[gauge]]\nname = "
         ('mass = [{ frame = "n3", mass_kg = 4.0 }]\n', "", "of no load"),
         (SECOND_GAUGE, SECOND_GAUGE + SECOND_GAUGE, "a second gauge of this name"),
         ("std_deg = 0.01", "std_m = 0.01", "gauge.1.std_m: of a tilt"),
+        ('kind = "tilt"', 'kind = ["tilt"]', "gauge.1.kind"),
     ],
 )
 def test_promised_loads_that_say_nothing_or_two_things_are_refused(

@@ -1,4 +1,4 @@
-"""Lines that a clean sweep hardly excites are all noise: they weigh nothing in a fit, and raise no doubt."""
+"""Lines that a clean sweep hardly excites are noise and raise no doubt; a mode that moves or lacks does."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import scipy.signal
 
 from middeck import Port, Record, estimate_response, fit_response
 from middeck.identification.model.measurement_model import natural_hz
+from middeck.identification.search.fit_warnings import doubts_of_model
+from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
 RATE_HZ, SECONDS, STATES = 200.0, 30.0, 6
@@ -58,3 +60,31 @@ def test_noise_on_all_lines_alike_still_raises_both():
     )
     said = " ".join(fit_response(noisy, states=STATES).warnings)
     assert all(word in said for word in DOUBTS)
+
+
+def test_a_mode_that_moves_while_it_is_measured_raises_a_doubt():
+    """The peak scatters and weighs nothing: a mode that had moved by 2 % was fitted in silence."""
+    rng, size, factors = np.random.default_rng(5), 2000, np.repeat([1.0, 1.02], 4)
+    f = np.fft.rfftfreq(size, 1.0 / RATE_HZ)
+    drive = np.exp(2j * np.pi * rng.uniform(size=len(f))) * ((f > 1.0) & (f < 40.0))
+    modal = 9.0 * factors[:, None]
+    y = np.fft.irfft(drive * modal**2 / (modal**2 - f**2 + 0.02j * modal * f), size)
+    y += 0.01 * np.std(y) * rng.standard_normal(y.shape)
+    u = np.tile(np.fft.irfft(drive, size), (len(factors), 1))
+    ports = {"inputs": (Port("force", "N"),), "outputs": (Port("sensor", "m"),)}
+    record = Record(sample_hz=RATE_HZ, u=u[None, ..., None], y=y[None, ..., None], periodic=True, **ports)
+    fit = fit_response(estimate_response(record, band_hz=(1.5, 35.0)), states=2)
+    found, deviation = natural_hz(fit.model), fit.uncertainty.natural_hz
+    assert np.all(np.abs(found - modal) > 4.0 * deviation)  # no frequency that it had: the doubt is due
+    assert any("scatters by" in said for said in fit.warnings)
+
+
+def test_a_mode_that_the_model_lacks_raises_a_doubt_though_its_lines_weigh_little():
+    f = np.arange(1.0, 101.0)
+    H = np.where(f > 90.0, 10.0, 1.0)[:, None, None] + 0j
+    variance = np.where(f > 90.0, 2.0, 1e-6)[:, None, None]
+    ports = {"inputs": (Port("force", "N"),), "outputs": (Port("sensor", "m"),)}
+    measured = FrequencyResponse(frequency_hz=f, H=H, variance=variance, **ports)
+    residual = np.where(f > 90.0, -10.0, 0.0)[:, None, None] + 0j
+    said = doubts_of_model(measured, np.array([0.96]), 0.4, residual)
+    assert [words for words in said if "96% of the response unexplained" in words]

@@ -179,6 +179,17 @@ def test_a_blow_of_the_other_sign_is_named_and_an_experiment_without_one_told():
     assert told == ("1 of 4 blows were rejected", "no blow in experiment 1: its force has no peak")
 
 
+def test_a_pull_without_ringing_is_a_blow_of_the_other_sign():
+    """Nothing of it pushes: it stands among the blows by its own sign alone."""
+    record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    u = np.zeros_like(record.u)
+    for k, (at, size) in enumerate(zip((200, 900, 1600, 2300), (9.0, 10.0, -8.0, 11.0), strict=True)):
+        u[0, 0, at : at + 5, 0] = size * np.array([0.4, 0.8, 1.0, 0.7 - 0.05 * k, 0.3])
+    found = locate_blows(dataclasses.replace(record, u=u))
+    assert [b.struck for b in found] == [202, 902, 1602, 2302]
+    assert [k for k, b in enumerate(found) if b.rejected.startswith("wrong sign")] == [2]
+
+
 def test_a_blow_on_the_last_samples_is_cut_short():
     record = struck(PLANT, [*SINGLE, (29.99, 0.02, 50.0)], 3000, RATE, noise=0.0)
     assert [b.rejected.split(" ")[0] for b in locate_blows(record)] == ["", "", "", "", "cut"]

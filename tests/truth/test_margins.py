@@ -410,3 +410,11 @@ def test_a_loop_that_closes_to_an_integrator_has_no_disk(A, B, C, gain: float, d
     plant = make_plant(A, B, C, delay_s=delay_s)
     law = Compensator(gain_system(np.array([[gain]])), plant.outputs, plant.inputs)
     assert measure_disk_margin(plant, law).alpha == 0.0
+
+
+@pytest.mark.parametrize("at", ["inputs", "outputs", "both"])
+def test_one_loop_of_two_that_closes_to_an_integrator_leaves_no_disk(at: At) -> None:
+    """Beside a loop that is sound: the other loops alone have a pole at rest, where none was looked for."""
+    plant = make_plant(np.diag([-1.0, -2.0]), np.eye(2), np.eye(2))
+    law = Compensator(gain_system(np.diag([1.0, 0.5])), plant.outputs, plant.inputs)
+    assert measure_disk_margin(plant, law, at=at).alpha == 0.0

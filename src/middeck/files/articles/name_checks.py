@@ -109,13 +109,12 @@ def _references(data: Table) -> Iterator[Finding]:
                 yield from unknown((table, i, key), t[key], known, kind)
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
-            anywhere = "axis" in t or t.get("kind") in AT_POINT
-            if not anywhere and t.get("frame") in nodes:
+            frame, anywhere = t.get("frame"), "axis" in t or t.get("kind") in [*AT_POINT]
+            if not anywhere and isinstance(frame, str) and frame in nodes:
                 message = f"is no joint, so that the {table} needs an axis"
-                yield finding((table, i, "frame"), message, t["frame"], hint="axis = [x, y, z] in its axes")
-                continue
-            known, kind = (frames, "frame") if anywhere else (joints, "joint")
-            yield from unknown((table, i, "frame"), t.get("frame"), known, kind)
+                yield finding((table, i, "frame"), message, frame, hint="axis = [x, y, z] in its axes")
+            # With an axis it may be on any frame: one that is misspelt may be meant.
+            yield from unknown((table, i, "frame"), frame, frames, "frame")
     for i, name in enumerate(array_of(table_of(data, "suspension"), "nodes")):
         yield from unknown(("suspension", "nodes", i), name, frames, "frame")
 

@@ -92,7 +92,7 @@ def _name_findings(data: Table) -> list[Finding]:
         key = "name" if "name" in spring else "attach"
         names.append((("spring", i, key), spring.get("name", default_name(str(spring.get("attach"))))))
     advice = "a name of its own; a suspension's devices have those of their attach points"
-    held_nodes = dict.fromkeys(c.get("node") for _, c in tables(data, "clamp"))
+    held_nodes = dict.fromkeys(str(c.get("node")) for _, c in tables(data, "clamp"))
     supports: list[tuple[Path, Any]] = [(("clamp",), node) for node in held_nodes]
     for i, bushing in tables(data, "bushing"):
         key = "name" if "name" in bushing else "attach"

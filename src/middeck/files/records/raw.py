@@ -159,7 +159,8 @@ def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: 
     position = listed if column.number is None else column.number - 1
     if not 0 <= position < len(heads):
         what = f"column {position + 1} is named {column.name!r}, the file has {len(heads)}"
-        raise DataError(what, where=where, hint="columns are counted from 1, without that of time")
+        hint = f"columns are counted from 1{', without that of time' if any(names) else ''}"
+        raise DataError(what, where=where, hint=hint)
     if names[position] != column.name and column.name in names:
         what = f"column {position + 1} is {names[position]!r}, {column.name!r} is column "
         hint = "leave the number out; columns are counted from 1, without that of time"

@@ -126,7 +126,7 @@ def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Itera
 
 def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
     kind = reading.get("kind", "shift")
-    if kind not in ENDING:
+    if kind not in [*ENDING]:
         return
     yield from _of_another_kind(path, reading, kind, stated)
     for wanted in (f"{what}_{ENDING[kind]}" for what in stated):
@@ -159,7 +159,7 @@ def _of_promise(data: Any) -> Iterator[Finding]:
         yield from given_twice(named, table.replace("_", " "))
     for i, gauge in tables(data, "gauge"):
         kind = gauge.get("kind", "shift")
-        if kind in ENDING:
+        if kind in [*ENDING]:
             yield from _of_another_kind(("gauge", i), gauge, kind, PLANNED)
     if data.get("since", "unloaded") == "unloaded":
         for i, case in tables(data, "load_case"):

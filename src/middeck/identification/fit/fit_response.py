@@ -362,7 +362,7 @@ def _result(run: _Searched) -> FitResult:
     error = _errors(measured, residual)
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
-    warnings += doubts_of_record(measured)
+    warnings += doubts_of_record(measured, residual)
     excess = model_error(best, spread)
     lacks = _lacks(run, covariance)
     of_model = doubts_of_model(measured, error, excess, residual)

@@ -329,14 +329,15 @@ def _shorter(
 
 
 def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tuple[float, float] | None:
-    """The band, cut at half the rate, with a warning where it reaches beyond."""
+    """The band, cut at half the rate, with a warning where it ends beyond; infinity is no end."""
     if band_hz is None or not band_hz[0] < 0.5 * sample_hz < band_hz[1]:
         return band_hz
-    warnings.warn(
-        f"a record at {sample_hz:g} Hz tells nothing above {0.5 * sample_hz:g} Hz: the band, up to "
-        f"{band_hz[1]:g} Hz, is fitted up to there",
-        stacklevel=4,
-    )
+    if band_hz[1] < np.inf:
+        warnings.warn(
+            f"a record at {sample_hz:g} Hz tells nothing above {0.5 * sample_hz:g} Hz: the band, up to "
+            f"{band_hz[1]:g} Hz, is fitted up to there",
+            stacklevel=4,
+        )
     return band_hz[0], 0.5 * sample_hz
 
 

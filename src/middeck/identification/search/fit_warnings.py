@@ -27,6 +27,8 @@ FEW_DEGREES = 12.0
 HALF = 0.5
 # Squared residual over variance of a line: beyond three standard deviations it is not noise.
 ABOVE_NOISE = 9.0
+# Squared response over variance of a line that stands out: no noise does by chance, of some thousand lines.
+STANDS_OUT = 25.0
 # Inflation of a variance by the other unknowns: errors of the model are amplified as much.
 CONFOUNDED = 1e4
 # Least squares leave no more than the response itself; twice that means that the search has failed.
@@ -36,11 +38,13 @@ FAR = 100.0
 UNDETERMINED = "is not determined by the data"
 
 
-def doubts_of_record(measured: FrequencyResponse) -> list[str]:
-    """Warnings for outputs whose periods or experiments disagree."""
+def doubts_of_record(
+    measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]
+) -> list[str]:
+    """Warnings for outputs whose periods or experiments disagree; ``residual`` is E - H of a fit."""
     if measured.variance is None:
         return []
-    scatter = _share(measured, measured.variance)
+    scatter = _share(measured, residual, measured.variance)
     return [
         f"output {port.name}: the response scatters by {share:.0%} between periods or experiments; is the "
         "record steady, without drift, spikes or dropouts?"
@@ -50,20 +54,29 @@ def doubts_of_record(measured: FrequencyResponse) -> list[str]:
 
 
 def _share(
-    measured: FrequencyResponse, squares: Float[np.ndarray, "line output input"]
+    measured: FrequencyResponse,
+    residual: Complex[np.ndarray, "line output input"],
+    squares: Float[np.ndarray, "line output input"],
 ) -> Float[np.ndarray, " output"]:
-    """Rms of a part of the response over that of the whole: of all lines alike, or as a fit weighs them.
+    """Rms of a part of the response over that of the whole; without lines that are all noise, if less.
 
-    The less of both. Lines that a sweep hardly excites are all noise: they are most of the rms and weigh
-    nothing; where the noise is small, a fit follows what is a small part of the rms.
+    Lines that a sweep hardly excites are most of the rms, and the model is not led by them: each that does
+    not stand out of its noise counts for no more than the model's response there. The weights of a fit would
+    not do: the peak of a mode that moves while it is measured scatters, and weighs nothing.
     """
     whole = np.abs(measured.H) ** 2
-    plain = np.sum(squares, axis=(0, 2)) / np.sum(whole, axis=(0, 2))
-    variance = measured.variance
-    if variance is None or not np.all(variance > 0.0):
+    plain = _ratio(squares, whole)
+    if measured.variance is None:
         return np.sqrt(plain)
-    weighed = np.sum(squares / variance, axis=(0, 2)) / np.sum(whole / variance, axis=(0, 2))
-    return np.sqrt(np.minimum(plain, weighed))
+    clear, modelled = whole > STANDS_OUT * measured.variance, np.abs(measured.H + residual) ** 2
+    part = np.where(clear, squares, np.fmin(squares, modelled))
+    return np.sqrt(np.fmin(plain, _ratio(part, np.where(clear, whole, modelled))))
+
+
+def _ratio(
+    part: Float[np.ndarray, "line output input"], whole: Float[np.ndarray, "line output input"]
+) -> Float[np.ndarray, " output"]:
+    return np.sum(part, axis=(0, 2)) / np.sum(whole, axis=(0, 2))
 
 
 def refuse_failed(measured: FrequencyResponse, error: Float[np.ndarray, " output"]) -> None:
@@ -92,10 +105,10 @@ def doubts_of_model(
     poor = [
         f"output {port.name}: the model leaves {left:.0%} of the response unexplained; its parameters mean "
         "little. Look at the record, the band and the order"
-        for port, left, weighed in zip(
-            measured.outputs, error, _share(measured, np.abs(residual) ** 2), strict=True
+        for port, left in zip(
+            measured.outputs, _share(measured, residual, np.abs(residual) ** 2), strict=True
         )
-        if min(left, weighed) > LEFT
+        if left > LEFT
     ]
     if poor or model_error <= 0.5 or measured.variance is None:
         return poor

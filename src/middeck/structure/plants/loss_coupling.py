@@ -73,7 +73,8 @@ def coupled_pairs(
         # The root of a complex stiffness has less than the ratio at high losses, whether coupled or not.
         alone, together = (_together(omega[[i, j]], zeta[[i, j]], h) for h in (0.0, shared))
         if np.any(np.abs(together - alone) > SHIFT * alone):
-            ratios = np.divide(together, alone, out=np.ones(2), where=alone > 0.0) * zeta[[i, j]]
+            # A mode without losses of its own has what it shares.
+            ratios = np.divide(zeta[[i, j]] * together, alone, out=together.copy(), where=alone > 0.0)
             found.append(CoupledPair((i, j), (float(ratios[0]), float(ratios[1]))))
     return found
 

@@ -114,11 +114,13 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
 
 
 def one_of(known: Collection[str], table: str, name: str) -> str:
-    """What to try where ``name`` is not ``known``: one like it, all, or the ``table`` that defines one."""
+    """What to try where ``name`` is not ``known``: one like it and all, or the ``table`` that defines one.
+
+    All stand there too: what is most like an axis that is not there is another axis.
+    """
     close = difflib.get_close_matches(name, [one for both in known for one in both.split(", ")], 1, NEARLY)
-    if not known:
-        return f"add {table} to the article, which has none"
-    return (f"did you mean {close[0]!r}? " if close else "") + f"one of {', '.join(known)}"
+    likely = f"did you mean {close[0]!r}? " if close else ""
+    return f"{likely}one of {', '.join(known)}" if known else f"add {table} to the article, which has none"
 
 
 def _find_sensor(equilibrium: Equilibrium, output: str) -> tuple[Sensor, bool]:

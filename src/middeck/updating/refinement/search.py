@@ -136,8 +136,9 @@ def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Pri
     try:
         at = places.solve(prior.mean, places.moves_damping)
     except NumericalError as error:
-        error.where = f"{error.where}, at the means of the unknowns"
-        error.hint = f"means, or an article as drawn, with a rest state in this test; {error.hint}"
+        error.where = ", ".join(filter(None, (error.where, "at the means of the unknowns")))
+        advice = "means, or an article as drawn, with a rest state in this test"
+        error.hint = "; ".join(filter(None, (advice, error.hint)))
         raise
     found, why = None, None
     try:
@@ -260,7 +261,7 @@ def _solve(place: SetUp, survey: Survey, x: np.ndarray) -> Modes:
     try:
         return place.solve(x)
     except NumericalError as error:
-        error.where = f"survey {survey.name!r}"
+        error.where = ", ".join(filter(None, (f"survey {survey.name!r}", error.where)))
         raise
 
 

@@ -87,7 +87,14 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
     halves, closed = evaluate_halves(loop), closed_round(loop, at)
     ratio = broken_ratio(loop, at)
     half = 0.5 * np.eye(len(broken_at(loop, at)))
-    omega, _ = add_ends(loop, ratio, refine_lines(ratio, place_lines(loop, at, ratio, zeros=False)))
+    omega, _ = refine_lines(ratio, place_lines(loop, at, ratio, zeros=False))
+
+    def once(s: np.ndarray) -> Complex[np.ndarray, "line path"]:
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # on a pole of a half
+            return go_round(*halves(s), at).reshape(len(s), -1)
+
+    # An end counts where both halves are finite, though one loop alone may close to a pole there.
+    omega, _ = add_ends(loop, once, (omega, once(1j * omega)))
 
     def bound(w: np.ndarray) -> Float[np.ndarray, " line"]:
         P = go_round(*halves(1j * w), at)
