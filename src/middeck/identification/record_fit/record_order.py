@@ -1,9 +1,9 @@
 """Order and weights of a sampled model: minimum description length, and held-out samples.
 
 The order has the least description length by either kind of noise, transients counted. The weights at that
-order are the likeliest of those whose models simulate held-out samples about as well as the best: the residual
-of a real article is more than noise, so the likeliest weights need not simulate best. How both rules were chosen:
-docs/explanation/one-long-record.md.
+order are the likeliest of those whose models simulate held-out samples about as well as the best: the
+residual of a real article is more than noise, so the likeliest weights need not simulate best. How both rules
+were chosen: docs/explanation/one-long-record.md.
 
 A large record is scouted first (`reduced_record`): the order is searched on some of its lines and principal
 outputs; that model is refined on all data, and grown as long as its description length falls.
@@ -52,8 +52,8 @@ WEIGHED = {
 }
 # Steps from the model of all samples to that of a part.
 STEPS_HELD_OUT = 15
-# Errors of samples held out, over the least, that are no sign for either weights: of records whose noise is all that
-# a model leaves, the three differ by 3 %, and the likeliest weights estimate best.
+# Errors of samples held out, over the least, that are no sign for either weights: where a model leaves noise
+# alone, the three differ by 3 %, and the likeliest weights estimate best.
 ALIKE = 1.05
 # Share of the part held out to which the initial state is fitted.
 STATE_SHARE = 0.5
