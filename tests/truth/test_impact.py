@@ -179,6 +179,15 @@ def test_a_blow_of_the_other_sign_is_named_and_an_experiment_without_one_told():
     assert told == ("1 of 4 blows were rejected", "no blow in experiment 1: its force has no peak")
 
 
+def test_the_hardest_blow_may_be_the_one_of_the_other_sign():
+    record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
+    u = np.array(record.u)
+    u[:, :, 1100:1900] *= -2.0
+    for v in (u, -u):
+        found = locate_blows(dataclasses.replace(record, u=v))
+        assert [b.rejected.split(":")[0] for b in found] == ["", "", "wrong sign", ""]
+
+
 def test_a_pull_without_ringing_is_a_blow_of_the_other_sign():
     """Nothing of it pushes: it stands among the blows by its own sign alone."""
     record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)

@@ -1,7 +1,7 @@
 """Find the blows of a hammer in a record, and reject the unusable ones.
 
-A hammer pushes: what counts is force of the sign of the largest one. Pulses that follow each other much
-sooner than blows do are one blow that hit twice.
+A hammer pushes: what counts is force of the sign that most of the momentum has. Pulses that follow each other
+much sooner than blows do are one blow that hit twice.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
         )
     u, y = (x.reshape(len(x), -1, x.shape[3]) for x in (record.u, record.y))
     force = u[:, :, 0] - np.median(u[:, :, 0], axis=1, keepdims=True)
-    force = force * np.sign(force.flat[np.argmax(np.abs(force))])
+    force = force * _sign(force)
     pulses = [_pulses(x, float(force.max())) for x in force]
     if not any(pulses):
         raise DataError(
@@ -109,6 +109,12 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
     found = _judged(found, record.sample_hz)
     found = _overloads(found, record, u, y)
     return tuple(_ringing(found, y))
+
+
+def _sign(force: Float[np.ndarray, "experiment sample"]) -> float:
+    """That of the blows together: one that is harder than all others may have the wrong one."""
+    size = np.abs(force)
+    return float(np.copysign(1.0, np.sum(force[size > REVERSED * size.max()])))
 
 
 def _noise(force: Float[np.ndarray, " sample"]) -> float:
