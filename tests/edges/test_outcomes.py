@@ -22,7 +22,11 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "data/virtual-survey"
 PROMISE = FOLDER / "promise.json"
 SHAPES = FOLDER / "mace-simple-orbit.json"
-FROZEN = sorted((ROOT / "promises").glob("*.json"))
+FROZEN = [
+    path
+    for path in sorted((ROOT / "promises").glob("*.json"))
+    if json.loads(path.read_text())["date"] == "2026-11-23"
+]
 HEAD = 'schema = "middeck.outcome/1"\n'
 
 
