@@ -22,7 +22,7 @@ from middeck.files.json.output import write_json
 from middeck.files.promises.documents import hash_files, loads_document
 
 HERE = Path(__file__).resolve().parents[1] / "promises"
-# By the load cases that each is for; restated before any outcome was known, with what larger loads may change.
+# By the load cases of each; restated before any outcome was known, with what larger loads may change.
 PAZY = {
     "pazy-mid-chord": "pazy-mid-chord.toml",
     "pazy-behind": "pazy-behind.toml",
