@@ -77,8 +77,8 @@ def steadied(taken: Record) -> StartUp:
         return steady
     what = (
         f"the inputs repeat after {length:.8g} samples, not after {taken.u.shape[2]}: lines may be wrong "
-        "by far more than their deviations, and what looks like a transient may be that; take the record as one "
-        "run (not periodic), or a rate of whole periods"
+        "by far more than their deviations, and what looks like a transient may be that; take the record "
+        "as one run (not periodic), or a rate of whole periods"
     )
     return dataclasses.replace(steady, what=_joined(what, steady.what))
 
