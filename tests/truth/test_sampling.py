@@ -10,6 +10,7 @@ import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.systems.plants.response import statespace_response
@@ -20,7 +21,7 @@ from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
 from middeck.systems.state_space.modal_system import ModalSystem, modal_response, modal_to_statespace
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
-from plant_builders import FORCE, WAY, grouped_plant
+from plant_builders import FORCE, WAY, grouped_plant, unit_weights
 
 T = 0.002
 
@@ -254,8 +255,9 @@ def test_multisine_refuses(band, period, rate, message):
 ])  # fmt: skip
 def test_a_rate_for_the_period_is_told(hz, period_s, doubted):
     """A mode "sampled at 100" was sampled every 100 s without a word; slow laws, slow plants are not told."""
-    plant = grouped_plant(modes(hz, 1, 1), (FORCE,), (WAY,))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        sample_plant(plant, period_s)
-    assert any("is the rate" in str(warning.message) for warning in told) == doubted
+    plant, weights = grouped_plant(modes(hz, 1, 1), (FORCE,), (WAY,)), unit_weights(("force",), 1e-4)
+    for ask in (sample_plant, lambda plant, period_s: design_sampled_lqg(plant, weights, 1.0, period_s)):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            ask(plant, period_s)
+        assert any("is the rate" in str(warning.message) for warning in told) == doubted

@@ -31,12 +31,12 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     ('state 0', 'delay', 'delay')
     """
     sampled = _sample(plant, float(period_s))
-    _doubt_period(plant, period_s)
+    doubt_period(plant, period_s)
     return sampled
 
 
-def _doubt_period(plant: Plant, period_s: float) -> None:
-    """Warn of what looks like a rate in Hz given for the period."""
+def doubt_period(plant: Plant, period_s: float) -> None:
+    """Warn (`UserWarning`) of what looks like a rate in Hz given for the period."""
     if period_s**2 <= 2.0 * TURNS:  # no mode can be both too fast and too slow
         return
     hz = np.abs(growth_rates(remove_delays(plant).system)) / (2.0 * np.pi)
