@@ -1,6 +1,7 @@
 """Hold, delay and Tustin against brute force, closed forms and the exact frequency response."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -9,15 +10,18 @@ import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from middeck.control.sampled.design import design_sampled_lqg
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.poles.verdict import is_stable
+from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
 from middeck.systems.state_space.modal_system import ModalSystem, modal_response, modal_to_statespace
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
+from plant_builders import FORCE, WAY, grouped_plant, unit_weights
 
 T = 0.002
 
@@ -243,3 +247,17 @@ def test_multisine_depends_on_the_generator_alone():
 def test_multisine_refuses(band, period, rate, message):
     with pytest.raises(ConfigError, match=message):
         random_multisine(band, period, rate, 1.0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("hz", "period_s", "doubted"), [
+    ((3.0,), 100.0, True), ((0.1, 3.0, 40.0), 100.0, True), ((0.0, 3.0), 100.0, True),
+    ((3.0,), 0.01, False), ((0.0,), 100.0, False), ((0.0, 30.0), 1.0, False), ((0.001, 0.02), 100.0, False),
+])  # fmt: skip
+def test_a_rate_for_the_period_is_told(hz, period_s, doubted):
+    """A mode "sampled at 100" was sampled every 100 s without a word; slow laws, slow plants are not told."""
+    plant, weights = grouped_plant(modes(hz, 1, 1), (FORCE,), (WAY,)), unit_weights(("force",), 1e-4)
+    for ask in (sample_plant, lambda plant, period_s: design_sampled_lqg(plant, weights, 1.0, period_s)):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            ask(plant, period_s)
+        assert any("is the rate" in str(warning.message) for warning in told) == doubted

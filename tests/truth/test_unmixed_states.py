@@ -241,3 +241,12 @@ def test_a_free_body_hardly_reached_or_seen_is_told_from_states_mixed_a_little(k
         laws = [DESIGNS[kind](plant, unit_weights(("force",), 1e-4), 100.0) for plant in plants]
     one, other = (statespace_response(law.dynamics, np.geomspace(1e-3, 100.0, 40)).ravel() for law in laws)
     assert np.abs(other - one).max() < 1e-6 * np.abs(one).max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_refusal_of_strongly_mixed_states_says_that_they_may_hide_what_is_reached(seed: int) -> None:
+    """At a condition of 1e8 free bodies, driven and seen, are refused; to leave them out was advised."""
+    rng = np.random.default_rng([106, seed])
+    plant = grouped_plant(_mixed(_system(rng), 1e8, rng), (FORCE,), (WAY,))
+    with pytest.raises(NotStabilisableError, match="rounding may hide what is reached"):
+        design_lqg(plant, unit_weights(("force",), 1e-4), 1e2)

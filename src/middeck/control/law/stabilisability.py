@@ -23,6 +23,11 @@ CANDIDATE = 1e-6
 double poles at the origin are known to the square root of rounding only."""
 CIRCLE = 1e-7
 """The same for modulus one; less, since at 1 kHz a mode of 0.03 Hz and 1 % is only 2e-6 inside."""
+SPREAD, HIDDEN = (
+    3,
+    "in mixed states rounding may hide what is reached and seen: modal ones, or of like sizes, tell",
+)
+"""Names that share what is not reached, from which on the states are mixed."""
 
 
 def unreachable_states(
@@ -135,7 +140,7 @@ def require_reachable(
     blamed = tuple(label for label, part in total.items() if part > 0.1)
     raise NotStabilisableError(
         f"{complaint}, and it does not decay: {_said(blamed, round(float(share.sum())))}",
-        hint=hint,
+        hint=hint if len(blamed) < SPREAD else f"{hint}; {HIDDEN}",
         modes=blamed,
         shares=share,
     )

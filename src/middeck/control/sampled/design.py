@@ -25,6 +25,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.state_units import in_units
 from middeck.systems.poles.verdict import CURE
+from middeck.systems.sampling.sampled_plant import doubt_period
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -96,7 +97,8 @@ def design_sampled_lqg(
     Raises `NotStabilisableError` naming the modes that cannot be held (also those that sampling makes
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
     not fit and for a ``"current"`` law on a plant that answers within the sample. Warns (`UserWarning`) where
-    rounding of the plant's matrices moves the law or its cost (`design_known`).
+    rounding of the plant's matrices moves the law or its cost (`design_known`), and of a rate for the period
+    (`doubt_period`).
 
     >>> from middeck.systems.plants.plant_from_matrices import make_plant
     >>> walk = make_plant([[0.0]], [[1.0]], [[1.0]], w=["u1"], u=["u1"], z=["y1"], y=["y1"])
@@ -113,7 +115,9 @@ def design_sampled_lqg(
     def view(law: SampledLQG) -> DesignView:
         return DesignView(law.dynamics, law.cost, (law.regulator, law.estimator))
 
-    return design_known("law and cost", design, view, plant)
+    law = design_known("law and cost", design, view, plant)
+    doubt_period(plant, period_s)
+    return law
 
 
 def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form) -> SampledLQG:

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.identification.levenberg_marquardt import Refined, Step, search
+from middeck.identification.spectra.period_length import length_of_period
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.values import record as frozen
@@ -71,6 +72,19 @@ class StartUp:
 
 def steadied(taken: Record) -> StartUp:
     """``taken`` as the steady record that it would have been; itself where it is steady."""
+    steady, length = _steadied(taken), length_of_period(taken.u)
+    if length is None:
+        return steady
+    what = (
+        f"the inputs repeat after {length:.8g} samples, not after {taken.u.shape[2]}: lines may be wrong "
+        "by far more than their deviations, and what looks like a transient may be that; take the record "
+        "as one run (not periodic), or a rate of whole periods"
+    )
+    return dataclasses.replace(steady, what=_joined(what, steady.what))
+
+
+def _steadied(taken: Record) -> StartUp:
+    """The same, whether the inputs' period is that of the record or not."""
     periods, samples, outputs = taken.y.shape[1:]
     if periods < 2:
         return StartUp(taken, "", np.zeros(samples // 2 + 1), np.zeros((outputs, outputs)))
