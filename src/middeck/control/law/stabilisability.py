@@ -23,11 +23,9 @@ CANDIDATE = 1e-6
 double poles at the origin are known to the square root of rounding only."""
 CIRCLE = 1e-7
 """The same for modulus one; less, since at 1 kHz a mode of 0.03 Hz and 1 % is only 2e-6 inside."""
-SPREAD, HIDDEN = (
-    3,
-    "in mixed states rounding may hide what is reached and seen: modal ones, or of like sizes, tell",
-)
+SPREAD = 3
 """Names that share what is not reached, from which on the states are mixed."""
+HIDDEN = "in mixed states rounding may hide what is reached and seen: modal ones, or of like sizes, tell"
 
 
 def unreachable_states(
