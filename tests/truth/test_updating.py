@@ -351,6 +351,23 @@ def test_gravity_is_taken_out():
     assert np.all(predicted.seen > 0.9)
 
 
+def test_a_mast_upright_and_hanging_is_refined_on_both_at_once():
+    """Weight that softens it in one test stiffens it in the other; swapped, no article fits both."""
+    truth, up, down = mast(EI=1.05, mass=0.38), clamped(), clamped(gravity=9.80665)
+    surveys = [
+        dataclasses.replace(survey_of(modes_of(truth, place), TIGHT, k, (0, 1)), name=name)
+        for k, (name, place) in enumerate((("upright", up), ("hanging", down)))
+    ]
+    both = refine(mast(), surveys, (MODULUS, TOP)).estimate
+    assert np.all(np.abs(both.x - np.log([1.05, 0.95])) < 3.0 * both.x_std)
+    for seen in repeats(surveys):
+        assert np.all(both.x_std < 0.6 * refine(mast(), [seen], (MODULUS, TOP)).estimate.x_std)
+    swapped = [
+        dataclasses.replace(seen, environment=place) for seen, place in zip(surveys, (down, up), strict=True)
+    ]
+    assert any("contradict" in said for said in findings(refine(mast(), swapped, (MODULUS, TOP))))
+
+
 def test_what_was_taken_out_is_said_term_by_term():
     """Nothing suspends a mast; its weight softens bending, and stiffens it a little by making it shorter."""
     seen = survey_of(modes_of(mast(EI=1.07, mass=0.43), clamped()), MeasurementNoise(1e-4, 0.01))
