@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -60,20 +61,17 @@ node = "a"
 
 def article(tmp_path: Path, text: str) -> str:
     """What is said of it; empty if it is read."""
-    path = tmp_path / "bar.toml"
-    path.write_text(text, encoding="utf-8")
-    try:
-        load_structure(path)
-    except ConfigError as error:
-        return str(error)
-    return ""
+    return told_by(load_structure, tmp_path / "bar.toml", text)
 
 
 def environment(tmp_path: Path, text: str) -> str:
-    path = tmp_path / "hall.toml"
+    return told_by(load_environment, tmp_path / "hall.toml", text)
+
+
+def told_by(load: Callable[[Path], object], path: Path, text: str) -> str:
     path.write_text(text, encoding="utf-8")
     try:
-        load_environment(path)
+        load(path)
     except ConfigError as error:
         return str(error)
     return ""

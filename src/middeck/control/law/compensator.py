@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, require_plant
 from middeck.systems.plants.response import FrequencyResponse, statespace_response
 from middeck.systems.state_space.statespace import (
     LinearSystem,
@@ -189,3 +189,10 @@ def evaluate_compensator(
     return FrequencyResponse(
         frequency_hz=frequency_hz, H=H, inputs=compensator.inputs, outputs=compensator.outputs, hold_s=held
     )
+
+
+def require_loop(plant: object, compensator: object) -> None:
+    """Raise `ConfigError` where other kinds of value stand in place of a plant and its compensator."""
+    require_plant(plant)
+    hint = "the compensator behind the plant; Compensator(system, inputs, outputs)"
+    require_kind(compensator, Compensator, "compensator", hint)

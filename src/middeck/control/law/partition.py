@@ -14,14 +14,14 @@ from jaxtyping import Bool, Float
 
 from middeck.control.law.stabilisability import require_reachable
 from middeck.systems.plants.mode_blocks import unmix_states
-from middeck.systems.plants.plant import Plant, name_states, remove_delays, subsystem
+from middeck.systems.plants.plant import Plant, name_states, remove_delays, require_plant, subsystem
 from middeck.systems.poles.inert_modes import inert_modes
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.poles.stability import growth_limits, none_grows
 from middeck.systems.poles.state_units import in_units, uneven_units
 from middeck.systems.state_space.modal_system import select_modes
 from middeck.systems.state_space.statespace import StateSpace
-from middeck.values import record, require_kind
+from middeck.values import record
 
 
 @record
@@ -41,7 +41,7 @@ class ModePartition:
 
 def partition_modes(plant: Plant) -> ModePartition:
     """`set_inert_aside`, the states in like units (`settle_states`)."""
-    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
+    require_plant(plant)
     part = set_inert_aside(plant)
     system = part.active.dynamics
     if not isinstance(system, StateSpace) or (unit := uneven_units(system)) is None:

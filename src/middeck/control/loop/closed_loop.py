@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex
 
-from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
+from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports, require_loop
 from middeck.control.law.partition import set_inert_aside
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
@@ -15,7 +15,7 @@ from middeck.systems.poles.stability import growth_rates, none_grows
 from middeck.systems.poles.verdict import warn_if_open
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.statespace import StateSpace, select_paths
-from middeck.values import record, require_kind
+from middeck.values import record
 
 
 @record(kw_only=True)
@@ -48,13 +48,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     the loop through the direct terms has no solution. Warns (`UserWarning`) where rounding leaves its
     stability open, which `decide_stability` refuses.
     """
-    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
-    require_kind(
-        compensator,
-        Compensator,
-        "compensator",
-        "the compensator behind the plant; Compensator(system, inputs, outputs)",
-    )
+    require_loop(plant, compensator)
     part = set_inert_aside(plant)
     active, law = part.active, compensator.system
     w, z = active.input_indices(active.w), active.output_indices(active.z)

@@ -194,10 +194,10 @@ def _ports(data: Table) -> Iterator[Finding]:
     """A force, an accelerometer or a displacement has a point and an axis; a torque or an angle does not."""
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
-            kind = t.get("kind")
-            if kind in [*AT_POINT] and "axis" not in t:
+            kind = str(t.get("kind"))  # what is no text, the form has refused
+            if kind in AT_POINT and "axis" not in t:
                 yield finding((table, i, "axis"), f"missing; {AT_POINT[kind]} needs one")
-            if kind not in [*AT_POINT] and "offset_m" in t:
+            if kind not in AT_POINT and "offset_m" in t:
                 message = "a torque or an angle is the same all over its frame: it has no offset"
                 yield finding((table, i, "offset_m"), message, t["offset_m"])
             if kind == "displacement" and "axis_frame" in t:

@@ -109,7 +109,7 @@ def _references(data: Table) -> Iterator[Finding]:
                 yield from unknown((table, i, key), t[key], known, kind)
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
-            frame, anywhere = t.get("frame"), "axis" in t or t.get("kind") in [*AT_POINT]
+            frame, anywhere = t.get("frame"), "axis" in t or str(t.get("kind")) in AT_POINT
             if not anywhere and isinstance(frame, str) and frame in nodes:
                 message = f"is no joint, so that the {table} needs an axis"
                 yield finding((table, i, "frame"), message, frame, hint="axis = [x, y, z] in its axes")

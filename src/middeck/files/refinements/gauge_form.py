@@ -125,8 +125,8 @@ def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Itera
 
 
 def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
-    kind = reading.get("kind", "shift")
-    if kind not in [*ENDING]:
+    kind = str(reading.get("kind", "shift"))  # what is no text, the form has refused
+    if kind not in ENDING:
         return
     yield from _of_another_kind(path, reading, kind, stated)
     for wanted in (f"{what}_{ENDING[kind]}" for what in stated):
@@ -158,12 +158,12 @@ def _of_promise(data: Any) -> Iterator[Finding]:
         named = [((table, i, "name"), one.get("name")) for i, one in tables(data, table)]
         yield from given_twice(named, table.replace("_", " "))
     for i, gauge in tables(data, "gauge"):
-        kind = gauge.get("kind", "shift")
-        if kind in [*ENDING]:
+        kind = str(gauge.get("kind", "shift"))
+        if kind in ENDING:
             yield from _of_another_kind(("gauge", i), gauge, kind, PLANNED)
     if data.get("since", "unloaded") == "unloaded":
         for i, case in tables(data, "load_case"):
-            if not any(case.get(key) for key in ("load", "mass", "prescribed")):
+            if not any(case[key] for key in own_loads(case)):
                 hint = 'a load, or since = "drawn"'
                 yield finding(("load_case", i), "a change since unloaded, of no load", hint=hint)
     if bool(data.get("load_case")) != bool(data.get("gauge")):

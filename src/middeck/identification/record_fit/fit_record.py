@@ -341,6 +341,14 @@ def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tu
     return band_hz[0], 0.5 * sample_hz
 
 
+def _doubts_of_two(fit: Tidied) -> list[str]:
+    return [
+        f"mode at {hz:.4g} Hz: two modes in its place describe the record better (by over {CLEARLY:g} of "
+        "description length); the stated standard deviations are too small; ask for two more states"
+        for hz in fit.as_two
+    ]
+
+
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
     """Whether inputs are as strong near half the rate as elsewhere, and the lines to fit reach far.
 
@@ -424,11 +432,7 @@ def _result(
     lacking = fitted.sample_hz is None and input_noise is None
     lacks = record_lacks(run, data, covariance) if lacking else NOTHING
     wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += [
-        f"mode at {hz:.4g} Hz: two modes in its place describe the record better (by over {CLEARLY:g} of "
-        "description length); the stated standard deviations are too small; ask for two more states"
-        for hz in fit.as_two
-    ]
+    wrong += _doubts_of_two(fit)
     if model.sample_hz is None:
         wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)

@@ -12,7 +12,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices, require_names
 from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, select_channels
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, select_paths
-from middeck.values import record
+from middeck.values import record, require_kind
 
 Dynamics = ModalSystem | StateSpace | SampledStateSpace
 
@@ -223,3 +223,8 @@ def group_ports(
 def subsystem(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) -> StateSpace:
     """The continuous state space from ``inputs`` to ``outputs``, by name."""
     return select_ports(plant, inputs, outputs).system
+
+
+def require_plant(value: object) -> None:
+    """Raise `ConfigError` where another kind of value stands in place of a plant."""
+    require_kind(value, Plant, "plant", "the plant first; make_plant and build_plant make one")

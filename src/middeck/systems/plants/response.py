@@ -7,11 +7,11 @@ from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, require_plant
 from middeck.systems.poles.resolvent import evaluate_transfer
 from middeck.systems.state_space.modal_system import ModalSystem, modal_response
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
-from middeck.values import record, require_kind
+from middeck.values import record
 
 
 @record
@@ -68,7 +68,7 @@ def evaluate_plant(plant: Plant, frequency_hz: Float[np.ndarray, " line"]) -> Fr
 
     Raises `ConfigError` for a frequency that is not finite.
     """
-    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
+    require_plant(plant)
     f = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
     if not np.all(np.isfinite(f)):
         raise ConfigError("a frequency is not finite", hint="numbers, in Hz")

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.sampled_rounding import sample_known
-from middeck.control.law.compensator import Compensator, locate_ports
+from middeck.control.law.compensator import Compensator, locate_ports, require_loop
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
@@ -29,7 +29,7 @@ from middeck.systems.state_space.modal_system import (
     select_modes,
 )
 from middeck.systems.state_space.statespace import LinearSystem, StateSpace, poles, same_period, select_paths
-from middeck.values import record, require_kind
+from middeck.values import record
 
 At = Literal["inputs", "outputs", "both"]
 """Where a loop is broken or disturbed: at the plant's inputs, at the measurements, or at both at once."""
@@ -117,13 +117,7 @@ def form_loop(plant: Plant, compensator: Compensator) -> FeedbackLoop:
     Raises `ConfigError` for ports that do not exist, a continuous compensator on a sampled plant, and periods
     that differ; `NumericalError` as `sample_known`.
     """
-    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
-    require_kind(
-        compensator,
-        Compensator,
-        "compensator",
-        "the compensator behind the plant; Compensator(system, inputs, outputs)",
-    )
+    require_loop(plant, compensator)
     path, period = loop_path(plant, compensator), compensator.period_s
     if period is None:
         if plant.period_s is not None:

@@ -18,9 +18,8 @@ from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms, require_one_each
 from middeck.systems.norms.rms import response_rms
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, require_plant
 from middeck.systems.poles.stability import growth_rates
-from middeck.values import require_kind
 
 
 def measure_rms(
@@ -37,7 +36,7 @@ def measure_rms(
     <= low < high < inf, and a sampled compensator (`measure_noise_rms` takes both); `NumericalError` where
     stability cannot be decided. Warns (`UserWarning`) where rounding of the matrices makes the rms uncertain.
     """
-    require_kind(plant, Plant, "plant", "the plant first; make_plant and build_plant make one")
+    require_plant(plant)
     law = idle_compensator(plant) if compensator is None else compensator
     if not plant.delayed:
         return loop_rms(close_loop(plant, law), performance)
