@@ -33,6 +33,29 @@ bus, to the limit of a fine mesh, to which two peers extrapolate. [Benchmarks in
 has all cases, required levels and versions; another page compares
 [models with measured hardware](explanation/measured-hardware.md).
 `make bench` writes this page and the full one from `benchmarks/results/*.json`; do not edit them.
+
+## Levels
+
+What was asked of each part before it was built.
+
+| part | levels | met |
+| --- | --- | --- |
+{counts}
+
+These are missed:
+
+| case | measure | value | level |
+| --- | --- | --- | --- |
+{missed}
+
+## Levels of the prediction
+
+From the ground test to the promise. Truths are drawn around the article as drawn; of hardware, what a promise
+is compared with was kept out of its fit.
+
+| case | measure | value | level |
+| --- | --- | --- | --- |
+{prediction}
 """
 HEAD = """# Benchmarks in full
 
@@ -57,7 +80,15 @@ def pages() -> dict[str, str]:
     """Both pages by the names of their files."""
     results = sorted((HERE / "results").glob("*.json"))
     full = "\n".join([HEAD, *(_section(p.stem, json.loads(p.read_text())) for p in results)])
-    opening = OPENING.format(rows="\n".join(_headline(h) for h in headlines()))
+    levels = {p.stem: _levels(json.loads(p.read_text())) for p in results}
+    opening = OPENING.format(
+        rows="\n".join(_headline(h) for h in headlines()),
+        counts="\n".join(
+            f"| {n} | {len(asked)} | {sum(r['met'] for r in asked)} |" for n, asked in levels.items()
+        ),
+        missed="\n".join(_level(r) for asked in levels.values() for r in asked if not r["met"]),
+        prediction="\n".join(map(_level, levels["prediction"])),
+    )
     return {"benchmarks.md": opening, "benchmarks-in-full.md": full}
 
 
@@ -65,6 +96,15 @@ def _headline(shown: Headline) -> str:
     ours, theirs = (f"{value:.2g} {shown.unit}".strip() for value in (shown.ours, shown.theirs))
     ratio = f"{shown.ratio:.2g}" if shown.ratio < 1.0 else f"**{shown.ratio:.2g}**"
     return f"| {shown.what} | {ours} | {theirs}, {shown.peer} | {ratio} |"
+
+
+def _levels(result: dict) -> list[dict]:
+    return [row for row in result["rows"] if row["level"] is not None]
+
+
+def _level(row: dict) -> str:
+    value = f"{_number(row['value'])} {row['unit']}".strip()
+    return f"| {_case(row)} | {row['measure']} | {value} | {_number(row['level'])} |"
 
 
 def _section(name: str, result: dict) -> str:
@@ -82,9 +122,12 @@ def _row(row: dict) -> str:
     met = {True: "yes", False: "**no**", None: "-"}[row["met"]]
     level = "-" if row["level"] is None else _number(row["level"])
     note = f" ({row['note']})" if row.get("note") else ""
-    states = f", {row['states']} states" if "states" in row else ""
     value = f"{_number(row['value'])} {row['unit']}".strip()
-    return f"| {row['case']}{states} | {row['measure']}{note} | {value} | {level} | {met} | {peers} |"
+    return f"| {_case(row)} | {row['measure']}{note} | {value} | {level} | {met} | {peers} |"
+
+
+def _case(row: dict) -> str:
+    return f"{row['case']}, {row['states']} states" if "states" in row else row["case"]
 
 
 def _number(value: float | str | None) -> str:

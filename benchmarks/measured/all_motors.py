@@ -41,7 +41,7 @@ from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import set_up
 
 STUDY = Path(__file__).resolve().parents[2] / "studies" / "mace-1993.toml"
-SEEDS = (1993, *range(4))
+SEEDS = (1993, *range(14))
 LOG10_AUTHORITY = np.array([0.0, 2.0, 4.0])
 # The least and the most of 39 draws hold 95 % of others.
 DRAWS = 39

@@ -21,7 +21,7 @@ from middeck.campaign.cases import Case
 from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.modes.solve import Modes
-from middeck.systems.plants.plant import Plant
+from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.updating.promise.draws import DrawnPlants, draw_plants
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of
@@ -47,12 +47,16 @@ BETWEEN = 8  # rungs looked at for the best
 class Short(NamedTuple):
     """By how many decibels a promised frontier is below the true one, and what stopping there gives up.
 
-    The last stable rung is on the brink, and the finer the ladder, the worse its decibels: what a promise
-    gives up is against the best rung from the promised one to the last.
+    A rung's authority is said in the decibels that its law reaches on its own model: they grow along the
+    ladder. Those that it reaches on the truth do not: the last stable rung is on the brink, and the finer
+    the ladder, the worse it is there. What a promise gives up is against the best rung from the promised one
+    to the last.
     """
 
-    below: float
+    below: float  # in decibels of the designs on their own model
+    came_apart: float  # the same two rungs, in decibels on the truth
     given_up: float
+    pushed_to: float  # decibels of the ladder's last rung on its own model
 
 
 class Came(NamedTuple):
@@ -118,7 +122,7 @@ def all_motors_frontiers(truth: Case, _: Any) -> list[Short]:
 
 def _frontier_rows(name: str, of_truths: Sequence[Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
     found = np.array([both for of_truth in of_truths for both in of_truth])
-    late, given_up = found[np.isfinite(found[:, 0])].T
+    late, apart, given_up, pushed_to = found[np.isfinite(found[:, 0])].T
     title = f"frontier, {name}, {len(found)} ladders of {LADDERS} truths"
     above = int(np.sum(late < 0.0))
     most = 100.0 * probability_interval(above, len(late), 0.9)[1]
@@ -126,9 +130,12 @@ def _frontier_rows(name: str, of_truths: Sequence[Sequence[Sequence[float]]]) ->
     return [
         row(title, "promised above the true one", "%", 100.0 * above / len(late), 2.0, note=note),
         row(title, "promised below the true one, median", "dB", np.median(late), 1.0),
-        row(title, "the same, largest", "dB", late.max(), 3.0),
+        row(title, "promised below the true one, largest", "dB", late.max(), 3.0),
+        row(title, "decibels that came at the two, apart by, median", "dB", np.median(apart)),
+        row(title, "the same, largest", "dB", apart.max()),
         row(title, "given up against the best stable rung, median", "dB", np.median(given_up)),
         row(title, "the same, largest", "dB", given_up.max()),
+        row(title, "last rung on its own model, least of the ladders", "dB", pushed_to.max()),
         row(title, "without one rung that is promised", "", len(found) - len(late)),
     ]
 
@@ -157,21 +164,34 @@ def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> Sh
         alone = dataclasses.replace(ladder, authority=ladder.authority[k : k + 1])
         return next(iter(design_ladder(modes, dataclasses.replace(asked, ladder=alone)).values()))
 
-    @functools.cache
-    def came(k: int) -> float:
-        return case.true_db(group_loop(asked, truth, ladder.drives, ladder.reads), rung(k), asked)
+    def reached(k: int, plant: Plant) -> float:
+        return case.true_db(group_loop(asked, plant, ladder.drives, ladder.reads), rung(k), asked)
+
+    came = functools.cache(partial(reached, plant=truth))
+    own = delay_plant(close_inner(asked, plant_of(asked, modes)), asked.loop.delay_s)
+    designed = functools.cache(partial(reached, plant=own))
 
     true = _first_not(lambda k: bool(np.isfinite(came(k))), count, decade) - 1
     worst = [group_loop(asked, plant, ladder.drives, ladder.reads) for plant in drawn.plants]
     said = _first_not(lambda k: _all_stable(rung(k), worst, asked), count, decade) - 1
-    print(f"true frontier {true}, promised {said} of {count}; {came(max(true, 0)):.2f} dB", flush=True)
+    last = designed(count - 1)
+    for name, k in (("true", true), ("promised", said)):
+        at = max(k, 0)
+        print(
+            f"{name} frontier {k} of {count}: came {came(at):.2f}, designed {designed(at):.2f} dB", flush=True
+        )
     if said < 0 or true < 0:
-        return Short(0.0 if said == true else (np.nan if said < 0 else -np.inf), 0.0)
+        nothing = 0.0 if said == true else (np.nan if said < 0 else -np.inf)
+        return Short(nothing, 0.0, 0.0, last)
     if said > true:
-        return Short(-1.0, 0.0)
+        return Short(-1.0, 0.0, 0.0, last)
     between = range(said, true + 1, max(1, (true - said) // BETWEEN))
-    # Near the end of a ladder a lower rung may be the better one: its distance counts all the same.
-    return Short(abs(came(said) - came(true)), came(said) - min(came(k) for k in (*between, true)))
+    return Short(
+        designed(said) - designed(true),
+        abs(came(said) - came(true)),
+        came(said) - min(came(k) for k in (*between, true)),
+        last,
+    )
 
 
 def _first_not(holds: Callable[[int], bool], count: int, stride: int) -> int:

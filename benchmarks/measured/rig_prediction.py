@@ -29,7 +29,7 @@ case = prediction.case
 rig_case = importlib.import_module("rig_case")
 
 # A truth takes two minutes.
-SEEDS = 35
+SEEDS = 50
 # Two for each of the sheet's modes in the band, then more where the fit has to doubt what it finds.
 STATES = (36, 38, 40)
 ENOUGH = 14
