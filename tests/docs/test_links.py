@@ -48,6 +48,14 @@ def test_test_files_that_pages_name_exist():
             assert (ROOT / name).exists(), f"{page.name} names {name}"
 
 
+def test_no_line_of_a_page_is_a_comment():
+    """A line that begins with a per cent sign is a comment in MyST: the manual would lack it."""
+    for page in PAGES:
+        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        lost = re.findall(r"^ *%.*", text, re.MULTILINE)
+        assert not lost, f"{page.name}: {lost}"
+
+
 def test_every_page_of_the_manual_is_in_its_index():
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     entries = re.findall(r"^([\w*/-]+)$", index, re.MULTILINE)
