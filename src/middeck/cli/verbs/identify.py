@@ -38,7 +38,8 @@ METHODS = ("samples", "periods", "local rational", "local polynomial", "h1", "h2
     "--sampled/--continuous",
     default=None,
     help="Kind of model.  [default: sampled if the band extends above 1/8 of the sampling rate, the inputs "
-    "drive all frequencies or the periods are steady, and no option is given that only a continuous model has]",
+    "drive all frequencies or the periods are steady, and no option is given that only a continuous model "
+    "has]",
 )
 @click.option(
     "--held/--not-held",
