@@ -13,11 +13,12 @@ from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
 
 RANK_FLOOR = 1e-10
-"""Singular values of [A - lambda I, B] below this, relative to A, count as zero: a million times rounding,
-ten million times below the weakest rigid mode of a structure (1e-3)."""
+"""Singular values of [A - lambda I, B] below this, relative to A (to A - I, how far a sampled system moves
+within a period), count as zero: a million times rounding, ten million times below the weakest rigid mode of a
+structure (1e-3)."""
 MIXED_FLOOR = 1e-13
 """The same of mixed states, at the poles as they are computed: up to a condition of 1e5 values of what is
-reached were above 1e-12, of what is not below 3e-14."""
+reached were above 1e-12, of what is not below 3e-14. Of a sampled system also the least floor relative to A."""
 CANDIDATE = 1e-6
 """How far left of the axis (relative to A) an eigenvalue may be computed and still be examined, on the axis:
 double poles at the origin are known to the square root of rounding only."""
@@ -25,6 +26,7 @@ CIRCLE = 1e-7
 """The same for modulus one; less, since at 1 kHz a mode of 0.03 Hz and 1 % is only 2e-6 inside."""
 SPREAD = 3
 """Names that share what is not reached, from which on the states are mixed."""
+AS_FAR = ", as far as rounding of these states tells"
 HIDDEN = "in mixed states rounding may hide what is reached and seen: modal ones, or of like sizes, tell"
 
 
@@ -46,25 +48,37 @@ def unreachable_states(
     >>> unreachable_states(np.diag([0.0, -1.0]), np.array([[0.0], [1.0]]))
     array([1., 0.])
     """
-    n = len(A)
-    share = np.zeros(n)
-    if not n:
-        return share
+    if not len(A):
+        return np.zeros(0)
     unit = _even_units(A) if sampled else balance(A)[1]
+    share = _unreachable_in(unit, A, B, only_axis, sampled, mixed)
+    if mixed or not share.any():
+        return share
+    # Balanced units hide a free body whose stiffness is rounding: they make its link as weak as that.
+    return share if _unreachable_in(np.ones(len(A)), A, B, only_axis, sampled, mixed).any() else 0.0 * share
+
+
+def _unreachable_in(
+    unit: np.ndarray, A: np.ndarray, B: np.ndarray, only_axis: bool, sampled: bool, mixed: bool
+) -> Float[np.ndarray, " state"]:
+    """As `unreachable_states`, judged in these units."""
+    share, rest = np.zeros(len(A)), float(sampled) * np.eye(len(A))
     balanced, drive = A * unit / unit[:, None], B / unit[:, None]
-    size = float(np.linalg.norm(balanced, 2)) or 1.0
+    whole = float(np.linalg.norm(balanced, 2))
+    size = min(whole, float(np.linalg.norm(balanced - rest, 2))) or 1.0
     length = np.linalg.norm(drive, axis=0)
     drive = size * drive[:, length > 0.0] / length[length > 0.0]
     close = CIRCLE if sampled else CANDIDATE * size
     marginal = _outside_circle if sampled else _right_of_axis
     if mixed:
-        poles, floor = _may_move_on(balanced), MIXED_FLOOR
+        poles, floor = _may_move_on(balanced), MIXED_FLOOR * size
     else:
         values = np.linalg.eigvals(balanced).astype(complex)
-        poles, floor = _one_of_each(marginal(values, close, only_axis), close), RANK_FLOOR
+        poles = _one_of_each(marginal(values, close, only_axis), close)
+        floor = max(RANK_FLOOR * size, MIXED_FLOOR * whole)
     for pole in poles:
-        U, s, _ = np.linalg.svd(np.hstack([balanced - pole * np.eye(n), drive]))
-        share += np.sum(np.abs(U[:, s <= floor * size]) ** 2, axis=1)
+        U, s, _ = np.linalg.svd(np.hstack([balanced - pole * np.eye(len(A)), drive]))
+        share += np.sum(np.abs(U[:, s <= floor]) ** 2, axis=1)
     return share
 
 
@@ -136,9 +150,11 @@ def require_reachable(
         total[label] = total.get(label, 0.0) + float(part)
     # A tenth: name every part of a mode spread over several names, but no traces of rounding.
     blamed = tuple(label for label, part in total.items() if part > 0.1)
+    told = not mixed and len(blamed) < SPREAD
     raise NotStabilisableError(
-        f"{complaint}, and it does not decay: {_said(blamed, round(float(share.sum())))}",
-        hint=hint if len(blamed) < SPREAD else f"{hint}; {HIDDEN}",
+        f"{complaint}, and it does not decay{'' if told else AS_FAR}: "
+        f"{_said(blamed, round(float(share.sum())))}",
+        hint=hint if told else f"{hint}; {HIDDEN}",
         modes=blamed,
         shares=share,
     )

@@ -20,6 +20,10 @@ from middeck.systems.state_space.statespace import LinearSystem, System
 EVEN = 2.0**16
 """Ratio of state units above which states are converted: just above it answers were 1e-5 to 1e-3
 off. Positions and rates of a structure stay below, unless fast actuators are beside a slow body."""
+REDUCED = 2.0
+"""Factor by which balancing must take a part's size below its own and that of the whole to change its units.
+Where it gains less, entries that are rounding may decide: a stiffness of 1e-17 of a free body asked for 3e8.
+"""
 ROUNDING = 1e-13
 """Share of a part of the states in each path from input to output below which it may be rounding of no share:
 its unit stays as it is, and what drives or reads it is judged in that."""
@@ -59,24 +63,45 @@ def state_units(system: LinearSystem) -> Float[np.ndarray, " state"]:
     >>> balance_states(body).A[0, 1], balance_states(body).B[1, 0]
     (np.float64(1.0), np.float64(1.0))
     """
+    parts = strong_components(system.A)
+    own = part_units(system.A, parts)
     with np.errstate(all="ignore"):
-        unit = _whole_units(system)
-    unit = balance(system.A)[1] if unit is None else unit
+        unit = _whole_units(system, parts, own)
+    unit = own if unit is None else unit
     unit.setflags(write=False)
     return unit
 
 
-def _whole_units(system: LinearSystem) -> Float[np.ndarray, " state"] | None:
+def part_units(A: Float[np.ndarray, "state state"], parts: list[np.ndarray]) -> Float[np.ndarray, " state"]:
+    """Units of the states within their strongly connected ``parts``: balanced ones where these make a part
+    smaller and it is larger than the whole (`REDUCED`), else as they are.
+
+    >>> A = np.array([[0.0, 1.0, 0.0], [1e-17, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    >>> part_units(A, [np.arange(2), np.array([2])])
+    array([1., 1., 1.])
+    """
+    given = [A[np.ix_(part, part)] for part in parts]
+    balanced = [balance(inside) for inside in given]
+    size = REDUCED * max((float(np.linalg.norm(inside)) for inside, _ in balanced), default=0.0)
+    unit = np.ones(len(A))
+    for part, inside, (_, own) in zip(parts, given, balanced, strict=True):
+        if np.linalg.norm(inside) > size:
+            unit[part] = own
+    return unit
+
+
+def _whole_units(
+    system: LinearSystem, parts: list[np.ndarray], own: Float[np.ndarray, " state"]
+) -> Float[np.ndarray, " state"] | None:
     """`state_units` of inputs and outputs too; None where those of A alone are even or all that is known."""
-    parts = strong_components(system.A)
     if len(parts) < 2:
         return None
-    inside = [balance(system.A[np.ix_(part, part)]) for part in parts]
-    unit = np.ones(len(system.A))
-    for part, (_, own) in zip(parts, inside, strict=True):
-        unit[part] = own
+    unit, inside = own, [system.A[np.ix_(part, part)] for part in parts]
     rest = 0.0 if system.period_s is None else 1.0
-    paces = [float(np.linalg.norm(A - rest * np.eye(len(A)))) for A, _ in inside]
+    paces = [
+        float(np.linalg.norm(A * own[part] / own[part, None] - rest * np.eye(len(A))))
+        for part, A in zip(parts, inside, strict=True)
+    ]
     pace = float(np.exp(np.mean(np.log([each for each in paces if each > 0.0] or [1.0]))))
     joined = np.zeros((len(parts), len(system.A)))
     for k, part in enumerate(parts):
