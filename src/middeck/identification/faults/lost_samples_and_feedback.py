@@ -24,9 +24,10 @@ PAST, FLOOR = 24, 1e-9
 FORETOLD = 1e-3
 # Parts of a record that are compared, by how many samples they may be apart, and over how many an answer is.
 PARTS, APART, ANSWER = 9, 40, 48
-FEWEST_SAMPLES = 1024
-# Events in a record, such as steps, from which its parts each tell an answer.
-FEWEST_EVENTS = 100.0
+FEWEST_SAMPLES = 300
+# Events in a record, such as steps, from which its parts each tell an answer; and from which what later
+# inputs tell is no matter of the samples about a release or two, where more may be left than elsewhere.
+FEWEST_EVENTS, FEWEST_STEPS = 100.0, 3.0
 # Correlation of the answers of two parts from which they are one answer, and by how much it must be better
 # than without a shift.
 ALIKE, BETTER = 0.45, 0.2
@@ -36,7 +37,7 @@ MOST_ALIKE = 0.6
 SURE, SHARE = 7.0, 0.02
 # Times as much of the past by which feedback is tested again, and samples for each unknown of that; of more
 # than so many samples some, evenly spread, tell as much.
-LONGER, ROWS, ENOUGH = (2, 4, 8), 6, 20_000
+LONGER, ROWS, ENOUGH = (2, 4, 8), 4, 20_000
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 # Of computed samples rounding is all that is left: below LEAST, in rms of the output, nothing is told.
@@ -216,13 +217,14 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
     after = beside(U, range(LEADS + 1, later + 1), *span)
     until = np.vstack([beside(U, range(-lags, LEADS + 1), *span), _tails(after, len(U))])
     repeated = record.periodic or find_repetition(record.u.reshape(len(record.u), -1, len(u))) is not None
+    tells = not repeated and _events(np.diff(u)) >= FEWEST_STEPS
     found: list[Place] = []
     for o, port in enumerate(record.outputs):
         x = Y[o, lags : Y.shape[1] - later]
         own = np.vstack([beside(Y[o : o + 1], range(-lags, 0), *span), until])
         left = _left(x, own)
         at = _alone(left)
-        if at is None and not repeated and float(left.std()) > FORETOLD:
+        if at is None and tells and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
             if share is not None and not _is_of_the_past(Y[o : o + 1], U, later, lags):
                 found.append((_fed_back(share), port))

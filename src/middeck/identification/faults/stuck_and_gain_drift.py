@@ -61,14 +61,27 @@ class _Regression:
 
     def weights(self, leave_out: slice = slice(0, 0)) -> Float[np.ndarray, " row"]:
         """Least squares over the samples that are not left out."""
-        gram, right = self.rows @ self.rows.T, self.rows @ self.told
-        out, told = self.rows[:, leave_out], self.told[leave_out]
-        gram, right = gram - out @ out.T, right - out @ told
-        return np.linalg.solve(gram + FLOOR * np.trace(gram) / len(gram) * np.eye(len(gram)), right)
+        right = self.rows @ self.told - self.rows[:, leave_out] @ self.told[leave_out]
+        return np.linalg.solve(self._gram(leave_out), right)
 
     def left(self, leave_out: slice = slice(0, 0)) -> Signal:
         """What the others foretell of no sample."""
         return self.told - self.weights(leave_out) @ self.rows
+
+    def unsure(self, leave_out: slice, at: slice, power: float) -> float:
+        """Mean variance of what the weights foretell ``at`` samples; noise leaves a ``power`` elsewhere.
+
+        Large where a mode moves only there. The floor keeps weights small that nothing else determines, as
+        noise would of which they are no larger than one.
+        """
+        there, gram = self.rows[:, at], self._gram(leave_out)
+        floor = FLOOR * float(np.trace(gram)) / len(gram)
+        return max(power, floor) * float(np.mean(np.sum(there * np.linalg.solve(gram, there), axis=0)))
+
+    def _gram(self, leave_out: slice) -> Float[np.ndarray, "row row"]:
+        out = self.rows[:, leave_out]
+        gram = self.rows @ self.rows.T - out @ out.T
+        return gram + FLOOR * np.trace(gram) / len(gram) * np.eye(len(gram))
 
 
 def find_stuck(record: Record) -> list[Fault]:
@@ -143,7 +156,11 @@ def _rest(x: Signal) -> tuple[int, int] | None:
     a, b = runs[0]
     next_to_it = runs[1][1] - runs[1][0] if len(runs) > 1 else 1
     moves = np.count_nonzero(np.diff(x)) / max(len(x) - (b - a), 1)
-    return (a, b) if b - a >= max(RESTS, LONGER * next_to_it) and moves > MOVES else None
+    if b - a < max(RESTS, LONGER * next_to_it) or moves <= MOVES:
+        return None
+    # A sweep that rests at an end meets modes there that it does not meet elsewhere.
+    at_an_end = a == 0 or b == len(x)
+    return None if at_an_end and not _is_even(np.delete(x, slice(a, b))) else (a, b)
 
 
 def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) -> bool:
@@ -164,7 +181,9 @@ def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
     ):
         return False
     left = of.left(around)
-    return bool(np.var(left[inside]) > max(LEFT * np.mean(np.delete(left, around) ** 2), ROUNDED))
+    elsewhere = float(np.mean(np.delete(left, around) ** 2))
+    expected = LEFT * (elsewhere + of.unsure(around, inside, elsewhere))
+    return bool(np.var(left[inside]) > max(expected, ROUNDED))
 
 
 def _is_late(u: Float[np.ndarray, "input sample"], y: Signal, start: int) -> bool:
@@ -183,6 +202,8 @@ def _stuck(record: Record, run: tuple[int, int]) -> Found:
 
 def _is_even(u: Signal) -> bool:
     """Whether an input has its power at the same frequencies in both halves of the record."""
+    if len(u) < 4 * BANDS:
+        return False
     halves = (u[: len(u) // 2], u[len(u) // 2 : 2 * (len(u) // 2)])
     powers = np.array([np.abs(np.fft.rfft(x)[1:]) ** 2 for x in halves])
     bands = np.array([[part.sum() for part in np.array_split(p, BANDS)] for p in powers])
