@@ -101,7 +101,7 @@ def test_a_rig_that_is_lost_is_not_taken_for_one_whose_outputs_did_not_arrive(tm
         text = text.replace(was, becomes)
     source = tmp_path / "driver.c"
     source.write_text(text)
-    program = build_engine(driver=source, flags=("-O0",), folder=tmp_path)
+    program = build_engine(driver=source, flags=("-O0",))
     settings = plain_settings(period_s=0.02, late_s=1e3, late_most=5)
     with Supervisor(settings, DriverRig(), real_time=True, program=program) as engine:
         engine.reset()

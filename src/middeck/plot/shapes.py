@@ -168,7 +168,7 @@ def shapes_figure(
         size = np.linalg.norm(motion, axis=1)
         draw_state(axes, drawing, drawing.rest, view, None)
         draw_state(axes, drawing, drawing.rest + motion, view, size / max(float(size.max(initial=0.0)), TINY))
-        axes.set_title(words[k] or "", fontsize=7.0, loc="left")
+        axes.set_title(words[k] or "", y=1.0, fontsize=7.0, loc="left")  # nothing above it to be sought
     _scale(figure, heading, foot)
     if legend:
         figure.legend(handles=legend, loc="lower left", ncols=beside, fontsize=7.0, borderaxespad=0.2)
@@ -275,7 +275,7 @@ def rest_figure(drawings: Sequence[Drawing], titles: Sequence[str]) -> Figure:
         size = np.linalg.norm(drawing.rest - drawing.drawn, axis=1)
         draw_state(axes, drawing, drawing.drawn, view, None)
         draw_state(axes, drawing, x, view, size / moved if moved > 0.0 else size)
-        axes.set_title(title, fontsize=8.0)
+        axes.set_title(title, y=1.0, fontsize=8.0)
     times = "as they are" if factor == 1.0 else f"times {factor:g}"
     figure.suptitle(
         f"{fill(drawings[0].title, 90)}: rest in {drawings[0].environment}\ngrey: as drawn; colour: at rest, "

@@ -7,15 +7,14 @@ of any order Hyland and Bernstein 1984). Both equations share the Schur form of 
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.linalg import lapack
 
 from middeck.control.h2.generalized_plant import GeneralizedPlant
-from middeck.control.riccati.lyapunov import solve_triangular
+from middeck.control.riccati.lyapunov import real_schur, solve_triangular
 from middeck.values import record
 
 
@@ -28,8 +27,7 @@ class Law:
     C: Float[np.ndarray, "u law"]
 
 
-@record(kw_only=True)
-class LawCost:
+class LawCost(NamedTuple):
     """Cost of a model under a compensator, its gradient, and the scales of the compensator's coordinates.
 
     ``cost`` is ``inf`` and the rest None where the loop is unstable. ``covariance`` and ``worth`` are the
@@ -55,11 +53,14 @@ def closed_matrices(model: GeneralizedPlant, law: Law) -> tuple[np.ndarray, np.n
     A[:n, n:] = model.B2 @ law.C
     A[n:, :n] = law.B @ model.C2
     A[n:, n:] = law.A + law.B @ (model.D22 @ law.C)
-    C = np.hstack([model.C1, model.D12 @ law.C])
+    C = np.empty((len(model.C1), len(A)))
+    C[:, :n], C[:, n:] = model.C1, model.D12 @ law.C
     held = len(model.integrals)
     if held:
         C[-held:, -held:] = np.diag([weight for _, weight in model.integrals])
-    return A, np.vstack([model.B1, law.B @ model.D21]), C
+    B = np.empty((len(A), model.B1.shape[1]))
+    B[:n], B[n:] = model.B1, law.B @ model.D21
+    return A, B, C
 
 
 def spectral_abscissa(model: GeneralizedPlant, law: Law) -> float:
@@ -124,8 +125,8 @@ def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | N
         return None
     balanced, _, _, scale, _ = cast("Any", lapack).dgebal(A, scale=1, permute=0)
     try:
-        T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(balanced, check_finite=False))
-    except sla.LinAlgError:
+        T, U = real_schur(balanced)
+    except np.linalg.LinAlgError:
         return None
     # The diagonal of a standard real Schur form holds the real parts.
     if not np.diag(T).max(initial=-np.inf) < 0.0:

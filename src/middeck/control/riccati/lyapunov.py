@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any, cast
 
 import numpy as np
-import scipy.linalg as sla
 from jaxtyping import Float
 from scipy.linalg import lapack
 
@@ -23,9 +23,37 @@ def solve_lyapunov(
     >>> solve_lyapunov(np.array([[-1.0]]), np.array([[6.0]]))
     array([[3.]])
     """
-    T, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
+    T, U = real_schur(A)
     X = U @ solve_triangular(T, U.T @ Q @ U, transposed=True) @ U.T
     return (X + X.T) / 2.0
+
+
+def real_schur(
+    A: Float[np.ndarray, "state state"],
+) -> tuple[Float[np.ndarray, "state state"], Float[np.ndarray, "state state"]]:
+    """T and U of A = U T U', T quasi upper triangular: `scipy.linalg.schur` of finite numbers, less its
+    searches, which take as long as the form of few states. Raises `LinAlgError` where there is none.
+
+    >>> real_schur(np.array([[2.0, 1.0], [0.0, 3.0]]))[0].tolist()
+    [[2.0, 1.0], [0.0, 3.0]]
+    """
+    if not len(A):
+        return A, A
+    T, *_, U, _, info = cast("Any", lapack).dgees(_no_order, A, lwork=_schur_room(len(A)), sort_t=0)
+    if info:
+        raise np.linalg.LinAlgError("Schur form not found")
+    return T, U
+
+
+def _no_order(real: float, imag: float) -> bool:
+    """What LAPACK would ask about poles that are to be sorted."""
+    return False
+
+
+@functools.lru_cache(maxsize=256)
+def _schur_room(states: int) -> int:
+    """Numbers of LAPACK's workspace."""
+    return int(cast("Any", lapack).dgees(_no_order, np.eye(states), lwork=-1)[-2][0])
 
 
 def solve_triangular(T: np.ndarray, Q: np.ndarray, *, transposed: bool) -> Float[np.ndarray, "state state"]:
@@ -46,7 +74,7 @@ def solve_discrete_lyapunov(
     >>> solve_discrete_lyapunov(np.array([[0.5]]), np.array([[3.0]]))
     array([[4.]])
     """
-    power, U = cast("tuple[np.ndarray, np.ndarray]", sla.schur(A, check_finite=False))
+    power, U = real_schur(A)
     total = U.T @ Q @ U
     # After overflow the sum is not finite, which is checked below.
     with np.errstate(over="ignore", invalid="ignore"):

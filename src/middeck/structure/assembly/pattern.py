@@ -6,6 +6,7 @@ and b that move them. Which these are depends on topology alone, so that K is a 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -15,8 +16,11 @@ from jaxtyping import Int
 
 from middeck.structure.elements.offset_points import PoseMap
 from middeck.structure.elements.sparse_of_parts import csr_of
+from middeck.values import record
 
 NONE = np.zeros(0, dtype=int)
+KEPT = 16
+"""Patterns that are kept: a refinement or a promise meshes one article hundreds of times."""
 
 
 class _Products(NamedTuple):
@@ -73,18 +77,66 @@ def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
     return np.bincount(slot, weights=value, minlength=count)
 
 
+@record(kw_only=True)
+class _Topology:
+    """All that a pattern hangs on.
+
+    Attributes:
+        size: Number of coordinates.
+        frame, special, moves: Frame of each point, and `Special.point` and `Special.moves`.
+        indptr, indices: Of the Jacobian of the points.
+        groups: Name of each group, its elements and the ends of one.
+        poses: The ends of all elements of the groups in turn.
+    """
+
+    size: int
+    frame: Int[np.ndarray, " point"]
+    special: Int[np.ndarray, " special"]
+    moves: Int[np.ndarray, "special turn"]
+    indptr: Int[np.ndarray, " row"]
+    indices: Int[np.ndarray, " entry"]
+    groups: tuple[tuple[str, int, int], ...]
+    poses: Int[np.ndarray, " end"]
+
+    @property
+    def ends(self) -> dict[str, np.ndarray]:
+        """The poses of each group's elements."""
+        sizes = [elements * each for _, elements, each in self.groups]
+        parts = np.split(self.poses, np.cumsum(sizes)[:-1])
+        return {
+            name: part.reshape(elements, each)
+            for (name, elements, each), part in zip(self.groups, parts, strict=True)
+        }
+
+
 def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element end"]]) -> Pattern:
     """Pattern of elements that join the poses ``ends``, by group, and of their `second_order`, "turning"."""
+    return _laid_out(
+        _Topology(
+            size=points.tree.size,
+            frame=points.points.frame,
+            special=points.special.point,
+            moves=points.special.moves,
+            indptr=points.indptr,
+            indices=points.indices,
+            groups=tuple((name, *poses.shape) for name, poses in ends.items()),
+            poses=np.concatenate([poses.ravel() for poses in ends.values()]),
+        )
+    )
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _laid_out(points: _Topology) -> Pattern:
     found: dict[str, list[tuple[np.ndarray, ...]]] = {}
-    for name, poses in ends.items():
-        special = np.zeros(len(points.points.frame), dtype=bool)
-        special[points.special.point] = True
+    for name, poses in points.ends.items():
+        special = np.zeros(len(points.frame), dtype=bool)
+        special[points.special] = True
         bent = np.any(special[poses], axis=1)
         plain, others = np.flatnonzero(~bent), np.flatnonzero(bent)
         found[name] = [_plain(points, poses, plain), _bent(points, poses, others)]
-    entry, row, column = _pairs(points.special.moves)
+    entry, row, column = _pairs(points.moves)
     found["turning"] = [(entry, NONE, NONE, row, column)]
-    size = points.tree.size
+    size = points.size
     keys = [row * size + column for parts in found.values() for *_, row, column in parts]
     pattern, slot = np.unique(np.concatenate([*keys, np.arange(size) * (size + 1)]), return_inverse=True)
     rows, indices = np.divmod(pattern, size)
@@ -103,10 +155,10 @@ def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element
     return Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
 
 
-def _plain(points: PoseMap, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:
+def _plain(points: _Topology, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:
     """Elements whose ends move as the origins of roots do: every entry has one place."""
     width = 6 * poses.shape[1]
-    index = (6 * points.points.frame[poses[some]][:, :, None] + np.arange(6)).reshape(len(some), width)
+    index = (6 * points.frame[poses[some]][:, :, None] + np.arange(6)).reshape(len(some), width)
     entry, row, column = _pairs(index)
     return some[entry // width**2] * width**2 + entry % width**2, NONE, NONE, row, column
 
@@ -118,7 +170,7 @@ def _pairs(index: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.arange(count * width**2), row, column
 
 
-def _bent(points: PoseMap, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:
+def _bent(points: _Topology, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:
     """Elements with an end that has an arm or a joint: the product of all that move the two coordinates."""
     width = 6 * poses.shape[1]
     rows = (6 * poses[some][:, :, None] + np.arange(6)).reshape(len(some), width)

@@ -6,6 +6,7 @@ and again need not look for them.
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +16,12 @@ from jaxtyping import Inexact, Int
 from middeck.structure.elements.rotations import cross, skew, symmetric_double_cross
 from middeck.structure.elements.sparse_of_parts import csr_of
 from middeck.structure.elements.trees import FrameTree, PosePoints, Poses, joint_chain
+from middeck.values import record
 
 # Places of the off-diagonal entries of a matrix, by rows.
 OFF_DIAGONAL = np.array([1, 2, 3, 5, 6, 7])
+KEPT = 16
+"""Layouts that are kept: a refinement or a promise meshes one article hundreds of times."""
 
 
 class Special(NamedTuple):
@@ -101,9 +105,32 @@ class PoseMap(NamedTuple):
         return np.where(slides, axis, cross(axis, arm)), np.where(slides, 0.0, axis)
 
 
+@record(kw_only=True)
+class _Movers:
+    """What the places of a Jacobian's entries hang on: roots of a tree, and of points their root, which are
+    special, and the joints of these.
+    """
+
+    roots: int
+    root: Int[np.ndarray, " point"]
+    special: Int[np.ndarray, " special"]
+    joint: Int[np.ndarray, "special chain"]
+
+
+class _Entries(NamedTuple):
+    """`Special.moves`, and the entries of a `PoseMap`."""
+
+    moves: np.ndarray
+    indptr: np.ndarray
+    indices: np.ndarray
+    constant: np.ndarray
+    arm_slot: np.ndarray
+    joint_slot: np.ndarray
+
+
 def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
     """Lay out the Jacobian of ``points``."""
-    frame, count = points.frame, len(points.frame)
+    frame = points.frame
     jointed = frame >= tree.roots
     special = np.flatnonzero(np.any(points.offset != 0.0, axis=1) | jointed)
     root = frame.copy()
@@ -114,6 +141,14 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
         if jointed[point]:
             root[point], joints = chains[int(frame[point])]
             joint[k, : len(joints)] = joints
+    moves, *entries = _lay_out(_Movers(roots=tree.roots, root=root, special=special, joint=joint))
+    of = Special(special, frame[special], points.offset[special], root[special], joint, moves)
+    return PoseMap(tree, points, of, *entries)
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _lay_out(movers: _Movers) -> _Entries:
+    root, special, joint, count = movers.root, movers.special, movers.joint, len(movers.root)
     rows, columns, values = _plain(root)
     plain = len(rows)
     arm = np.stack(np.divmod(OFF_DIAGONAL, 3), axis=1)
@@ -121,7 +156,7 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
     columns = np.concatenate([columns, (6 * root[special, None] + 3 + arm[:, 1]).ravel()])
     chain = np.argwhere(joint >= 0)
     rows = np.concatenate([rows, (6 * special[chain[:, 0], None] + np.arange(6)).ravel()])
-    columns = np.concatenate([columns, np.repeat(6 * tree.roots + joint[joint >= 0], 6)])
+    columns = np.concatenate([columns, np.repeat(6 * movers.roots + joint[joint >= 0], 6)])
     values = np.concatenate([values, np.zeros(len(rows) - plain)])
     rank = np.lexsort((columns, rows))
     slot = np.empty(len(rank), dtype=int)
@@ -131,11 +166,9 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
     indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=6 * count))])
     turn = 6 * root[special, None] + np.arange(3, 6)
     # A chain that is shorter than the longest adds nothing, anywhere.
-    index = np.concatenate([turn, np.where(joint >= 0, 6 * tree.roots + joint, turn[:, :1])], axis=1)
-    return PoseMap(
-        tree,
-        points,
-        Special(special, frame[special], points.offset[special], root[special], joint, index),
+    index = np.concatenate([turn, np.where(joint >= 0, 6 * movers.roots + joint, turn[:, :1])], axis=1)
+    return _Entries(
+        index,
         indptr.astype(np.int32),
         columns[rank].astype(np.int32),
         values[rank],

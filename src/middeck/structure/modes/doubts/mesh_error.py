@@ -19,6 +19,7 @@ times that square, and by less than 1e-3 where no angle is above 0.04 (`tests/tr
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -276,6 +277,7 @@ def _bending_loads(
     return root(force, moment), root(-pulled * slope, pulled * v)
 
 
+@functools.cache  # each step of a refinement asks for them
 def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and weights on (0, 1), and the matrix that integrates from 0 to each of the points."""
     points, weights = np.polynomial.legendre.leggauss(POINTS)
