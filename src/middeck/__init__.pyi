@@ -20,6 +20,7 @@ from .control.law.uncertainty import (
     Uncertainty as Uncertainty,
 )
 from .control.loop.authority import (
+    AuthoritySweep as AuthoritySweep,
     find_first_instability as find_first_instability,
     sweep_authority as sweep_authority,
 )
@@ -60,7 +61,10 @@ from .files.records import (
     load_record as load_record,
     open_record as open_record,
 )
-from .files.studies.documents import load_study as load_study
+from .files.studies.documents import (
+    load_study as load_study,
+    Study as Study,
+)
 from .identification.faults.detect import detect_faults as detect_faults
 from .identification.fit.fit_response import fit_response as fit_response
 from .identification.free_decay.decay_fit import fit_free_decay as fit_free_decay
@@ -77,7 +81,10 @@ from .identification.tracking.history import track_modes as track_modes
 from .identification.uncertainty.accuracy import expected_accuracy as expected_accuracy
 from .identification.uncertainty.fit_drift import compare_fits as compare_fits
 from .joints.friction import Friction as Friction
-from .laboratory.rig.rig import build_rig as build_rig
+from .laboratory.rig.rig import (
+    build_rig as build_rig,
+    Rig as Rig,
+)
 from .laboratory.rig.runs import (
     run_closed_loop as run_closed_loop,
     run_open_loop as run_open_loop,

@@ -14,8 +14,8 @@ from middeck.errors import DataError
 from middeck.files.disk.digest import sha256_of
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
-from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import comparison_document, load_outcomes, promised_modes_of
+from middeck.files.promises.promise_file import read_promise
 from middeck.structure.correlation.measured_modes import MeasuredModes
 
 ROOT = Path(__file__).parents[2]

@@ -97,6 +97,9 @@ def test_an_article_prefix_confines_a_value_wherever_it_lives() -> None:
     assert study.case("dm", "lab")[0].nodes[0].body.mass == 3.0
     assert study.case("simple", "orbit")[0].nodes[0].body.mass == 3.5
     assert study.control.modes_kept == 24
+    with pytest.raises(ConfigError, match="no article 'dm' in an environment 'mars'") as told:
+        study.case("dm", "mars")
+    assert told.value.hint == "articles: dm, simple; environments: orbit, lab"
 
 
 def test_a_suspension_value_has_no_effect_in_orbit() -> None:

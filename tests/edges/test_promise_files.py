@@ -12,9 +12,9 @@ from coarse_articles import coarse
 from middeck.cli.main import execute
 from middeck.errors import ConfigError, DataError
 from middeck.files.json.hash_seal import SEAL, seal
-from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import load_outcomes, statements_of
 from middeck.files.promises.plans import load_plan
+from middeck.files.promises.promise_file import read_promise
 from middeck.updating.promise.score import Scored, Statement, judge, score
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,8 @@ import pytest
 from middeck.cli.main import execute
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import SEAL, seal
-from middeck.files.promises.form import SaidForm, read_promise
+from middeck.files.promises.form import SaidForm
+from middeck.files.promises.promise_file import read_promise
 from repeats import LONG
 
 ROOT = Path(__file__).parents[2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -13,6 +14,7 @@ import pytest
 
 import middeck
 
+README = Path(__file__).parents[2] / "README.md"
 SOURCE = Path(middeck.__file__).parent
 ROOMS = sorted(name for name in middeck.__all__ if (SOURCE / name).is_dir())
 PLACES = ["middeck", *(f"middeck.{room}" for room in ROOMS)]
@@ -53,9 +55,11 @@ def test_a_name_stands_in_one_place() -> None:
     assert sorted(everywhere) == sorted(set(everywhere))
 
 
-@pytest.mark.parametrize("noun", ["Structure", "Plant", "Compensator", "ClosedLoop", "Modes", "Equilibrium"])
-def test_the_nouns_of_the_diagram_are_public(noun: str) -> None:
-    assert ("middeck", noun) in NAMES
+def test_nouns_and_verbs_of_the_diagram_are_public() -> None:
+    (diagram,) = re.findall(r"```\n( Structure \+ Environment.*?)```", README.read_text("utf-8"), re.DOTALL)
+    words = set(re.findall(r"\b(?:[A-Z]\w+|\w+_\w+|emulate)\b", diagram))
+    assert {"Structure", "Plant", "Rig", "AuthoritySweep", "Study", "close_loop"} <= words
+    assert words - set(own_names(middeck)) == set()
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

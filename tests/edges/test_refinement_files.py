@@ -15,7 +15,7 @@ from cli_runner import middeck, refine_once, share_results
 from coarse_articles import coarse
 from middeck.errors import ConfigError, DataError
 from middeck.files.measured.modes import load_measured_modes, write_measured_modes
-from middeck.files.promises.form import read_promise
+from middeck.files.promises.promise_file import read_promise
 from middeck.files.refinements.documents import load_refinement, refined_text
 from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.setups import load_setup, load_structure

@@ -11,7 +11,7 @@ from middeck.identification.problem.gram_blocks import Functions, weigh
 from middeck.identification.problem.normal_equations import Solved, solve_normal
 from middeck.identification.problem.residual_and_slopes import build_terms, residual_of
 from middeck.identification.problem.unknowns_layout import Layout, Point, pack
-from middeck.identification.search.least_squares_costs import solve_by_qr, weighted
+from middeck.identification.search.least_squares_costs import _by_columns, weighted
 
 
 def a_layout(*, imag=0.0, rigid_pivot=(), integral_pivot=(), **options):
@@ -248,7 +248,7 @@ def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike,
     heard = weigh(terms, shared)
     found = [solve_normal(terms, shared, of) for of in heard]
     assert [one.linear.shape[0] for one in found] == ([2] if data.drive is None else [1, 1])
-    each = [solve_by_qr(terms, o) for o in range(2)]
+    each = [_by_columns(terms, o).solved(terms) for o in range(2)]
     for fast, exact in zip(found, [summed(each)] if data.drive is None else each, strict=True):
         # Conditions of 1e2 to 1e4: corrected once, the solution is good to rounding times that.
         np.testing.assert_allclose(fast.linear, exact.linear, rtol=1e-9, atol=1e-10)

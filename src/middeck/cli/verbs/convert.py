@@ -112,9 +112,9 @@ def verb(
         summary_lines,
         summary_numbers,
     )
-    from middeck.files.articles.form import DampingForm
+    from middeck.files.articles.build import usual_damping
 
-    damping = DampingForm()  # what an article without [damping] has
+    flexible, suspension = usual_damping()
     summary = _written(made, source, known, formulation, target, held_target)
     numbers = summary_numbers(summary)
     about = None if made.reference is None else about_point(summary, *made.reference)
@@ -126,7 +126,7 @@ def verb(
         "components": list(made.components),
         "units": known._asdict() | {"force": known.force},
         "mass_formulation": formulation,
-        "damping": {"flexible": damping.flexible, "suspension": damping.suspension},
+        "damping": {"flexible": flexible, "suspension": suspension},
         "subcase": chosen.subcase,
         "reals": chosen.reals,
         "cards": source.cards,

@@ -58,8 +58,8 @@ def _compare(
     promise: str, outcome: str, date: str | None, target: str | None, figure_file: str | None, as_json: bool
 ) -> None:
     from middeck.files.json.output import write_json
-    from middeck.files.promises.form import read_promise
     from middeck.files.promises.outcomes import comparison_document, load_outcomes
+    from middeck.files.promises.promise_file import read_promise
 
     promised = read_promise(promise)
     came = load_outcomes(outcome)

@@ -155,12 +155,10 @@ def _measured(
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     from middeck.files.promises.documents import hash_files, loads_document
-    from middeck.files.refinements.gauge_form import NOTHING, ONE_OF_EACH
     from middeck.files.refinements.promised_loads import load_promised_loads
 
     asked = load_promised_loads(load_cases, body)
-    if not (asked.load_cases or asked.modes):
-        raise ConfigError(NOTHING, where=load_cases, hint=ONE_OF_EACH)
+    asked.require_some()
     files = hash_files(asked.files)
     with reading(body, load_cases):
         refined = md.refine(asked.structure, *asked.refinement.of_refine)

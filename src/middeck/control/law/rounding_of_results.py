@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError, NumericalError
-from middeck.systems.plants.plant import Dynamics, Plant, remove_delays
+from middeck.systems.plants.plant import Dynamics, Plant
 from middeck.systems.poles.rounding import EPS, ROUNDINGS, VAGUE, is_vague
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.modal_system import ModalSystem
@@ -35,6 +35,9 @@ DOUBTFUL = 1e-8
 loop that multiplies what a pole does by a thousand."""
 
 
+Half = TypeVar("Half", bound=Plant | Compensator)
+
+
 def moved_entries(system: System, rng: np.random.Generator) -> System:
     """The system with every entry of A, B and C moved by `ROUNDINGS` roundings of random sign."""
     return dataclasses.replace(system, **_moved(system, "ABC", rng))
@@ -45,29 +48,24 @@ def _moved(dynamics: Dynamics, names: Sequence[str], rng: np.random.Generator) -
     return {name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape)) for name, M in each}
 
 
-def is_vague_plant(plant: Plant, share: float = VAGUE) -> bool:
-    """Whether rounding moves poles of the plant (`is_vague`): of modal form never."""
-    dynamics = remove_delays(plant).dynamics
+def is_vague_half(half: Plant | Compensator, share: float = VAGUE) -> bool:
+    """Whether rounding moves poles of a plant or a law (`is_vague`): of modal form never."""
+    dynamics = half.dynamics
     return not isinstance(dynamics, ModalSystem) and is_vague(dynamics, share)
-
-
-def is_vague_half(half: Plant | Compensator) -> bool:
-    """`is_vague_plant` or `is_vague`, of a law."""
-    return is_vague_plant(half) if isinstance(half, Plant) else is_vague(half.dynamics)
 
 
 def is_doubtful(half: Plant | Compensator) -> bool:
     """Whether rounding may move numbers of its loop: from `DOUBTFUL` of a pole's decay."""
-    return is_vague_plant(half, DOUBTFUL) if isinstance(half, Plant) else is_vague(half.dynamics, DOUBTFUL)
+    return is_vague_half(half, DOUBTFUL)
 
 
-def move_plant(plant: Plant, rng: np.random.Generator) -> Plant:
-    """The plant with its entries moved (`moved_entries`)."""
-    dynamics = plant.dynamics
+def move_half(half: Half, rng: np.random.Generator) -> Half:
+    """The plant or law with its entries moved (`moved_entries`)."""
+    dynamics = half.dynamics
     if isinstance(dynamics, ModalSystem):
         moved = _moved(dynamics, ("omega", "zeta", "psi", "phi"), rng)
-        return dataclasses.replace(plant, dynamics=dataclasses.replace(dynamics, **moved))
-    return dataclasses.replace(plant, dynamics=moved_entries(dynamics, rng))
+        return dataclasses.replace(half, dynamics=dataclasses.replace(dynamics, **moved))
+    return dataclasses.replace(half, dynamics=moved_entries(dynamics, rng))
 
 
 Found = TypeVar("Found")
@@ -116,12 +114,6 @@ def measure_known(
     return found
 
 
-def _move(half: Plant | Compensator, rng: np.random.Generator) -> Plant | Compensator:
-    if isinstance(half, Plant):
-        return move_plant(half, rng)
-    return dataclasses.replace(half, dynamics=moved_entries(half.dynamics, rng))
-
-
 def _farthest(
     here: np.ndarray,
     numbers: Callable[..., np.ndarray],
@@ -133,7 +125,7 @@ def _farthest(
     """
     rng, most = np.random.default_rng(0), 0.0
     for _ in range(DRAWS):
-        moved = [_move(half, rng) if vague else half for half, vague in halves]
+        moved = [move_half(half, rng) if vague else half for half, vague in halves]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:

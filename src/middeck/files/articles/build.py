@@ -343,6 +343,12 @@ def _unit(axis: tuple[float, float, float] | None) -> Float[np.ndarray, "3"] | N
     return None if axis is None else np.array(axis) / np.linalg.norm(axis)
 
 
+def usual_damping() -> tuple[float, float]:
+    """Damping ratios of strain and of the suspension in an article without ``[damping]``."""
+    usual = DampingForm()
+    return usual.flexible, usual.suspension
+
+
 def build_damping(form: ArticleForm) -> Damping:
     """Ratios, table, loss factors by member, dampers, and modes of their own.
 

@@ -1,15 +1,12 @@
 """Form of a promise's document: an intact seal shows that it was not changed, not that it is complete."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field
 
-from middeck.errors import DataError
-from middeck.files.json.hash_seal import read_sealed
-from middeck.files.toml.faults import Finding, finding, form_findings
+from middeck.files.toml.faults import Finding, finding
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, within
 from middeck.structure.correlation.measured_modes import DIRECTIONS
 
@@ -99,36 +96,7 @@ class SaidForm(Said):
     environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
 
 
-def read_promise(path: str | Path) -> dict[str, Any]:
-    """The promise in ``path``.
-
-    Raises `DataError` for another document, one that was changed, and one whose seal fits but that lacks what
-    a promise says, by its key.
-    """
-    found = read_sealed(path, PROMISE)
-    _require(found, str(path))
-    return found
-
-
-def _require(found: Mapping[str, Any], path: str) -> None:
-    try:
-        faults = list(_further(SaidForm.model_validate(found)))
-    except ValidationError as error:
-        faults = form_findings(error, SaidForm)
-    if not faults:
-        return
-    first, more = faults[0], len(faults) - 1
-    value = f" = {first.value}" if first.value else ""
-    also = f"; and {more} more" if more else ""
-    raise DataError(
-        f"{'.'.join(map(str, first.path))}{value}: {first.message}{also}",
-        where=path,
-        hint=first.hint
-        or "the document as `middeck promise` wrote it: this one was sealed without being whole",
-    )
-
-
-def _further(form: SaidForm) -> Iterator[Finding]:
+def further_findings(form: SaidForm) -> Iterator[Finding]:
     """Faults between keys."""
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):

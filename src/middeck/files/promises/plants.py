@@ -8,7 +8,7 @@ from middeck.errors import DataError, MiddeckError
 from middeck.files.json.hash_seal import SEAL, read_sealed, seal
 from middeck.files.json.input import json_numbers, read_ports
 from middeck.files.laws.compensators import build_system
-from middeck.files.promises.form import read_promise
+from middeck.files.promises.promise_file import read_promise
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.updating.promise.plan import Plan
 from middeck.updating.promise.promise import Promise

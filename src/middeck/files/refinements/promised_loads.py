@@ -5,10 +5,17 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from middeck.errors import ConfigError
 from middeck.files.articles.boundary_form import LoadCaseForm, build_load_cases
 from middeck.files.disk.kind_of_content import LOADS
 from middeck.files.refinements.documents import Refinement, load_refinement
-from middeck.files.refinements.gauge_form import GaugeForm, build_gauge, promised_findings
+from middeck.files.refinements.gauge_form import (
+    NOTHING,
+    ONE_OF_EACH,
+    GaugeForm,
+    build_gauge,
+    promised_findings,
+)
 from middeck.files.setups import article_files, find_stated, load_setup, load_structure
 from middeck.files.toml.form import Form, whole
 from middeck.files.toml.source import read_form
@@ -53,6 +60,11 @@ class PromisedLoads:
     series: str
     modes: int
     files: tuple[Path, ...]
+
+    def require_some(self) -> None:
+        """Raise `ConfigError` where neither readings nor modes are promised."""
+        if not (self.load_cases or self.modes):
+            raise ConfigError(NOTHING, where=str(self.files[0]), hint=ONE_OF_EACH)
 
     def of(self, refined: Refined) -> tuple[Deflection, ...]:
         """The readings that are promised of the refined article."""

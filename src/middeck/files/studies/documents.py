@@ -119,11 +119,16 @@ class Study:
         return all(getattr(self.form, table) is not None for table in tables)
 
     def case(self, article: str, environment: str) -> tuple[Structure, Environment]:
-        """The structure and environment of these names; KeyError if the study has none."""
+        """The structure and environment of these names; raises `ConfigError` if the study has none."""
         for c in self.cases:
             if (c.article, c.environment) == (article, environment):
                 return c.structure, c.surroundings
-        raise KeyError((article, environment))
+        articles = dict.fromkeys(c.article for c in self.cases)
+        environments = dict.fromkeys(c.environment for c in self.cases)
+        raise ConfigError(
+            f"the study has no article {article!r} in an environment {environment!r}",
+            hint=f"articles: {', '.join(articles)}; environments: {', '.join(environments)}",
+        )
 
 
 def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:

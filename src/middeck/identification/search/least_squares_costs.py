@@ -130,12 +130,6 @@ def by_normal_equations(layout: Layout, data: Data) -> bool:
     return data.transient is None and numbers * (layout.columns + layout.size) ** 2 > SMALL
 
 
-def solve_by_qr(terms: Terms, output: int) -> Solved | None:
-    """One output by orthogonal columns, from Kaufman's Jacobian; None where two of them coincide."""
-    found = _by_columns(terms, output)
-    return None if found is None else found.solved(terms)
-
-
 class _ByColumns(NamedTuple):
     """Linear unknowns of one output, and what is left of it beside its columns ``A``, of the basis ``Q``."""
 

@@ -15,8 +15,9 @@ from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
+from middeck.updating.orbit.second_order_shift import bend_of
 from middeck.updating.refinement.bayesian_estimate import BELOW, NORMAL_95
-from middeck.updating.refinement.curvature import bend_of, frequency_curvature
+from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.model_errors import HALF, OwnErrors, sorts_of
 from middeck.updating.refinement.refine import Refined

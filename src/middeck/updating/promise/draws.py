@@ -104,7 +104,7 @@ class Drawing:
         n: Numbers of the estimate's root.
         alone, lossy: Numbers of each mode's own error and damping.
         pulls: Share of the umbilical's frequency, from zero to one.
-        late, gains: Place of the delay and of each sensor's gain within its tolerance, from -1 to 1.
+        delay_place, gains: Place of the delay and of each sensor's gain within its tolerance, from -1 to 1.
     """
 
     refined: Refined
@@ -118,7 +118,7 @@ class Drawing:
     alone: Float[np.ndarray, "draw mode"]
     lossy: Float[np.ndarray, "draw mode"]
     pulls: Float[np.ndarray, " draw"]
-    late: Float[np.ndarray, " draw"]
+    delay_place: Float[np.ndarray, " draw"]
     gains: Float[np.ndarray, "draw sensor"]
 
     def plants(self, which: range) -> DrawnPlants:
@@ -146,7 +146,7 @@ class Drawing:
         )
 
     def _one(self, number: int) -> tuple[Plant, Float[np.ndarray, " name"]]:
-        mean, loop, n, late = self.mean, self.loop, self.n[number], self.late[number]
+        mean, loop, n, delay_place = self.mean, self.loop, self.n[number], self.delay_place[number]
         cable_hz = loop.umbilical_hz * floats(self.there.environment)
         try:
             modes = _drawn_modes(self.refined, self.there, n, cable_hz * self.pulls[number])
@@ -162,10 +162,10 @@ class Drawing:
         modal = _moved(require_modal(plant), mean, modes, shift, zeta)
         modal = _scaled_outputs(modal, np.array([gain[s] for s in self.sensors]))
         plant = self.finish(dataclasses.replace(plant, dynamics=modal))
-        delay = loop.delay_s + loop.delay_tolerance_s * late
+        delay = loop.delay_s + loop.delay_tolerance_s * delay_place
         # A number without tolerance was not drawn, and no risk depends on it.
         of_loop = [
-            late * (loop.delay_tolerance_s > 0.0),
+            delay_place * (loop.delay_tolerance_s > 0.0),
             (2.0 * self.pulls[number] - 1.0) * (cable_hz > 0.0),
             *(self.gains[number] * (loop.gain_tolerance > 0.0)),
         ]
@@ -209,7 +209,7 @@ def draw_plants(
         )
         for _ in range(draws)
     ]
-    n, alone, lossy, late, gains = (np.array(x) for x in zip(*rows, strict=True))
+    n, alone, lossy, delay_place, gains = (np.array(x) for x in zip(*rows, strict=True))
     return Drawing(
         refined=refined,
         there=there,
@@ -222,7 +222,7 @@ def draw_plants(
         alone=alone,
         lossy=lossy,
         pulls=pulls,
-        late=late,
+        delay_place=delay_place,
         gains=gains,
     )
 

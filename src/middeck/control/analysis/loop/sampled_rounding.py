@@ -6,7 +6,7 @@ alone do not tell: the plant is sampled again with its entries moved by rounding
 
 import numpy as np
 
-from middeck.control.law.rounding_of_results import DRAWS, is_vague_plant, move_plant
+from middeck.control.law.rounding_of_results import DRAWS, is_vague_half, move_half
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.stability import growth_limits, growth_rates
@@ -26,10 +26,10 @@ def sample_known(path: Plant, law: SampledStateSpace) -> Plant:
     `SPREADS` from the limit of growth.
     """
     sampled = sample_plant(path, law.period_s)
-    if not is_vague_plant(path):
+    if not is_vague_half(path):
         return sampled
     rng = np.random.default_rng(0)
-    moved = [sample_plant(move_plant(path, rng), law.period_s) for _ in range(DRAWS)]
+    moved = [sample_plant(move_half(path, rng), law.period_s) for _ in range(DRAWS)]
     beyond = [_beyond(one, law) for one in (sampled, *moved)]
     if not min(map(abs, beyond)) > SPREADS * (max(beyond) - min(beyond)):
         raise NumericalError(f"stability of the sampled loop cannot be decided: {OPEN}", hint=CURE)
