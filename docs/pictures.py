@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 
 import middeck as md
 from middeck.files.disk.atomic import write_text
-from middeck.files.promises.form import read_promise
 from middeck.files.promises.outcomes import comparison_document, load_outcomes
+from middeck.files.promises.promise_file import read_promise
 from middeck.plot.amplitude import draw_amplitude
 from middeck.plot.budget import budget_figure
 from middeck.plot.curves import draw_magnitude
