@@ -16,7 +16,8 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.nastran.deck.coordinates import BASIC, System
-from middeck.files.records.uff58 import AGAIN, HEADER, TextSet, few, fortran, require_stated, scan_texts
+from middeck.files.records.uff_lines import AGAIN, fortran
+from middeck.files.records.uff_sets import HEADER, TextSet, few, require_stated, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
 
 NODES, SHAPES, UNITS, SYSTEMS, LINES = (15, 2411), (55, 2414), 164, (18, 2420), 82

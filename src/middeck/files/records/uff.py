@@ -14,9 +14,10 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
-from middeck.files.records.uff58 import AXES, NONE, RESPONSE, TIME, Dataset, Place, is_si, read_values, scan
+from middeck.files.records.uff58 import AXES, NONE, RESPONSE, TIME, Dataset, Place, read_values
 from middeck.files.records.uff58_write import Header, stated, write_58, write_count
 from middeck.files.records.uff_cut import doubts_of_whole
+from middeck.files.records.uff_sets import is_si, scan
 from middeck.signals.fault import Fault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record

@@ -5,25 +5,21 @@ universal file formats, data set 58).
 """
 
 import itertools
-import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 import numpy as np
 
 from middeck.errors import DataError
+from middeck.files.records.uff_lines import AGAIN, MARK, Cursor, fortran, to_mark
 from middeck.values import record
 
 TIME, RESPONSE = 1, 4  # function types that are read
 # Ordinate data type: is complex, bytes of a real number, characters of one, numbers on an ASCII line.
 ORDINATES = {2: (False, 4, 13, 6), 4: (False, 8, 20, 4), 5: (True, 4, 13, 6), 6: (True, 8, 20, 4)}
-MARK = b"    -1"
 NONE = "NONE"  # in place of a name or a unit
-HEADER = 151
-BLANK = b" \t\r\n\0\x1a"  # some programs end a file with the mark of its end
-AGAIN = "copy or export it again"
 # No measurement is beyond these: its bytes are in another order.
 SANE = (1e-25, 1e25)
 FEWEST = 32  # numbers by which a byte order can be judged
@@ -53,8 +49,6 @@ ABSCISSAS = {
     TIME: (17, "s", ("", "s", "sec", "secs", "second", "seconds", "time")),
     RESPONSE: (18, "Hz", ("", "hz", "hertz", "cps", "frequency", "cycles/s", "cycles/sec", "c/s", "1/s")),
 }
-# Units (data set 164) stand near the beginning of a file.
-SEARCHED = 1_000_000
 
 
 @record(kw_only=True)
@@ -95,121 +89,14 @@ class Dataset:
         return 1 + ORDINATES[self.ordinate][0] + (self.step is None)
 
 
-class _Cursor:
-    """Walks through the lines and bytes of a file and knows on which line it is."""
-
-    def __init__(self, stream: IO[bytes], file: Path) -> None:
-        self.stream, self.file, self.number = stream, file, 0
-
-    def where(self) -> str:
-        return f"{self.file}:{self.number}"
-
-    def line(self, awaited: str) -> bytes:
-        """The next line; raises `DataError` at the end of the file."""
-        text = self.stream.readline(100_000)
-        self.number += 1
-        if not text:
-            raise DataError(f"truncated: the file ends before {awaited}", where=self.where(), hint=AGAIN)
-        return text
-
-    def left(self) -> int:
-        """Bytes from here to the end of the file."""
-        here = self.stream.tell()
-        end = self.stream.seek(0, 2)
-        self.stream.seek(here)
-        return end - here
-
-    def fits(self, size: int) -> bool:
-        return 0 <= size <= self.left()
-
-
-@record
-class TextSet:
-    """A data set other than 58: its number, the line on which its content begins, and its lines."""
-
-    number: int
-    line: int
-    lines: tuple[str, ...]
-
-
-def scan(file: Path) -> list[Dataset]:
-    """All data sets 58 of ``file``; others are passed over.
-
-    Raises `DataError`, with the line, if the file is cut.
-    """
-    found = list(_sets(file, (HEADER,)))
-    functions = [data for data in found if isinstance(data, Dataset)]
-    require_stated([s for s in found if isinstance(s, TextSet)], len(functions), "functions", file)
-    return functions
-
-
-def require_stated(heads: Iterable[TextSet], there: int, what: str, file: Path) -> None:
-    """Raise `DataError` for fewer data sets than our own header states: cut between two, a file looks whole.
-
-    ``heads`` are its data sets 151; ``what`` they count, ``there`` are in the file.
-    """
-    ours = [s.lines[1] for s in heads if len(s.lines) > 2 and s.lines[2].strip() == "middeck"]
-    stated = sum(int(found[1]) for line in ours if (found := re.fullmatch(rf"(\d+) {what}", line.strip())))
-    if there < stated:
-        cut = f"cut: {there} of the {stated} {what} that its header states"
-        hint = f"{AGAIN}; if {what} were deleted on purpose, correct the number in data set {HEADER}"
-        raise DataError(cut, where=str(file), hint=hint)
-
-
-def scan_texts(file: Path, wanted: Collection[int]) -> list[TextSet]:
-    """The data sets of ``file`` whose numbers are ``wanted``, line by line; raises `DataError` as `scan`."""
-    return [found for found in _sets(file, wanted) if isinstance(found, TextSet)]
-
-
-def _sets(file: Path, wanted: Collection[int]) -> Iterator[Dataset | TextSet]:
-    size = file.stat().st_size
-    with open(file, "rb") as stream:
-        cursor = _Cursor(stream, file)
-        while stream.tell() < size:
-            line = cursor.line("a data set")
-            if line.strip(b" ") == b"" and len(line) < len(MARK):
-                what = "truncated: the file ends in blanks, as if in the midst of a mark (-1)"
-                hint = AGAIN + "; or end it behind the last mark, if it is whole"
-                raise DataError(what, where=cursor.where(), hint=hint)
-            if not line.strip(BLANK):
-                continue
-            if line.rstrip() != MARK:
-                raise DataError(
-                    f"{line[:20].decode('ascii', 'replace').rstrip()!r} stands outside of a data set",
-                    where=cursor.where(), hint="a data set begins with -1 in columns 5 and 6",
-                )  # fmt: skip
-            head = cursor.line("the number of a data set").decode("ascii", "replace")
-            number = head[:6].strip()
-            if number == "58":
-                yield _scan_58(cursor, head)
-            elif number in map(str, wanted):
-                yield _scan_text(cursor, int(number))
-            else:
-                _to_mark(cursor)
-
-
-def _scan_text(cursor: _Cursor, number: int) -> TextSet:
-    begin, lines = cursor.number + 1, list[str]()
-    while (line := cursor.line("the end of a data set")).rstrip() != MARK:
-        lines.append(line.decode("utf-8", "replace").rstrip("\r\n"))
-    return TextSet(number, begin, tuple(lines))
-
-
-def _to_mark(cursor: _Cursor) -> int:
-    """Pass over the rest of a data set; the byte at which it ends."""
-    while True:
-        end = cursor.stream.tell()
-        if cursor.line("the end of a data set").rstrip() == MARK:
-            return end
-
-
-def _scan_58(cursor: _Cursor, head: str) -> Dataset:
+def scan_58(cursor: Cursor, head: str) -> Dataset:
+    """The data set whose number the line ``head`` holds; raises `DataError`, with the line, if it is cut."""
     begin, order = cursor.number, _byte_order(head, cursor.where())
     lines = [cursor.line("the end of a header").decode("utf-8", "replace").rstrip("\r\n") for _ in range(11)]
     start, where = cursor.stream.tell(), f"{cursor.file}:{begin}"
     data = _dataset(lines, begin, order, start, where)
     if not order:
-        return replace(data, size=_to_mark(cursor) - start)
+        return replace(data, size=to_mark(cursor) - start)
     told = _whole(head, 31, 43, where, "the number of bytes")
     for size in dict.fromkeys((told, *_sizes(data))):  # pyuff 2.5 leaves the imaginary parts out
         cursor.stream.seek(start)
@@ -228,20 +115,13 @@ def _sizes(data: Dataset) -> tuple[int, ...]:
     return (full,) if data.step is not None else (full, full - data.count * (width - 4))
 
 
-def _ends(cursor: _Cursor, size: int) -> bool:
+def _ends(cursor: Cursor, size: int) -> bool:
     """Whether the data set ends after ``size`` bytes; some programs end the line of numbers, some do not."""
     cursor.stream.seek(size, 1)
     mark = cursor.stream.readline(100)
     if not mark.strip():
         mark = cursor.stream.readline(100)
     return mark.rstrip() == MARK
-
-
-def is_si(file: Path) -> bool:
-    """Whether data set 164 says that all is in SI, or nothing says otherwise."""
-    with open(file, "rb") as stream:
-        found = re.search(rb"^ {4}-1\s*\n {3}164\s*\n([ \d]{10})", stream.read(SEARCHED), re.MULTILINE)
-    return found is None or found.group(1).strip() == b"1"
 
 
 def _byte_order(head: str, where: str) -> Literal["", "<", ">"]:
@@ -332,20 +212,6 @@ def _number(line: str, start: int, end: int, where: str, what: str) -> float:
     if not np.isfinite(number):
         raise DataError(f"{what} is {text!r}", where=where, hint=AGAIN)
     return number
-
-
-def few(nodes: list[int]) -> str:
-    """The first five nodes."""
-    return ", ".join(map(str, nodes[:5])) + (", ..." if len(nodes) > 5 else "")
-
-
-def fortran(text: str) -> str:
-    """A Fortran number as Python reads it: 1.0D+02 has an E, and 1.0-101 lost its own.
-
-    >>> fortran("1.5D-03"), fortran("1.5-103")
-    ('1.5e-03', '1.5e-103')
-    """
-    return re.sub(r"(?<=[\d.])([+-]\d+)$", r"e\1", re.sub("[dD]", "e", text))
 
 
 def read_values(file: Path, data: Dataset, size: int) -> Iterator[np.ndarray]:

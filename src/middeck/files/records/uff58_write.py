@@ -5,7 +5,8 @@ from typing import IO
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.records.uff58 import MARK, NONE, Place
+from middeck.files.records.uff58 import NONE, Place
+from middeck.files.records.uff_lines import MARK
 from middeck.values import record
 
 REAL, COMPLEX = 4, 6  # double precision

@@ -4,7 +4,8 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from middeck.files.records.uff58 import AXES, Dataset, Place, TextSet, few, scan_texts
+from middeck.files.records.uff58 import AXES, Dataset, Place
+from middeck.files.records.uff_sets import TextSet, few, scan_texts
 
 LINES_OF_NODE = {15: 1, 2411: 2}
 """Lines that a node takes in the data sets of places."""
