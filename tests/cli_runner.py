@@ -69,16 +69,16 @@ def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     for place in ("middeck", "middeck.cli.given.cases"):
         monkeypatch.setattr(f"{place}.solve_equilibrium", at_rest_once)
         monkeypatch.setattr(f"{place}.solve_modes", modes_once)
-    for module in ("realtime.gate.steps_on_paper", "control.qualification"):
+    for module in ("realtime.gate.steps_without_rig", "control.qualification"):
         monkeypatch.setattr(f"middeck.{module}.measure_margins", margins_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", identify_once)
     monkeypatch.setattr("middeck.cli.work.fit_records.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.identification.faults.detect.detect_faults", detect_faults_once)
     monkeypatch.setattr("middeck.updating.refinement.refine.refine", refine_once)
     monkeypatch.setattr("middeck.updating.promise.promise.promise", promise_once)
-    monkeypatch.setattr("middeck.updating.candidates.candidates.foresee", foresee_once)
-    monkeypatch.setattr("middeck.updating.candidates.candidates.solve_there", solve_there_once)
-    monkeypatch.setattr("middeck.updating.candidates.candidates.predict_at", predict_at_once)
+    monkeypatch.setattr("middeck.updating.candidates.rank_tests.foresee", foresee_once)
+    monkeypatch.setattr("middeck.updating.candidates.rank_tests.solve_there", solve_there_once)
+    monkeypatch.setattr("middeck.updating.candidates.rank_tests.predict_at", predict_at_once)
 
 
 @functools.cache

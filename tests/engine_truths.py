@@ -31,7 +31,6 @@ from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.rigs.linear_article import LinearArticle
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps_on_paper import GateMargins, check_poles
 from middeck.realtime.gate.steps_on_rig import (
     GateRig,
     GateTrials,
@@ -39,6 +38,7 @@ from middeck.realtime.gate.steps_on_rig import (
     check_engagement,
     check_shadow_run,
 )
+from middeck.realtime.gate.steps_without_rig import GateMargins, check_poles
 from middeck.realtime.package.package import ControllerPackage
 
 TURNED_DEG = 20.0

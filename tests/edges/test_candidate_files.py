@@ -17,7 +17,7 @@ from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.refinements.candidates import RankedTests, load_candidates
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
-from middeck.updating.candidates.candidates import rank_tests
+from middeck.updating.candidates.rank_tests import rank_tests
 from middeck.updating.refinement.refine import Refined
 
 ROOT = Path(__file__).parents[2]

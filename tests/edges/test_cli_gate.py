@@ -29,7 +29,7 @@ from middeck.identification.model.plant_model import model_of_plant
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.engine.trials.served_rig import ServedRig
-from middeck.realtime.gate.steps_on_paper import GateStep
+from middeck.realtime.gate.steps_without_rig import GateStep
 from middeck.realtime.package.package_bytes import encode_package, hash_package
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.vectors import add_test_vectors
@@ -52,7 +52,7 @@ def swing(sign: float = 1.0) -> Plant:
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     """A package and a model of the swing, whose margins are measured once."""
-    monkeypatch.setattr("middeck.realtime.gate.steps_on_paper.measure_margins", margins_once)
+    monkeypatch.setattr("middeck.realtime.gate.steps_without_rig.measure_margins", margins_once)
     monkeypatch.chdir(tmp_path)
     lag = SampledStateSpace([[0.66]], [[1.0]], [[17.0]], [[-50.0]], period_s=PERIOD_S)
     law = Compensator(lag, (WAY,), (PUSH,))

@@ -16,8 +16,8 @@ from middeck.realtime.engine.process.adopted_engine import AdoptedEngine
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.rigs.stepped_article import SteppedArticle
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.steps_on_paper import GateMargins
 from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials, package_settings
+from middeck.realtime.gate.steps_without_rig import GateMargins
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -30,8 +30,8 @@ from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.trials.served_rig import ServedRig
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.recovery_proof import why_unproved
-from middeck.realtime.gate.steps_on_paper import GateMargins, check_poles
 from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials
+from middeck.realtime.gate.steps_without_rig import GateMargins, check_poles
 from middeck.realtime.package.package_bytes import decode_package, encode_package
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.record import Record

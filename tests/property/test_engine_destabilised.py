@@ -16,7 +16,7 @@ from engine_rigs import closed_states, rig_case, settings_of
 from engine_truths import attempt, on_board, packed, refusals
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps_on_paper import GateMargins, Tried, check_loops
+from middeck.realtime.gate.steps_without_rig import GateMargins, Tried, check_loops
 from repeats import repeats
 
 pytestmark = pytest.mark.usefixtures("compiler")

@@ -20,7 +20,7 @@ from middeck.realtime.gate.gain_metric import Metric
 from middeck.realtime.gate.gain_path import bound_fade, bound_joints, bound_piece, join_metrics
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.norm_bound import bound_norm, is_below, is_positive, is_proved_to_grow
-from middeck.realtime.gate.steps_on_paper import GateMargins
+from middeck.realtime.gate.steps_without_rig import GateMargins
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section, static_gain
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw

@@ -15,7 +15,7 @@ from middeck.structure.correlation.measured_modes import MeasurementNoise, measu
 from middeck.structure.model.article import LoadCase, PointLoad
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
-from middeck.updating.candidates.candidates import rank_tests
+from middeck.updating.candidates.rank_tests import rank_tests
 from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.deflections import Deflection, predict_deflections
 from middeck.updating.orbit.frequencies import predict_modes

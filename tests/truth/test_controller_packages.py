@@ -21,7 +21,7 @@ from middeck.errors import ConfigError
 from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control
 from middeck.files.exchange.scipy_signal import from_scipy
-from middeck.realtime.gate.steps_on_paper import check_error_bound, check_vectors
+from middeck.realtime.gate.steps_without_rig import check_error_bound, check_vectors
 from middeck.realtime.generate.c_source import generate_c
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.l1_norms import bound_peaks

@@ -18,8 +18,9 @@ from middeck.realtime.engine.interface.settings import Drive, EngineSettings, Se
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import limited_law, linear_law
-from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, check_interface, check_recovery
+from middeck.realtime.gate.recovery_step import check_recovery
 from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials
+from middeck.realtime.gate.steps_without_rig import FADES, GateMargins, check_interface
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.overflow import OWN_COMMANDS
 from middeck.realtime.package.package_law import package_law

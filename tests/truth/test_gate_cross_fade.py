@@ -20,8 +20,8 @@ from middeck.realtime.gate.cross_fade import check_cross_fade, fade_points
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.linear_law import faded_laws
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps_on_paper import GateMargins
 from middeck.realtime.gate.steps_on_rig import GateTrials
+from middeck.realtime.gate.steps_without_rig import GateMargins
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.package_bytes import hash_package
 from middeck.realtime.package.package_law import package_law

@@ -13,7 +13,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.gate.gain_recovery import at_gain, stable_at_every_gain
 from middeck.realtime.gate.gate import ONE_GAIN, examine_package
-from middeck.realtime.gate.steps_on_paper import check_recovery
+from middeck.realtime.gate.recovery_step import check_recovery
 from middeck.realtime.package.filter_sections import InputFilter, LoopPath, Section
 from middeck.realtime.package.package_law import package_law
 from middeck.realtime.package.reference import ReferenceLaw

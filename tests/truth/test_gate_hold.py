@@ -20,8 +20,8 @@ from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.gate.gate import NO_HOLD, examine_package
 from middeck.realtime.gate.linear_law import linear_law
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps_on_paper import GateMargins, GateStep
 from middeck.realtime.gate.steps_on_rig import GateRig, GateTrials, check_dry_run, check_engagement
+from middeck.realtime.gate.steps_without_rig import GateMargins, GateStep
 from middeck.realtime.package.filter_sections import LoopPath, Section, static_gain
 from middeck.realtime.package.package_bytes import encode_package
 from middeck.realtime.package.package_law import package_law

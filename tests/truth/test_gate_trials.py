@@ -16,7 +16,6 @@ from middeck.realtime.engine.rigs.engine_rig import EngineRig
 from middeck.realtime.engine.rigs.linear_article import linear_article
 from middeck.realtime.engine.trials.trial import ENGINE, REFERENCE, Stage, run_trial
 from middeck.realtime.gate.gate import examine_package
-from middeck.realtime.gate.steps_on_paper import GateMargins
 from middeck.realtime.gate.steps_on_rig import (
     GateRig,
     GateTrials,
@@ -25,6 +24,7 @@ from middeck.realtime.gate.steps_on_rig import (
     check_shadow_run,
     package_settings,
 )
+from middeck.realtime.gate.steps_without_rig import GateMargins
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.package_bytes import hash_law
 from middeck.realtime.package.package_law import package_law

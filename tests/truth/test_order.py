@@ -10,7 +10,7 @@ import pytest
 from middeck import estimate_response
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.best_start import race
-from middeck.identification.order.order import Tried, choose, is_settled
+from middeck.identification.order.order_choice import Tried, choose, is_settled
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data

@@ -10,7 +10,7 @@ import scipy.signal
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-from middeck.identification.order.order import Tried, choose
+from middeck.identification.order.order_choice import Tried, choose
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port

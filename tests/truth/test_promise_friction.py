@@ -14,7 +14,7 @@ from middeck.control.robust.verification.monte_carlo import noise_on
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.joints.sliding import PASSES, Sliding, SlidingLoops, held_gain
+from middeck.joints.sliding_loops import PASSES, Sliding, SlidingLoops, held_gain
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import build_rig

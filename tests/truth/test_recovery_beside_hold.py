@@ -16,7 +16,7 @@ from middeck.realtime.gate import limited_loop, multipliers, reached_limits
 from middeck.realtime.gate.gate import examine_package
 from middeck.realtime.gate.package_with_hold import drives_of, with_hold
 from middeck.realtime.gate.recovery_proof import why_unproved
-from middeck.realtime.gate.steps_on_paper import GateMargins
+from middeck.realtime.gate.steps_without_rig import GateMargins
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.ports import Port

@@ -24,7 +24,7 @@ from .engine.trials.trial import (
     run_trial as run_trial,
 )
 from .gate.adaptive import prove_gain as prove_gain
-from .gate.steps_on_paper import GateMargins as GateMargins
+from .gate.steps_without_rig import GateMargins as GateMargins
 from .gate.steps_on_rig import (
     GateRig as GateRig,
     GateTrials as GateTrials,

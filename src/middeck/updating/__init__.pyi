@@ -1,7 +1,7 @@
 """Names of this room that ``middeck`` itself does not have."""
 
 from .candidates.candidate_survey import CandidateSurvey as CandidateSurvey
-from .candidates.candidates import rank_tests as rank_tests
+from .candidates.rank_tests import rank_tests as rank_tests
 from .orbit.deflections import predict_deflections as predict_deflections
 from .promise.draws import LoopSpread as LoopSpread
 from .promise.plan import Ladder as Ladder

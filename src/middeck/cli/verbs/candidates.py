@@ -13,7 +13,7 @@ from middeck.cli.shown.screen import Table, show
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
-    from middeck.updating.candidates.candidates import Ranking
+    from middeck.updating.candidates.rank_tests import Ranking
     from middeck.updating.refinement.refine import Refined
 
 EXAMPLES = """\

@@ -108,7 +108,7 @@ def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
     from middeck.cli.given.compensators import load_law
     from middeck.files.disk.kind_of_content import PACKAGE, looks_like
     from middeck.files.laws.packages import AGAIN, load_package
-    from middeck.realtime.gate.steps_on_paper import check_vectors
+    from middeck.realtime.gate.steps_without_rig import check_vectors
     from middeck.realtime.package.package_law import package_law, without_applied
 
     limits = {key: given[key] for key in LIMITS if given[key] is not None}

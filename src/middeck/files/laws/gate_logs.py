@@ -12,7 +12,7 @@ from typing import Any, Self
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.realtime.gate.gate import GateVerdict
-from middeck.realtime.gate.steps_on_paper import GateStep
+from middeck.realtime.gate.steps_without_rig import GateStep
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import hash_law, hash_package
 from middeck.values import record

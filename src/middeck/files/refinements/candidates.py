@@ -60,7 +60,7 @@ class CandidatesForm(Form):
 
 @record(kw_only=True)
 class RankedTests:
-    """The arguments of `rank_tests` (`updating.candidates.candidates`), an article and its refinement.
+    """The arguments of `rank_tests` (`updating.candidates.rank_tests`), an article and its refinement.
 
     Attributes:
         environments: Environments in which frequencies are promised, by name.

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Complex
 
 from middeck.identification.fit.mode_trust import Standing
 from middeck.identification.model.fit_options import FitOptions, decided
-from middeck.identification.order.order import description_length
+from middeck.identification.order.order_choice import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.refine_and_reweigh import Polished, polish

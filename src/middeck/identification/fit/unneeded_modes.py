@@ -11,7 +11,7 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.order.best_start import leaves_noise
-from middeck.identification.order.order import description_length
+from middeck.identification.order.order_choice import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Point, Start, pack
 from middeck.identification.search.refine_and_reweigh import Polished, Run, polish

@@ -17,7 +17,7 @@ import numpy as np
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.best_start import race
-from middeck.identification.order.order import WORSE, OrderChoice, Tried
+from middeck.identification.order.order_choice import WORSE, OrderChoice, Tried
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.search.fit_warnings import LEFT

@@ -7,7 +7,6 @@ import numpy as np
 
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order import order
 from middeck.identification.order.add_or_exchange_modes import grown, shrunk
 from middeck.identification.order.best_start import (
     FEW_STEPS,
@@ -16,6 +15,15 @@ from middeck.identification.order.best_start import (
     hopeful,
     leaves_noise,
     some_lines,
+)
+from middeck.identification.order.order_choice import (
+    OrderChoice,
+    Tried,
+    choose,
+    description_length,
+    has_met,
+    is_settled,
+    sizes,
 )
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
@@ -34,29 +42,32 @@ LACKING = 0.2
 
 def recommend_states(
     measured: FrequencyResponse, data: Data, spread: Spread, options: FitOptions
-) -> order.OrderChoice:
+) -> OrderChoice:
     """The order that `choose` takes, each from the best of a few starts and of the order before.
 
     As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
     sizes do not find is no sign that there is nothing more.
     """
     part, some = some_lines(data, spread, options)
-    runs: dict[int, tuple[order.Tried, Polished]] = {}
+    runs: dict[int, tuple[Tried, Polished]] = {}
 
-    def judge(run: Polished) -> order.Tried:
+    def judge(run: Polished) -> Tried:
         states = run.layout.states
         # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
         sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
         unknowns = count_unknowns(measured, sized)
-        length = order.description_length(run.likelihood, unknowns, 2 * part.H.size, some.alike)
+        length = description_length(run.likelihood, unknowns, 2 * part.H.size, some.alike)
         # Without a measured variance nothing tells noise from what the model lacks.
         noise = measured.variance is None or leaves_noise(run, some)
-        runs[states] = order.Tried(states, length, _held_out(data, spread, part, some, run), noise), run
+        runs[states] = (
+            Tried(states, length, _held_out(data, spread, part, some, run), noise),
+            run,
+        )
         return runs[states][0]
 
     best: Polished | None = None
     lacking, most = True, np.hypot(LACKING, float(np.sqrt(np.mean(spread.variance / spread.at(1.0)))))
-    for states in order.sizes():
+    for states in sizes():
         sized = options.sized(states)
         if 2 * count_unknowns(measured, sized) > part.H.size:
             break
@@ -68,7 +79,7 @@ def recommend_states(
         judge(best)
         known = [t for t, _ in runs.values()]
         lacking = min(t.held_out for t in known) > most
-        if not lacking and (order.is_settled([t.length for t in known]) or order.has_met(known)):
+        if not lacking and (is_settled([t.length for t in known]) or has_met(known)):
             break
     if not runs:
         raise _no_order(measured, part, options)
@@ -86,7 +97,7 @@ def recommend_states(
         if smaller.length >= shortest.length:
             break
         shortest = smaller
-    return order.choose([runs[states][0] for states in sorted(runs)])
+    return choose([runs[states][0] for states in sorted(runs)])
 
 
 def _no_order(measured: FrequencyResponse, part: Data, options: FitOptions) -> DataError | FitError:

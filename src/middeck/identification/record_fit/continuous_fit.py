@@ -17,7 +17,7 @@ from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import ModelAlone
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, path_delay, rank_of
-from middeck.identification.order.order import is_settled, sizes
+from middeck.identification.order.order_choice import is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.unknowns_layout import Point, Start
 from middeck.identification.record_fit import record_order

@@ -20,7 +20,7 @@ import numpy as np
 from middeck.errors import DataError, FitError, NumericalError
 from middeck.identification.fit.fitted_model import model_of
 from middeck.identification.model.fit_options import FitOptions
-from middeck.identification.order.order import description_length, is_settled, sizes
+from middeck.identification.order.order_choice import description_length, is_settled, sizes
 from middeck.identification.problem.data import Data, Transient
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.record_fit.missed_modes import exchanges, grown

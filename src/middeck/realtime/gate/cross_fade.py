@@ -8,8 +8,8 @@ from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.settings import EngineSettings
 from middeck.realtime.gate.linear_law import faded_laws
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps_on_paper import FADES, GateMargins, GateStep, Tried, check_loops
 from middeck.realtime.gate.steps_on_rig import package_settings
+from middeck.realtime.gate.steps_without_rig import FADES, GateMargins, GateStep, Tried, check_loops
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.reference import fade_at
 from middeck.systems.plants.plant import Plant

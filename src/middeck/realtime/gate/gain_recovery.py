@@ -8,7 +8,8 @@ from middeck.errors import NumericalError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.gate.gain_loop import GainLoop
 from middeck.realtime.gate.gain_proof import prove_interval
-from middeck.realtime.gate.steps_on_paper import GateStep, check_recovery
+from middeck.realtime.gate.recovery_step import check_recovery
+from middeck.realtime.gate.steps_without_rig import GateStep
 from middeck.realtime.package.core import Core
 from middeck.realtime.package.package import ControllerPackage
 from middeck.systems.plants.plant import Plant

@@ -11,7 +11,15 @@ from middeck.realtime.gate.adaptive import GainProof, misfit, prove_gain
 from middeck.realtime.gate.cross_fade import check_cross_fade
 from middeck.realtime.gate.gain_recovery import check_recovery_at_gains, stable_at_every_gain
 from middeck.realtime.gate.package_with_hold import drives_of, with_drives, with_hold
-from middeck.realtime.gate.steps_on_paper import (
+from middeck.realtime.gate.recovery_step import check_recovery
+from middeck.realtime.gate.steps_on_rig import (
+    GateRig,
+    GateTrials,
+    check_dry_run,
+    check_engagement,
+    check_shadow_run,
+)
+from middeck.realtime.gate.steps_without_rig import (
     GateMargins,
     GateStep,
     check_blacklist,
@@ -19,15 +27,7 @@ from middeck.realtime.gate.steps_on_paper import (
     check_interface,
     check_model,
     check_poles,
-    check_recovery,
     check_vectors,
-)
-from middeck.realtime.gate.steps_on_rig import (
-    GateRig,
-    GateTrials,
-    check_dry_run,
-    check_engagement,
-    check_shadow_run,
 )
 from middeck.realtime.package.package import ControllerPackage
 from middeck.realtime.package.package_bytes import hash_law, hash_package

@@ -12,7 +12,7 @@ from middeck.realtime.engine.interface.settings import Drive, EngineSettings, Se
 from middeck.realtime.engine.rigs.linear_article import LinearArticle, linear_article
 from middeck.realtime.engine.trials.trial import AnyRig, Stage, Trial, run_trial
 from middeck.realtime.gate.package_with_hold import with_hold
-from middeck.realtime.gate.steps_on_paper import GateStep
+from middeck.realtime.gate.steps_without_rig import GateStep
 from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.joints.sliding import held_gain
+from middeck.joints.sliding_loops import held_gain
 from middeck.updating.promise.slip_loops import LINES_AT_ONCE, SlipPoles
 from middeck.updating.promise.slip_time import SlipTime
 

@@ -21,7 +21,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import MOST_PADE, pade_order
 from middeck.control.law.partition import partition_modes
 from middeck.errors import ConfigError
-from middeck.joints.sliding import Sliding, SlidingLoops
+from middeck.joints.sliding_loops import Sliding, SlidingLoops
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.updating.promise.plan import Plan

@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len
 
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
-from middeck.joints.sliding import GIVEN
+from middeck.joints.sliding_loops import GIVEN
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.state_space.feedback import close_static
 from middeck.updating.promise.plan import Plan, weights_of
