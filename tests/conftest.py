@@ -89,10 +89,11 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session", autouse=True)
 def shared_rest_states():
-    """Refinements of many tests begin at the same rest states, which are solved once a worker."""
+    """Refinements, verbs and studies of many tests begin at the same rest states: solved once a worker."""
+    rooms = ("updating.residuals.surveys", "updating.residuals.static_tests", "cli.given.cases")
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("surveys", "static_tests"):
-            patch.setattr(f"middeck.updating.residuals.{module}.solve_equilibrium", at_rest_lately)
+        for room in (*rooms, "study.shared", "laboratory.article"):
+            patch.setattr(f"middeck.{room}.solve_equilibrium", at_rest_lately)
         yield
 
 

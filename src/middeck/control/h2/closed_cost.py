@@ -78,7 +78,7 @@ def evaluate_cost(model: GeneralizedPlant, law: Law) -> LawCost:
     F, H = out @ B, C @ into
     X = into @ solve_triangular(T, F @ F.T, transposed=False) @ into.T
     P = out.T @ solve_triangular(T, H.T @ H, transposed=True) @ out
-    cost = float(np.sum((C @ X) * C))
+    cost = float(((C @ X) * C).sum())
     if not np.isfinite(cost):
         return LawCost(cost=np.inf)
     return law_gradient(model, law, cost, X, P, (P @ X, P @ B, C @ X))
@@ -102,8 +102,8 @@ def law_gradient(
         C=2.0 * (model.B2.T @ PX[:n, n:] + (law.B @ model.D22).T @ PX[n:, n:] + model.D12.T @ CX[:, n:]),
         covariance=X[n:, n:],
         worth=P[n:, n:],
-        measured=np.sum((model.C2 @ X[:n, :n]) * model.C2, axis=1),
-        pushed=np.sum((model.B2.T @ P[:n, :n]) * model.B2.T, axis=1),
+        measured=((model.C2 @ X[:n, :n]) * model.C2).sum(axis=1),
+        pushed=((model.B2.T @ P[:n, :n]) * model.B2.T).sum(axis=1),
     )
 
 
@@ -129,6 +129,6 @@ def _stable_form(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | N
     except np.linalg.LinAlgError:
         return None
     # The diagonal of a standard real Schur form holds the real parts.
-    if not np.diag(T).max(initial=-np.inf) < 0.0:
+    if not T.diagonal().max(initial=-np.inf) < 0.0:
         return None
     return T, scale[:, None] * U, U.T / scale

@@ -100,7 +100,15 @@ class Data:
         """The same with other weights, on which no term of the transient hangs."""
         again = dataclasses.replace(self, weight=weight)
         again.__dict__["_drift_and_edges"] = self._drift_and_edges
+        if self.transient is not None:
+            again.__dict__["a_sample_late"] = self.a_sample_late
         return again
+
+    @functools.cached_property
+    def a_sample_late(self) -> Complex[np.ndarray, " line"]:
+        """exp(-s T), by which a delay of one sample multiplies a record's spectra."""
+        assert self.transient is not None
+        return np.exp(-self.s * self.transient.period_s)
 
     def drift_and_edges(self, degree: int) -> Complex[np.ndarray, "column line"]:
         """Terms of the transient that hang on no pole, to first or to second degree."""

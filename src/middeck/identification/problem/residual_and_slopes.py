@@ -27,7 +27,7 @@ class Terms:
         self._delay_factors: dict[int, np.ndarray] = {}
         self.parts: Fractions = fractions(layout, self.point.poles, data.s)
         self.motion: FreeMotion | None = (
-            None if data.transient is None else free_motion(self.point.poles, data.transient, data.s)
+            None if data.transient is None else free_motion(self.point.poles, data)
         )
         self.B: Complex[np.ndarray, "column line"] = (
             np.zeros((0, len(data.s)), dtype=complex)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.problem.data import Data, Transient
+from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Layout, Point
 
 
@@ -37,14 +37,14 @@ class FreeMotion(NamedTuple):
     lower_slope: Complex[np.ndarray, "mode line"]
 
 
-def free_motion(
-    poles: Complex[np.ndarray, " mode"], transient: Transient, s: Complex[np.ndarray, " line"]
-) -> FreeMotion:
-    """The transforms of free motion on the lines ``s``."""
-    inverse, z = np.exp(-s * transient.period_s), np.exp(poles * transient.period_s)[:, None]
+def free_motion(poles: Complex[np.ndarray, " mode"], data: Data) -> FreeMotion:
+    """The transforms of free motion on the lines of the data."""
+    assert data.transient is not None
+    T = data.transient.period_s
+    inverse, z = data.a_sample_late, np.exp(poles * T)[:, None]
     first, second = z * inverse, z.conj() * inverse
     up, low = 1.0 / (1.0 - first), 1.0 / (1.0 - second)
-    return FreeMotion(up, low, transient.period_s * first * up**2, transient.period_s * second * low**2)
+    return FreeMotion(up, low, T * first * up**2, T * second * low**2)
 
 
 def transient_columns(layout: Layout, motion: FreeMotion, data: Data) -> Complex[np.ndarray, "column line"]:

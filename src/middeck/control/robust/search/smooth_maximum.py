@@ -26,7 +26,7 @@ def blend(costs: Float[np.ndarray, " model"], power: float) -> tuple[float, Floa
     2.0
     """
     largest = float(costs.max())
-    value = largest * float(np.mean((costs / largest) ** power)) ** (1.0 / power)
+    value = largest * float(((costs / largest) ** power).sum() / len(costs)) ** (1.0 / power)
     return value, (costs / value) ** (power - 1.0) / len(costs)
 
 

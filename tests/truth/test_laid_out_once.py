@@ -1,0 +1,53 @@
+"""Places of entries hang on the topology alone: articles of one topology share them, and others do not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from middeck.control.riccati.lyapunov import real_schur
+from middeck.structure.assembly import pattern
+from middeck.structure.assembly.mass import mass_matrix
+from middeck.structure.assembly.mesh import mesh_structure
+from middeck.structure.elements import offset_points
+from middeck.structure.model.article import Structure
+from middeck.structure.model.finer_mesh import refine_mesh
+from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
+
+
+def mass_of(article: Structure) -> np.ndarray:
+    model = mesh_structure(article)
+    return mass_matrix(model, model.rest).toarray()
+
+
+def test_an_article_of_another_mass_has_the_places_of_the_first_and_its_own_numbers(dm, lab):
+    (heavier,) = find_parameters(dm, lab, ["node.n1.mass"])
+    other, _ = set_parameter(dm, lab, heavier, 2.0)
+    first, second = mesh_structure(dm), mesh_structure(other)
+    assert second.pattern is first.pattern
+    assert second.pose_map.indices is first.pose_map.indices
+    shared = mass_of(other)
+    for places in (pattern._laid_out, offset_points._lay_out):
+        places.cache_clear()
+    np.testing.assert_array_equal(mass_of(other), shared)
+    assert not np.array_equal(shared, mass_of(dm))
+
+
+def test_another_mesh_and_an_arm_where_there_was_none_have_places_of_their_own(dm):
+    first = mesh_structure(dm)
+    assert mesh_structure(refine_mesh(dm, 2)).pattern is not first.pattern
+    points = first.points
+    drawn = np.flatnonzero(~np.any(points.offset != 0.0, axis=1))[0]
+    offset = points.offset.copy()
+    offset[drawn] = [0.1, 0.0, 0.0]
+    bent = offset_points.map_points(first.tree, dataclasses.replace(points, offset=offset))
+    assert len(bent.special.point) == len(first.pose_map.special.point) + 1
+    assert len(bent.indices) == len(first.pose_map.indices) + 6
+
+
+@pytest.mark.parametrize("states", [0, 1, 2, 7, 40])
+def test_a_schur_form_is_that_of_scipy(states):
+    A = np.random.default_rng(states).standard_normal((states, states))
+    for ours, theirs in zip(real_schur(A), scipy.linalg.schur(A), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
