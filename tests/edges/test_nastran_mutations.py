@@ -274,7 +274,7 @@ def test_mutated_decks(tmp_path, campaign, deck, whole, least):
     path = tmp_path / "a.dat"
     assert plainly(deck)
     assert judge(path, deck)
-    seeds = campaign(whole, share=40)
+    seeds = campaign(whole)
     converted = sum(judge(path, mutated(seed, deck)) for seed in seeds)
     # Comments, blanks and digits leave a deck whole; most slips do not.
     assert least < converted / len(seeds) < 0.7
