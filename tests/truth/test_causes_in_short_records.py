@@ -154,7 +154,7 @@ def test_experiments_of_few_samples_that_contradict_each_other_are_told(campaign
 @pytest.mark.parametrize("samples", [300, 500, 2048])
 def test_nothing_of_it_is_told_of_sound_records(kind: str, samples: int, campaign: Campaign) -> None:
     """Of releases one in forty was told to be fed back, and of sweeps with rests one in four to stick."""
-    seeds = campaign(100, 14)
+    seeds = (*((59,) if kind == "release" else ()), *campaign(100, 14))
     records = [measured(kind, seed, samples) for seed in seeds]
     checks = find_relation_faults, find_stuck, find_gain_drift
     said = [[f.kind for check in checks for f in check(record)] for record in records]

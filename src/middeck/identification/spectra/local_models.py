@@ -41,6 +41,10 @@ EDGE, REACH = 0.01, 4
 # that is followed by rest has little of it, and is estimated well: lost are lines whose deviation is this
 # share of the largest response.
 SMOOTH, LOST = 0.2, 0.1
+# That share, in amplitude, below which prediction of the outputs tells little of the response (of noise it is
+# 0.85 and more): of the models of no less than half the window that predict as well within a factor, those
+# that are further apart than so many deviations add the square of their distance to the variance.
+TURNS_LITTLE, AS_WELL, APART = 0.8, 2.5, 3.0
 
 
 def scatter_of_local_models(
@@ -77,14 +81,19 @@ def scatter_of_local_models(
     if excited is None:
         # Whole periods have no leakage.
         lines = lines[_between_driven(U, lines, narrowest.half)]
-    excited, told = _excited(U, lines, narrowest.half, frequency, band_hz)
+    excited, share = _excited(U, lines, narrowest.half, frequency, band_hz)
+    told, smooth = _between_ends(share)[excited], _turns_little(share[excited])
     lines = lines[excited]
     models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
     # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
     sizes = by_input, by_output = np.abs(U).max(axis=(0, 1)), np.abs(Y).max(axis=(0, 1))
     scaled = U / by_input, Y / by_output
-    found = _by_choice(*scaled, frequency, lines, models, _choice(*scaled, lines, models))
-    return _in_units(_without_lost_ends(found, told), *sizes, stride)
+    choice, apart = _choice(*scaled, lines, models, smooth)
+    found = _by_choice(*scaled, frequency, lines, models, choice)
+    assert found.total is not None
+    kept = _without_lost_ends(found, told)
+    found = dataclasses.replace(found, total=found.total + apart)
+    return _in_units(_some_lines(found, kept), *sizes, stride)
 
 
 Lines = tuple[np.ndarray, np.ndarray, Int[np.ndarray, " line"], float]
@@ -131,8 +140,8 @@ def _models(
 
 def _excited(
     U: np.ndarray, lines: np.ndarray, half: int, frequency: np.ndarray, band_hz: tuple[float, float] | None
-) -> tuple[Bool[np.ndarray, " line"], Bool[np.ndarray, " excited"]]:
-    """Lines where the inputs do more than a transient could, and which of these lie between its smooth ends.
+) -> tuple[Bool[np.ndarray, " line"], Float[np.ndarray, " line"]]:
+    """Lines where the inputs do more than a transient could, and the share of their power that none has.
 
     Refuses inputs that are alike there.
     """
@@ -153,7 +162,7 @@ def _excited(
             "record",
         )
     refuse_alike(excited & (power[:, 0] * WORST_CONDITION**2 <= power[:, -1]), frequency[lines])
-    return excited, _between_ends(share)[excited]
+    return excited, share
 
 
 def _between_ends(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
@@ -162,30 +171,32 @@ def _between_ends(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"
     return _between(told, len(share))
 
 
+def _turns_little(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
+    """Lines about which the inputs turn hardly more from one to the next than a motion that decays."""
+    return _moving_mean(share[:, None], AVERAGED)[:, 0] < TURNS_LITTLE**2
+
+
 def _between(places: np.ndarray, count: int) -> Bool[np.ndarray, " line"]:
     line = np.arange(count)
     return (line >= places[0]) & (line <= places[-1])
 
 
-def _without_lost_ends(found: ResponseScatter, told: Bool[np.ndarray, " line"]) -> ResponseScatter:
-    """Without the smooth ends of the band, as far in as a line of theirs is lost for every output."""
+def _without_lost_ends(found: ResponseScatter, told: Bool[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
+    """Lines but for the smooth ends of the band, as far in as a line of theirs is lost for every output."""
     assert found.total is not None
     if told.all() or not told.any():
-        return found
+        return np.ones(len(told), dtype=bool)
     largest = np.abs(found.H[told]).max(axis=0)
     lost = np.all(np.any(found.total > (LOST * largest) ** 2, axis=2), axis=1) & ~told
     first, last = np.flatnonzero(told)[[0, -1]]
     place = np.arange(len(told))
     low, high = np.flatnonzero(lost & (place < first)), np.flatnonzero(lost & (place > last))
-    kept = (place > low.max(initial=-1)) & (place < high.min(initial=len(told)))
-    return dataclasses.replace(
-        found,
-        **{
-            field.name: value[kept]
-            for field in dataclasses.fields(found)
-            if (value := getattr(found, field.name)) is not None
-        },
-    )
+    return (place > low.max(initial=-1)) & (place < high.min(initial=len(told)))
+
+
+def _some_lines(found: ResponseScatter, kept: Bool[np.ndarray, " line"]) -> ResponseScatter:
+    fields = ((field.name, getattr(found, field.name)) for field in dataclasses.fields(found))
+    return dataclasses.replace(found, **{name: x[kept] for name, x in fields if x is not None})
 
 
 def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndarray, " line"]:
@@ -209,19 +220,45 @@ def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndar
 
 
 def _choice(
-    U: np.ndarray, Y: np.ndarray, lines: Int[np.ndarray, " estimate"], models: list[local_fit.LocalModel]
-) -> Int[np.ndarray, " estimate"]:
-    """The model that predicts best around each line, all outputs counting by the factor of their error."""
-    judged = lines[::JUDGED]
+    U: np.ndarray,
+    Y: np.ndarray,
+    lines: Int[np.ndarray, " estimate"],
+    models: list[local_fit.LocalModel],
+    smooth: Bool[np.ndarray, " estimate"],
+) -> tuple[Int[np.ndarray, " estimate"], Float[np.ndarray, "estimate output input"]]:
+    """The model that predicts best around each line, all outputs counting by the factor of their error.
+
+    And what the others that predict as well add to its variance, where the inputs are ``smooth``.
+    """
+    judged, doubtful = lines[::JUDGED], smooth[::JUDGED]
     width = 2 * AVERAGED + 1
     scores: list[np.ndarray] = []
+    told: list[tuple[np.ndarray, np.ndarray]] = []
     for model in models:
-        error = local_fit.fit_windows(U, Y, judged, model).prediction
-        smooth = _moving_mean(error, -(-width // (2 * JUDGED)))
-        scores.append(np.mean(np.log(smooth + np.finfo(float).tiny), axis=1))
+        fit = local_fit.fit_windows(U, Y, judged, model)
+        average = _moving_mean(fit.prediction, -(-width // (2 * JUDGED)))
+        scores.append(np.mean(np.log(average + np.finfo(float).tiny), axis=1))
+        told.append((fit.H[doubtful], fit.variance[doubtful]))
     penalty = np.array([np.log(PAYS) if m.rational else 0.0 for m in models])
     best = np.argmin(np.array(scores) + penalty[:, None], axis=0)
-    return best[np.minimum((np.arange(len(lines)) + JUDGED // 2) // JUDGED, len(judged) - 1)]
+    apart = np.zeros((len(judged), Y.shape[2], U.shape[2]))
+    apart[doubtful] = _apart(told, np.array(scores)[:, doubtful], best[doubtful], models)
+    place = np.minimum((np.arange(len(lines)) + JUDGED // 2) // JUDGED, len(judged) - 1)
+    return best[place], apart[place]
+
+
+def _apart(
+    told: list[tuple[np.ndarray, np.ndarray]],
+    scores: Float[np.ndarray, "model line"],
+    best: Int[np.ndarray, " line"],
+    models: list[local_fit.LocalModel],
+) -> Float[np.ndarray, "line output input"]:
+    """Largest square of the distance to a model that predicts as well, less what its deviation allows."""
+    half = np.array([model.half for model in models])
+    as_well = (scores < scores.min(axis=0) + np.log(AS_WELL)) & (2 * half[:, None] >= half[best])
+    H, variance = (np.array(x) for x in zip(*told, strict=True))
+    off = np.abs(H - H[best, np.arange(len(best))]) ** 2 - APART**2 * variance
+    return np.max(np.where(as_well[:, :, None, None], off, 0.0), axis=0, initial=0.0)
 
 
 def _moving_mean(x: Float[np.ndarray, "line output"], half: int) -> Float[np.ndarray, "line output"]:
