@@ -11,6 +11,7 @@ import middeck as md
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.laboratory.hidden_errors import draw_hidden_errors
+from middeck.signals.ports import Port
 from middeck.structure.correlation.measured_modes import MeasurementNoise, measure_modes
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
@@ -22,7 +23,7 @@ from middeck.updating.orbit.frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import refine
-from middeck.updating.residuals.measured_response import AntiResonance, MeasuredResponse
+from middeck.updating.residuals.measured_response import AntiResonance, MeasuredResponse, measured_paths
 from middeck.updating.residuals.modal_transfer import transfer_of, transfer_slopes
 from middeck.updating.residuals.responses import Poles, compare_response, with_poles
 from middeck.updating.residuals.surveys import Survey
@@ -311,3 +312,22 @@ def test_a_mode_that_no_survey_saw_leaves_the_response_its_word(seed: int):
     predicted = predict_modes(found, Environment.orbit())
     error = case.log_errors(predicted.modes, predicted.frequency_hz, predicted.index, case.ten_in_orbit(seed))
     assert np.sqrt(np.mean((error / predicted.log_std) ** 2)) < NORMAL_95
+
+
+@pytest.mark.parametrize("periods", [2, 3, 30])
+def test_a_line_that_was_quiet_by_chance_does_not_rule(periods: int):
+    """What a mean of 400 lines, weighed by their stated noise, errs by is what its deviation says."""
+    rng, ports = np.random.default_rng(periods), (Port("u", "N"),)
+    squares = []
+    for _ in range(60):
+        noise = rng.standard_normal((2, periods, 400)) / np.sqrt(2.0)
+        each = 1.0 + 0.1 * (noise[0] + 1j * noise[1])
+        of_mean = np.sum(np.abs(each - each.mean(axis=0)) ** 2, axis=0) / (periods * (periods - 1))
+        response = FrequencyResponse(
+            frequency_hz=HZ, H=each.mean(axis=0)[:, None, None], inputs=ports, outputs=(Port("y", "m"),),
+            variance=of_mean[:, None, None],
+        )  # fmt: skip
+        (path,) = measured_paths(MeasuredResponse(response=response))
+        weight = path.noise**-2.0
+        squares.append(np.abs(np.sum(weight * (path.H - 1.0))) ** 2 / np.sum(weight))
+    assert 0.6 < np.mean(squares) < 1.6

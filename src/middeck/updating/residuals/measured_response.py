@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import ConfigError
+from middeck.identification.spectra.excess_variance import NEIGHBOURS, by_output, line_degrees, spread_of
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
@@ -141,8 +142,7 @@ def measured_paths(test: MeasuredResponse) -> tuple[MeasuredPath, ...]:
 
 
 def _measured(test: MeasuredResponse, response: FrequencyResponse) -> list[MeasuredPath]:
-    lines, variance = _lines(response.frequency_hz, test.band_hz), response.variance
-    assert variance is not None
+    lines, variance = _lines(response.frequency_hz, test.band_hz), _known_variance(response)
     return [
         MeasuredPath(
             output=output.name,
@@ -155,6 +155,14 @@ def _measured(test: MeasuredResponse, response: FrequencyResponse) -> list[Measu
         for o, output in enumerate(response.outputs)
         for i, input in enumerate(response.inputs)
     ]
+
+
+def _known_variance(response: FrequencyResponse) -> Float[np.ndarray, "line output input"]:
+    """Averaged over neighbours where few periods estimate it: a line that was quiet by chance would rule."""
+    assert response.variance is not None
+    if line_degrees(response) >= 2 * NEIGHBOURS + 1:
+        return response.variance
+    return by_output(spread_of(response, relative=False).variance)
 
 
 def _fitted(test: MeasuredResponse, known: ModelCovariance) -> list[MeasuredPath]:
