@@ -304,3 +304,45 @@ def test_fast_samples_hide_no_free_body(form: Literal["predictor", "current"], s
     A, B, C = held[:6, :6], held[:6, 6:], own.C
     closed = np.linalg.eigvals(np.block([[A + B @ law.D @ C, B @ law.C], [law.B @ C, law.A]]))
     assert np.abs(closed).max() < 1.0
+
+
+@pytest.mark.parametrize("form", ["predictor", "current"])
+@pytest.mark.parametrize("late", [(0.013, 0.0), (0.013, 0.031)])
+def test_a_delayed_plant_in_mixed_states_is_designed_for(
+    form: Literal["predictor", "current"], late: tuple[float, float]
+) -> None:
+    """All were refused, as plants with exact delays where one without was asked for. One delay, and two of the
+    paths to two sensors."""
+    rng = np.random.default_rng(109)
+    one = _system(rng)
+    own = StateSpace(one.A, one.B, np.vstack([one.C, one.C[:, ::-1]]), np.zeros((2, 1)))
+    ports = (FORCE,), (WAY, Port("turn", "rad"))
+    weights = unit_weights(("force",), np.array([1e-4, 1e-4]), outputs=2)
+    laws = [
+        design_sampled_lqg(
+            dataclasses.replace(grouped_plant(system, *ports), delay_s=np.array(late)[:, None]),
+            weights, 100.0, 0.02, form,
+        )
+        for system in (own, _mixed(own, 1e3, rng))
+    ]  # fmt: skip
+    assert laws[1].cost == pytest.approx(laws[0].cost, rel=1e-6)
+    one, other = (statespace_response(law.dynamics, OMEGA).ravel() for law in laws)
+    assert np.abs(other - one).max() < 1e-4 * np.abs(one).max()
+
+
+def test_a_free_body_behind_unlike_delays_is_seen_in_mixed_states() -> None:
+    """Each input drives its own states through the approximation of such delays: a body that is at rest but
+    for rounding was then two, and refused as unseen. Seen by two sensors, pushed by two forces."""
+    rng = np.random.default_rng(110)
+    one = _system(rng)
+    own = StateSpace(one.A, one.B * rng.uniform(-2.0, 2.0, 2), np.vstack([one.C, -one.C]), np.zeros((2, 2)))
+    ports = (FORCE, Port("torque", "N m")), (WAY, Port("turn", "rad"))
+    weights = unit_weights(("force", "torque"), np.array([1e-4, 1e-4]), outputs=2, inputs=2)
+    late = np.array([[0.01, 0.02], [0.03, 0.035]])
+    costs = [
+        design_sampled_lqg(
+            dataclasses.replace(grouped_plant(system, *ports), delay_s=late), weights, 10.0, 0.02
+        ).cost
+        for system in (own, _mixed(own, 300.0, rng))
+    ]
+    assert costs[1] == pytest.approx(costs[0], rel=1e-8)
