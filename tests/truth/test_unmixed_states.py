@@ -311,7 +311,7 @@ def test_fast_samples_hide_no_free_body(form: Literal["predictor", "current"], s
 def test_a_delayed_plant_in_mixed_states_is_designed_for(
     form: Literal["predictor", "current"], late: tuple[float, float]
 ) -> None:
-    """All were refused, as plants with exact delays where one without was asked for. One delay, and two of the
+    """All were refused, as plants with delays where one without was asked for. One delay, and two of the
     paths to two sensors."""
     rng = np.random.default_rng(109)
     one = _system(rng)
