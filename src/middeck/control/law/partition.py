@@ -77,7 +77,7 @@ def pose_states(plant: Plant, *, driven: bool = True) -> Plant:
     unmixed, condition = unmix_states(plant)
     if condition > 1.0:
         # In the states given: in others rounding of what is zero has the size of weak modes.
-        names, loop = name_states(plant), subsystem(plant, plant.u, plant.y)
+        names, loop = name_states(plant), subsystem(remove_delays(plant), plant.u, plant.y)
         require_reachable(loop.A.T, loop.C.T, names, mixed=True, complaint="no measurement in y sees it")
         if driven:
             require_reachable(loop.A, loop.B, names, mixed=True, complaint="no control input in u reaches it")

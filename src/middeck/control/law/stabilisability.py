@@ -18,8 +18,7 @@ within a period), count as zero: a million times rounding, ten million times bel
 structure (1e-3)."""
 MIXED_FLOOR = 1e-13
 """The same of mixed states, at the poles as they are computed: up to a condition of 1e5 values of what is
-reached were above 1e-12, of what is not below 3e-14. Of a sampled system also the least floor relative
-to A."""
+reached were above 1e-12, of what is not below 3e-14. Of a sampled one also the least floor, relative to A."""
 CANDIDATE = 1e-6
 """How far left of the axis (relative to A) an eigenvalue may be computed and still be examined, on the axis:
 double poles at the origin are known to the square root of rounding only."""

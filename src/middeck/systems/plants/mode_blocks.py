@@ -10,6 +10,7 @@ from jaxtyping import Bool, Int
 
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
+from middeck.systems.poles.integrator_chains import strictly_upper
 from middeck.systems.poles.integrators import part_integrators, realise_residues
 from middeck.systems.poles.modal_states import INSEPARABLE, modal_states
 from middeck.systems.poles.strong_components import strong_components
@@ -88,7 +89,13 @@ def unmix_states(plant: Plant) -> tuple[Plant, float]:
         held = {name: share[given == name, k].sum() for name in given}
         most = max(held, key=held.__getitem__)
         names[k] = most if held[most] > OWNED else f"mode of {rate / (2.0 * np.pi):.4g} Hz"
-    inside = StateSpace(back @ system.A @ T, back @ system.B, system.C @ T, system.D)
+    A = back @ system.A @ T
+    for states, sizes in found.chains:
+        rest = own[states]
+        chain = strictly_upper(A[np.ix_(rest, rest)], sizes)
+        A[:, rest] = 0.0
+        A[np.ix_(rest, rest)] = chain
+    inside = StateSpace(A, back @ system.B, system.C @ T, system.D)
     unmixed = dataclasses.replace(plant, dynamics=inside, state_names=tuple(names))
     return unmixed, found.condition
 

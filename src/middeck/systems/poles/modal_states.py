@@ -12,9 +12,10 @@ from typing import Any, cast
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse.csgraph as csgraph
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Complex, Float, Int
 from scipy.linalg import lapack
 
+from middeck.systems.poles.integrator_chains import integrating_chains
 from middeck.systems.poles.rounding import ROUNDINGS, poles_with_rounding
 from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.balancing import balance
@@ -35,12 +36,15 @@ INSEPARABLE = 1e8
 class ModalStates:
     """x = T x_m: T^-1 A T is block diagonal where it was mixed, a block for each group of poles that rounding
     does not tell apart; ``rate`` [rad/s] is their magnitude, NaN of a state that stays as it is.
-    ``condition`` is the largest of T's parts, in balanced units.
+    ``condition`` is the largest of T's parts, in balanced units. ``chains`` are states of integrators and
+    their numbers by place in a chain (`integrating_chains`): T^-1 A T is strictly block upper triangular in
+    these, and zero in the rest of their columns.
     """
 
     T: Float[np.ndarray, "state state"]
     rate: Float[np.ndarray, " state"]
     condition: float
+    chains: tuple[tuple[Int[np.ndarray, " rest"], list[int]], ...] = ()
 
 
 def modal_states(A: Float[np.ndarray, "state state"]) -> ModalStates | None:
@@ -54,16 +58,27 @@ def modal_states(A: Float[np.ndarray, "state state"]) -> ModalStates | None:
     if not np.all(np.isfinite(A)):
         return None
     T, rate, condition = np.eye(len(A)), np.full(len(A), np.nan), 1.0
+    chains: list[tuple[np.ndarray, list[int]]] = []
     for part in strong_components(A):
         balanced, unit = balance(A[np.ix_(part, part)])
         poles, moved = poles_with_rounding(balanced)
         if not np.any(moved > BLURRED * np.abs(np.real(poles))):
             continue
-        basis, sizes = _bases(balanced, poles, _groups(poles, moved))
+        groups = _groups(poles, moved)
+        basis, sizes = _bases(balanced, poles, groups)
+        turn, chain = integrating_chains(balanced)
+        if at_rest := _is_slowest(sum(chain), groups):
+            basis[:, : sum(chain)] = turn[:, : sum(chain)]
         if PARTED < (mixed := float(np.linalg.cond(basis))) < INSEPARABLE:
             T[np.ix_(part, part)], rate[part] = unit[:, None] * basis, sizes
             condition = max(condition, mixed)
-    return ModalStates(T, rate, condition) if condition > 1.0 else None
+            chains += [(part[: sum(chain)], chain)] if at_rest else []
+    return ModalStates(T, rate, condition, tuple(chains)) if condition > 1.0 else None
+
+
+def _is_slowest(count: int, groups: list[Bool[np.ndarray, " pole"]]) -> bool:
+    """Whether so many poles are all of the first groups."""
+    return count > 0 and count in np.cumsum([group.sum() for group in groups])
 
 
 def _groups(

@@ -20,10 +20,10 @@ from middeck.systems.state_space.statespace import LinearSystem, System
 EVEN = 2.0**16
 """Ratio of state units above which states are converted: just above it answers were 1e-5 to 1e-3
 off. Positions and rates of a structure stay below, unless fast actuators are beside a slow body."""
-REDUCED = 2.0
-"""Factor by which balancing must take a part's size below its own and that of the whole to change its units.
-Where it gains less, entries that are rounding may decide: a stiffness of 1e-17 of a free body asked for 3e8.
-"""
+NEGLIGIBLE, LARGER, WAYS = 1e-12, 1.1, 16
+"""Share of a part's largest entry below which others may be rounding: where units beyond `EVEN` hang on such,
+a part is balanced only until it is so much larger than the whole in balanced units, in so many steps. A
+stiffness of 1e-17 of a free body asked for units of 3e8."""
 ROUNDING = 1e-13
 """Share of a part of the states in each path from input to output below which it may be rounding of no share:
 its unit stays as it is, and what drives or reads it is judged in that."""
@@ -67,14 +67,16 @@ def state_units(system: LinearSystem) -> Float[np.ndarray, " state"]:
     own = part_units(system.A, parts)
     with np.errstate(all="ignore"):
         unit = _whole_units(system, parts, own)
-    unit = own if unit is None else unit
+    if unit is None:
+        whole = balance(system.A)[1]
+        unit = own if _hang_on_rounding(system.A, whole) else whole
     unit.setflags(write=False)
     return unit
 
 
 def part_units(A: Float[np.ndarray, "state state"], parts: list[np.ndarray]) -> Float[np.ndarray, " state"]:
-    """Units of the states within their strongly connected ``parts``: balanced ones where these make a part
-    smaller and it is larger than the whole (`REDUCED`), else as they are.
+    """Balanced units of the states within their strongly connected ``parts``, as far as no entry that may be
+    rounding asks for them (`NEGLIGIBLE`).
 
     >>> A = np.array([[0.0, 1.0, 0.0], [1e-17, 0.0, 0.0], [0.0, 0.0, -1.0]])
     >>> part_units(A, [np.arange(2), np.array([2])])
@@ -82,12 +84,21 @@ def part_units(A: Float[np.ndarray, "state state"], parts: list[np.ndarray]) -> 
     """
     given = [A[np.ix_(part, part)] for part in parts]
     balanced = [balance(inside) for inside in given]
-    size = REDUCED * max((float(np.linalg.norm(inside)) for inside, _ in balanced), default=0.0)
+    size = LARGER * max((float(np.linalg.norm(inside)) for inside, _ in balanced), default=0.0)
     unit = np.ones(len(A))
     for part, inside, (_, own) in zip(parts, given, balanced, strict=True):
-        if np.linalg.norm(inside) > size:
-            unit[part] = own
+        for way in range(0 if _hang_on_rounding(inside, own) else WAYS, WAYS + 1):
+            unit[part] = np.exp2(np.round(np.log2(own) * way / WAYS))
+            if np.linalg.norm(inside * unit[part] / unit[part, None]) <= size:
+                break
     return unit
+
+
+def _hang_on_rounding(A: np.ndarray, unit: np.ndarray) -> bool:
+    """Whether entries that may be rounding ask for such units (`NEGLIGIBLE`)."""
+    size = np.abs(A)
+    negligible = (size > 0.0) & (size < NEGLIGIBLE * size.max(initial=0.0))
+    return bool(unit.max(initial=1.0) > EVEN * unit.min(initial=1.0) and negligible.any())
 
 
 def _whole_units(

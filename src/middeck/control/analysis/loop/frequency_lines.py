@@ -15,6 +15,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     close_channels,
     open_channel,
 )
+from middeck.control.analysis.loop.returned_wave import returned_wave
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.poles.transmission_zeros import transmission_zeros
 
@@ -40,6 +41,11 @@ BESIDE, OFF_MIDDLE = 1e-4, 0.47
 which two cancelling loops leave rounding only."""
 SAME = 0.05
 MOST_DELAY_LINES = 20_000
+PHASES = 16
+"""Phases of the delay at which the ratio is compared with that at twice the frequency."""
+SETTLED, NEAREST = 0.1, 1e-3
+"""Change of the ratio over the distance of its gain from one, or over `NEAREST`, within which it counts as
+repeated by each turn of the delay. Its limit is known (`returned_wave`)."""
 SHORT_OF_NYQUIST = 1e-9
 """Relative distance of the last line from half the sampling rate, which is an end point (`ends`)."""
 
@@ -59,7 +65,11 @@ def place_lines(
     low, high = (0.01 * moving.min(), 3.0 * moving.max()) if len(moving) else (0.01, 100.0)
     low = _where_settled(ratio, low)
     period = loop.period_s
-    top = _where_gone(ratio, high) if period is None else (1.0 - SHORT_OF_NYQUIST) * np.pi / period
+    wave = returned_wave(loop)
+    if period is not None:
+        top = (1.0 - SHORT_OF_NYQUIST) * np.pi / period
+    else:
+        top = _where_gone(ratio, high) if wave is None else _where_repeated(ratio, high, wave.delay_s)
     lines = [np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2), _clusters(features)]
     longest_s = float(loop.plant.delay_s.max(initial=0.0))
     if longest_s > 0.0:
@@ -141,13 +151,28 @@ def _where_settled(ratio: Response, omega: float) -> float:
 def _where_gone(ratio: Response, omega: float) -> float:
     """Frequency at or above ``omega`` where no loop gain exceeds 1 / `WIDEST`; at most a thousand ``omega``.
 
-    With a direct term the gain never falls and crossings repeat.
+    With a direct term the gain never falls, and with unlike delays crossings repeat.
     """
     for factor in np.geomspace(1.0, 1e3, 13):
         there = np.abs(ratio(1j * omega * factor * np.array([1.0, 1.3, 1.7])))
         if np.all(there < 1.0 / WIDEST):
             return omega * float(factor)
     return omega * 1e3
+
+
+def _where_repeated(ratio: Response, omega: float, delay_s: float) -> float:
+    """Frequency a turn of the delay above one, not below ``omega``, from which the ratio depends on the phase
+    of the delay only; at most a thousand ``omega``."""
+    turn = 2.0 * np.pi / delay_s
+    phases = turn * np.arange(PHASES) / PHASES
+    start = omega
+    for factor in np.geomspace(1.0, 1e3, 13):
+        start = omega * float(factor)
+        L, later = (ratio(1j * (first + phases)) for first in (start, start + turn * np.ceil(start / turn)))
+        away = np.abs(np.abs(later) - 1.0).min(axis=0)
+        if np.all(np.abs(later - L) <= SETTLED * np.maximum(away, NEAREST)):
+            break
+    return start + turn
 
 
 def refine_lines(ratio: Response, omega: Float[np.ndarray, " line"], finer: float = 1.0) -> Curve:

@@ -52,7 +52,7 @@ def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarra
     undamped = 2 * np.sum(real, axis=0) > len(real)
     none = (real[1:] & real[:-1] & undamped) | _far(L)
     # Project on a sphere: the curve stays finite through a pole on the axis, which is then recognised.
-    found = _joined(
+    found = join_crossings(
         _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2), none),
         *(_turns(ratio, omega, L, k) for k in np.flatnonzero(undamped).tolist()),
     )
@@ -110,7 +110,8 @@ def _far(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
     return far
 
 
-def _joined(*parts: Crossings) -> Crossings:
+def join_crossings(*parts: Crossings) -> Crossings:
+    """All of them."""
     omega, channel, L = (
         np.concatenate(x) for x in zip(*((p.omega, p.channel, p.L) for p in parts), strict=True)
     )

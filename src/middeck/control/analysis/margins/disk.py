@@ -24,6 +24,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     moved_part,
 )
 from middeck.control.analysis.loop.frequency_lines import add_ends, place_lines, refine_lines
+from middeck.control.analysis.loop.returned_wave import TURN, ReturnedWave, returned_wave
 from middeck.control.analysis.margins.crossings import find_peaks
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms
@@ -103,11 +104,25 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
         if near.any():
             with np.errstate(divide="ignore", invalid="ignore"):  # on a pole of the loop
                 skewed[near] = closed(1j * w[near]) + half
-        lost = ~np.all(np.isfinite(skewed), axis=(1, 2))
-        return np.where(lost, np.inf, scaled_norms(np.where(lost[:, None, None], 0.0, skewed)))
+        return _bounds(skewed)
 
-    peak = find_peaks(bound, omega, bound(omega))
-    return disk_from_peak(peak[1], peak[0])
+    at_peak, peak = find_peaks(bound, omega, bound(omega))
+    beyond = 0.0 if (wave := returned_wave(loop)) is None else _turn_peak(wave, at)
+    return disk_from_peak(peak, at_peak) if peak >= beyond else disk_from_peak(beyond, np.inf)
+
+
+def _turn_peak(wave: ReturnedWave, at: At) -> float:
+    """The largest bound at infinite frequency, over one turn of the delay."""
+
+    def bound(phase: np.ndarray) -> Float[np.ndarray, " phase"]:
+        return _bounds(skewed_sensitivity(go_round(*wave.halves(1j * phase), at)))
+
+    return find_peaks(bound, TURN, bound(TURN))[1]
+
+
+def _bounds(skewed: Complex[np.ndarray, "line channel channel"]) -> Float[np.ndarray, " line"]:
+    lost = ~np.all(np.isfinite(skewed), axis=(1, 2))
+    return np.where(lost, np.inf, scaled_norms(np.where(lost[:, None, None], 0.0, skewed)))
 
 
 def _hidden(P: np.ndarray, S: np.ndarray) -> np.ndarray:

@@ -21,17 +21,19 @@ from middeck.control.analysis.loop.feedback_loop import (
     open_channel,
 )
 from middeck.control.analysis.loop.frequency_lines import WIDEST, add_ends, place_lines, refine_lines
+from middeck.control.analysis.loop.returned_wave import TURN, ReturnedWave, returned_wave
 from middeck.control.analysis.margins.crossings import (
     Crossings,
     Ratio,
     axis_crossings,
     circle_crossings,
     find_peaks,
+    join_crossings,
 )
 from middeck.control.analysis.margins.delay_limit import sampled_delay_limits
 from middeck.control.analysis.margins.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.margins.neutral import bears_no_delay
-from middeck.control.analysis.margins.return_ratio import broken_ratio
+from middeck.control.analysis.margins.return_ratio import broken_ratio, wave_ratio
 from middeck.control.analysis.stability.stability import LoopStability, decide_loop
 from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.rounding_of_results import measure_known
@@ -172,8 +174,10 @@ def measure_margins(
     Crossings are bracketed on lines around every pole and zero and solved to rounding; those that need a
     change of gain beyond 80 dB are left out, and of thousands that a delay makes all but the 300 nearest to a
     gain of one on each side. Real poles through the origin, z = -1 or infinity (direct terms, no delay) count
-    among the gains. Delays of the plant stay in the loop. The poles of an undamped loop are on the axis: its
-    phase margin is zero, and its limits of gain are where two poles meet and leave the axis.
+    among the gains. Where all direct terms have one delay, the limits to which crossings and peaks tend at
+    infinite frequency count too, at ``inf`` Hz. Delays of the plant stay in the loop. The poles of an
+    undamped loop are on the axis: its phase margin is zero, and its limits of gain are where two poles meet
+    and leave the axis.
 
     For a sampled compensator L(exp(j w T)) includes hold and delays. Its delay margin is the least additional
     delay of a channel with which the plant, sampled anew, gives an unstable loop
@@ -216,7 +220,11 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
     ratio = broken_ratio(loop, at)
     curve = refine_lines(ratio, place_lines(loop, at, ratio))
     # The ends are real: no change of sign shows a crossing there.
-    crossings = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
+    axis, circle = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
+    beyond = [] if (wave := returned_wave(loop)) is None else [_trace_turn(wave, at)]
+    for turn in beyond:
+        found = axis_crossings(*turn)
+        axis = join_crossings(axis, dataclasses.replace(found, omega=np.full(len(found.omega), np.inf)))
     omega, L = add_ends(loop, ratio, curve)
     ends = find_ends(loop, at)
     held, stable = loop.period_s is not None, stability.stable
@@ -225,7 +233,9 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
         limits = sampled_delay_limits(loop, plant, compensator, at, curve[0])
     loops: list[LoopMargins] = []
     for i, (name, none) in enumerate(zip(broken_at(loop, at), bears_no_delay(loop, at), strict=True)):
-        one = _describe(name, i, (lambda s, i=i: ratio(s)[:, i], omega, L[:, i]), crossings, ends, stable)
+        curves = [(ratio, omega, L), *beyond]
+        own = [_one_channel(curve, i) for curve in curves]
+        one = _describe(name, i, own, (axis, circle), ends, stable)
         delay_s = one.delay_s
         if held:
             known = delays and plant.period_s is None
@@ -236,10 +246,21 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
     return Margins(stability, tuple(loops))
 
 
+def _one_channel(curve: Curve, i: int) -> Curve:
+    ratio, omega, L = curve
+    return lambda s: ratio(s)[:, i], omega, L[:, i]
+
+
+def _trace_turn(wave: ReturnedWave, at: At) -> Curve:
+    """The ratio at infinite frequency over one turn of the delay."""
+    ratio = wave_ratio(wave, at)
+    return ratio, *refine_lines(ratio, TURN)
+
+
 def _describe(
     name: str,
     i: int,
-    curve: tuple[Ratio, np.ndarray, np.ndarray],
+    curves: list[Curve],
     crossings: tuple[Crossings, Crossings],
     ends: Ends,
     stable: bool,
@@ -253,7 +274,7 @@ def _describe(
     lag = np.mod(np.angle(value) + np.pi, 2.0 * np.pi)
     turn = 2.0 * np.pi
 
-    (at_S, S), (worst, skewed) = (_peak(curve, one) for one in (_sensitivity, _skewed))
+    (at_S, S), (worst, skewed) = (_highest(curves, one) for one in (_sensitivity, _skewed))
     return LoopMargins(
         channel=name,
         gain=gain[order],
@@ -266,9 +287,15 @@ def _describe(
     )
 
 
-def _peak(
-    curve: tuple[Ratio, np.ndarray, np.ndarray], size: Callable[[np.ndarray], np.ndarray]
-) -> tuple[float, float]:
+def _highest(curves: list[Curve], size: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
+    """Largest value and its frequency: on the lines of the first curve, or at infinite frequency on the turn
+    of the second."""
+    found = [_peak(curve, size) for curve in curves]
+    beyond = [(np.inf, value) for _, value in found[1:]]
+    return max([found[0], *beyond], key=lambda each: each[1])
+
+
+def _peak(curve: Curve, size: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
     """Largest value of a function of one channel's ratio, and its frequency."""
     ratio, omega, L = curve
 
@@ -295,6 +322,8 @@ def _bears_gain(value: complex) -> bool:
     return bool(1.0 / WIDEST < -value.real < WIDEST)
 
 
+Curve = tuple[Ratio, np.ndarray, np.ndarray]
+"""The ratio as a function of s, lines [rad/s], and its values there."""
 Ends = tuple[tuple[float, Complex[np.ndarray, " channel"]], ...]
 """Angular frequency [rad/s] and the ratio of each channel there; infinite on a pole."""
 

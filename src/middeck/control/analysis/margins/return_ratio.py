@@ -20,6 +20,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     go_round,
 )
 from middeck.control.analysis.loop.frequency_lines import place_lines, refine_lines
+from middeck.control.analysis.loop.returned_wave import ReturnedWave
 from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_ratio, is_short, spread_rounding
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plants.plant import Plant
@@ -81,21 +82,36 @@ def broken_ratio(loop: FeedbackLoop, at: At) -> Ratio:
     -(S P)_ii / S_ii term by term: no cancellation where the loop is weak, as 1 / S_ii - 1 would have.
     """
     halves, closed = evaluate_halves(loop), closed_ratio(loop, at)
-    # A channel's loop is the same whichever others are named: each end has an inverse of its own size.
-    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
 
     def ratio(s: np.ndarray) -> np.ndarray:
         # On a pole the ratio is infinite; the caller interprets it.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             G, K = halves(s := np.asarray(s, dtype=complex))
-            both = [_one_by_one(go_round(G, K, end)) for end in ends]
-            L, error = (np.concatenate(parts, axis=1) for parts in zip(*both, strict=True))
+            L, error = _at_each(G, K, at)
             near = np.any(error > TRUSTED, axis=1) & is_short(loop, s)
             if near.any():
                 L[near] = closed(s[near])
         return L
 
     return ratio
+
+
+def wave_ratio(wave: ReturnedWave, at: At) -> Ratio:
+    """L at each channel at infinite frequency, a function of the phase 1j phi [rad] of the delay."""
+    return lambda s: _at_each(*wave.halves(s), at)[0]
+
+
+def _at_each(
+    G: np.ndarray, K: np.ndarray, at: At
+) -> tuple[Complex[np.ndarray, "line channel"], Float[np.ndarray, "line channel"]]:
+    """The ratio at each channel, and its error from rounding.
+
+    A channel's loop is the same whichever others are named: each end has an inverse of its own size.
+    """
+    ends: tuple[At, ...] = ("inputs", "outputs") if at == "both" else (at,)
+    both = [_one_by_one(go_round(G, K, end)) for end in ends]
+    L, error = (np.concatenate(parts, axis=1) for parts in zip(*both, strict=True))
+    return L, error
 
 
 def _one_by_one(
