@@ -59,8 +59,8 @@ ORDERS, CHANCE = (1, 2, 3), 2.0
 # Pairs that are nearer to each other than this share of their decay rate are one pole; and the least fall of
 # the description that a search from elsewhere counts.
 TWINS, WORTH = 0.1, 1.0
-# Chance by which one mode of a clean record is likelier as two (Wilks 1938), and by which what it leaves has the
-# form that a second one would have: under forces that shake the article, too, one mode is likelier as two.
+# Chance by which one mode of a clean record is likelier as two (Wilks 1938), and by which what it leaves has
+# the form that a second one would leave: under forces that shake the article one is likelier as two, too.
 BY_CHANCE, OF_FORM = 3e-4, 0.01
 # Powers of time in the amplitude.
 POWERS = 3
