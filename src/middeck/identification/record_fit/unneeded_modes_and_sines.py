@@ -186,7 +186,10 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
 
 
 def _with_modes_in_two(record: Record, state: Tidied, *, of_forces: bool) -> Tidied:
-    """Modes in two where that is clearly shorter, and a mark on those where it is only likelier."""
+    """Modes in two where that is clearly shorter, and a mark on those where it is only likelier.
+
+    No mark where inputs are known to have noise: it has the form of a second mode, too.
+    """
     m = 0
     while m < state.run.layout.pairs:
         two = _in_two(state, m, of_forces=of_forces)
@@ -194,7 +197,7 @@ def _with_modes_in_two(record: Record, state: Tidied, *, of_forces: bool) -> Tid
             two = None
         if two is not None and _is_shorter(record, state, two, m, DOUBTFUL if of_forces else NOTHING):
             state, m = two, m + 1
-        elif two is not None:
+        elif two is not None and not of_forces:
             state = _with_mark(record, state, two, m)
         m += 1
     return state
