@@ -291,6 +291,8 @@ def _searched(
             if may_be_of_paths(options, asked) and len(record.inputs) > 1 and _lacks(record, data, run):
                 tell("a delay of each path")
                 data, run, reason = _shorter((data, run, reason), chosen, options)
+        if not sampled:
+            tell("modes that are none, or two")
         if states is None:
             fitted = tidied(record, data, run, sampled=sampled, of_forces=of_forces)
         else:
