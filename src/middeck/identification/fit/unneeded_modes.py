@@ -70,10 +70,15 @@ def split(
     m = 0
     while m < len(poles := pairs(state)):
         found = in_two(state, m)
-        if found and np.all(np.abs(pairs(found)[m : m + 2] - poles[m]) < NEAR * abs(poles[m].real)):
+        if found and stay_near(pairs(found), poles, m):
             state, m = found, m + 1
         m += 1
     return state
+
+
+def stay_near(found: Complex[np.ndarray, " pair"], poles: Complex[np.ndarray, " single"], m: int) -> bool:
+    """Whether both halves of pole ``m``, which was split, are ``found`` where it was."""
+    return bool(np.all(np.abs(found[m : m + 2] - poles[m]) < NEAR * abs(poles[m].real)))
 
 
 def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | None:

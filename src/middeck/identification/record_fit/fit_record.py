@@ -59,7 +59,12 @@ from middeck.identification.record_fit.record_terms import record_lacks
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
-from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
+from middeck.identification.record_fit.unneeded_modes_and_sines import (
+    BY_CHANCE,
+    Tidied,
+    tidied,
+    with_modes_as_two,
+)
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
@@ -286,11 +291,15 @@ def _searched(
             if may_be_of_paths(options, asked) and len(record.inputs) > 1 and _lacks(record, data, run):
                 tell("a delay of each path")
                 data, run, reason = _shorter((data, run, reason), chosen, options)
+        if not sampled:
+            tell("modes that are none, or two")
         if states is None:
             fitted = tidied(record, data, run, sampled=sampled, of_forces=of_forces)
         else:
             as_it_is = sampled or of_forces
-            fitted = Tidied(data, run, ()) if as_it_is else with_modes_as_two(record, data, run)
+            fitted = (
+                Tidied(data=data, run=run, lines=()) if as_it_is else with_modes_as_two(record, data, run)
+            )
         return _Found(data, run, fitted, reason)
 
 
@@ -347,6 +356,22 @@ def _doubts_of_two(fit: Tidied) -> list[str]:
         "description length); the stated standard deviations are too small; ask for two more states"
         for hz in fit.as_two
     ]
+
+
+def _doubts_of_perhaps_two(fit: Tidied) -> list[str]:
+    return [
+        f"mode at {hz:.4g} Hz: it may be two modes, or one that is not linear; two in its place are likelier "
+        f"than chance explains (once in {1.0 / BY_CHANCE:g}), but the record does not tell them apart; its "
+        "standard deviations are too small if it is two; record longer, or with less noise"
+        for hz in fit.perhaps_two
+    ]
+
+
+def _perhaps_two(fit: Tidied, model: MeasurementModel) -> list[int]:
+    """The modes of the model that may be two."""
+    f = natural_hz(model)
+    near = [f[np.argmin(np.abs(f - hz))] for hz in fit.perhaps_two]
+    return [m for m, hz in enumerate(f) if hz in near]
 
 
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
@@ -446,10 +471,12 @@ def _result(
         *residual_tests.doubts_of_level(measured, data, run, heard),
         *residual_tests.doubts_of_wander(record, data, run, error),
         *doubts_of_lines(fit.lines),
+        *_doubts_of_perhaps_two(fit),
     ]
+    doubted = [*phase[0], *lacks.modes, *_perhaps_two(fit, model)]
     alone, standing = (
         standing_of(lines, covariance, holds=holds, doubted=doubted)
-        for holds, doubted in ((True, phase[0]), (not wrong, [*phase[0], *lacks.modes]))
+        for holds, doubted in ((True, phase[0]), (not wrong, doubted))
     )
     poles = poles_instead(data, run, fitted, alone) if covariance.structure.with_delay else None
     if poles is not None:

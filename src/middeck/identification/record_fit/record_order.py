@@ -238,8 +238,12 @@ def shortest_reason(tried: Sequence[tuple[int, float]]) -> str:
 
 def record_length(data: Data, run: RecordRun) -> float:
     """Description length of a record, the transients of all its experiments among the unknowns."""
-    unknowns = run.layout.size + run.refined.step.linear.size
-    return description_length(run.likelihood, unknowns, 2 * data.H.size)
+    return description_length(run.likelihood, record_unknowns(run), 2 * data.H.size)
+
+
+def record_unknowns(run: RecordRun) -> int:
+    """Unknowns of a model of a record, those of transients among them."""
+    return run.layout.size + run.refined.step.linear.size
 
 
 def enough_samples(record: Record, states: int) -> bool:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.ndimage
+import scipy.stats
 from jaxtyping import Bool, Complex, Float
 
 from middeck.identification.faults.hum import name_line
@@ -27,16 +28,17 @@ from middeck.identification.fit.unneeded_modes import (
     own_lines,
     pairs_of,
     shed,
-    split,
+    stay_near,
     with_split,
     without_modes,
 )
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.record_fit.record_covariance import record_covariance
-from middeck.identification.record_fit.record_order import record_length
+from middeck.identification.record_fit.record_order import record_length, record_unknowns
 from middeck.identification.record_fit.reduced_record import has_many_outputs
 from middeck.identification.record_fit.refine_record import RecordRun, Weighting, refine_record
+from middeck.identification.record_fit.second_mode import chance_of_no_second
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.record import Record
@@ -57,22 +59,26 @@ ORDERS, CHANCE = (1, 2, 3), 2.0
 # Pairs that are nearer to each other than this share of their decay rate are one pole; and the least fall of
 # the description that a search from elsewhere counts.
 TWINS, WORTH = 0.1, 1.0
+# Chance by which one mode of a clean record is likelier as two (Wilks 1938), and by which what it leaves has
+# the form that a second one would leave: under forces that shake the article one is likelier as two, too.
+BY_CHANCE, OF_FORM = 3e-4, 0.01
 # Powers of time in the amplitude.
 POWERS = 3
 
 
-@frozen
+@frozen(kw_only=True)
 class Tidied:
     """A tidied fit: data with their steady lines, the model, and those lines.
 
     ``as_two`` has the modes [Hz] that two would describe better, where the order that was asked for has none
-    to give up.
+    to give up; ``perhaps_two`` those that are likelier as two than chance explains, but not shorter.
     """
 
     data: Data
     run: RecordRun
     lines: tuple[SteadyLine, ...]
     as_two: tuple[float, ...] = ()
+    perhaps_two: tuple[float, ...] = ()
 
 
 def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool, of_forces: bool = False) -> Tidied:
@@ -83,22 +89,27 @@ def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool, of_forc
     A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
     how it simulates.
     """
-    state = _without_sines(record, Tidied(data, run, ()))
+    state = _without_sines(record, Tidied(data=data, run=run, lines=()))
     if not sampled:
         state = shed(state, functools.partial(_significance, record), functools.partial(_without, record))
         state = state if of_forces else _with_twins_apart(state)
-        in_two = functools.partial(_in_two, record, of_forces=of_forces)
-        state = split(state, lambda found: pairs_of(found.run), in_two)
-    return _with_hidden_lines(state)
+        state = _with_modes_in_two(record, state, of_forces=of_forces)
+    found = _with_hidden_lines(state)
+    if len(found.lines) == len(state.lines) or not found.perhaps_two:
+        return found
+    # A sine beside a mode is likelier as a second one, too.
+    return _with_modes_in_two(record, dataclasses.replace(found, perhaps_two=()), of_forces=of_forces)
 
 
 def with_modes_as_two(record: Record, data: Data, run: RecordRun) -> Tidied:
     """A continuous model of the order asked for, its least needed mode given up for one that is two."""
-    state = _with_twins_apart(Tidied(data, run, ()))
+    state = _with_twins_apart(Tidied(data=data, run=run, lines=()))
     data, run = state.data, state.run
     for m in range(run.layout.pairs):
-        two = _in_two(record, state, m)
-        if two is None:
+        two = _in_two(state, m)
+        if two is None or not _is_shorter(record, state, two, m, NOTHING):
+            if two is not None and stay_near(pairs_of(two.run), pairs_of(run), m):
+                state = _with_mark(record, state, two, m)
             continue
         significance = _significance(record, two)
         significance[m : m + 2] = np.inf
@@ -110,8 +121,7 @@ def with_modes_as_two(record: Record, data: Data, run: RecordRun) -> Tidied:
             better = _better(state, data, start, (), by=CLEARLY, kind=two.run.weighting)
         if better is not None:
             return better
-        hz = float(abs(pairs_of(run)[m])) / (2.0 * np.pi)
-        state = dataclasses.replace(state, as_two=(*state.as_two, hz))
+        state = dataclasses.replace(state, as_two=(*state.as_two, _hz(state, m)))
     return state
 
 
@@ -175,8 +185,26 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
     return _better(state, with_free_motion(state.data, poles[dropped]), start, lines)
 
 
-def _in_two(record: Record, state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
-    """The fit with mode ``m`` split in two, if that is clearly shorter and neither is nothing.
+def _with_modes_in_two(record: Record, state: Tidied, *, of_forces: bool) -> Tidied:
+    """Modes in two where that is clearly shorter, and a mark on those where it is only likelier.
+
+    No mark where inputs are known to have noise: it has the form of a second mode, too.
+    """
+    m = 0
+    while m < state.run.layout.pairs:
+        two = _in_two(state, m, of_forces=of_forces)
+        if two is not None and not stay_near(pairs_of(two.run), pairs_of(state.run), m):
+            two = None
+        if two is not None and _is_shorter(record, state, two, m, DOUBTFUL if of_forces else NOTHING):
+            state, m = two, m + 1
+        elif two is not None and not of_forces:
+            state = _with_mark(record, state, two, m)
+        m += 1
+    return state
+
+
+def _in_two(state: Tidied, m: int, *, of_forces: bool = False) -> Tidied | None:
+    """The fit with mode ``m`` split in two; None where it is not to be had, or not worth its time.
 
     One mode in the place of two leaves most at their peak, as noise of forces does, so that such noise was
     the likelier kind: the two are also tried with noise of sensors.
@@ -184,12 +212,40 @@ def _in_two(record: Record, state: Tidied, m: int, *, of_forces: bool = False) -
     start = with_split(state.run.start, m)
     if has_many_outputs(state.data) and not (_leaves_more(state, m) and _promises(state, start)):
         return None
-    found = _better(state, state.data, start, state.lines, by=CLEARLY)
-    if state.run.weighting == "motion" and not of_forces:
-        other = _better(found or state, state.data, start, state.lines, by=CLEARLY, kind="output")
-        found = other or found
-    both = None if found is None else _significance(record, found)[m : m + 2]
-    return found if both is not None and both.min() >= (DOUBTFUL if of_forces else NOTHING) else None
+    found = _refined(state, start)
+    if state.run.weighting != "motion" or of_forces:
+        return found
+    other = _refined(state, start, "output")
+    if found is None or other is None:
+        return found or other
+    by = CLEARLY if _length(found) + CLEARLY < _length(state) else 0.0
+    return other if _length(other) + by < _length(found) else found
+
+
+def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int, least: float) -> bool:
+    """Whether mode ``m`` in two is clearly shorter, either of them of ``least`` deviations or more."""
+    if _length(two) + CLEARLY > _length(state):
+        return False
+    return bool(_significance(record, two)[m : m + 2].min() >= least)
+
+
+def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
+    """The state with a mark on mode ``m`` where two are likelier than chance explains."""
+    run = state.run
+    gained = 2.0 * (run.likelihood - two.run.likelihood)
+    if gained < scipy.stats.chi2.isf(BY_CHANCE, record_unknowns(two.run) - record_unknowns(run)):
+        return state
+    if chance_of_no_second(run, state.data, covariance_of(record, state), m) > OF_FORM:
+        return state
+    return dataclasses.replace(state, perhaps_two=(*state.perhaps_two, _hz(state, m)))
+
+
+def _hz(state: Tidied, m: int) -> float:
+    return float(abs(pairs_of(state.run)[m])) / (2.0 * np.pi)
+
+
+def _length(state: Tidied) -> float:
+    return record_length(state.data, state.run)
 
 
 def _with_twins_apart(state: Tidied) -> Tidied:
@@ -304,10 +360,13 @@ def _better(
 
     With noise of the state's own kind, unless another is given.
     """
-    other = refine_record(data, start, kind or state.run.weighting, rounds=ROUNDS, steps=STEPS)
-    if other is None or record_length(data, other) + by > record_length(state.data, state.run):
-        return None
-    return Tidied(data, other, lines)
+    other = _refined(dataclasses.replace(state, data=data, lines=lines), start, kind)
+    return None if other is None or _length(other) + by > _length(state) else other
+
+
+def _refined(state: Tidied, start: Start, kind: Weighting | None = None) -> Tidied | None:
+    run = refine_record(state.data, start, kind or state.run.weighting, rounds=ROUNDS, steps=STEPS)
+    return None if run is None else dataclasses.replace(state, run=run)
 
 
 def with_line(data: Data, omega: float) -> Data:

@@ -137,13 +137,7 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     ``rows`` are made anew twice, for they are large. The deviation is that of noise of the assumed size, or
     of the squares of the scores of some lines together, if those are more (White 1980).
     """
-    held = ties(covariance.model, covariance.structure)
-    size = held.shape[1]
-    factor = orthogonal.triangle(np.vstack([_factor(r, size) for r in rows()]))
-    F, by_terms = factor[:, :size], factor[:, size:]
-    W, loose = orthogonal.inverse_root(F, held)
-    W = W[:, : W.shape[1] - loose]
-    follow = W @ (W.T @ (F.T @ by_terms))
+    by_terms, follow = _followed(rows, covariance)
     count = by_terms.shape[1]
     scores, powers = np.zeros((2, count, 1))
     for r in rows():
@@ -166,6 +160,34 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     late = np.concatenate([at.delay, at.path.ravel()])
     most = np.vstack([of_modes, moves[late[late >= 0]]]).max(axis=0, initial=0.0)
     return TermScores(z, value, most, of_modes)
+
+
+def joint_score(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovariance) -> float:
+    """Square of the scores of all terms together: chi-squared of as many degrees of freedom as terms.
+
+    Under noise of the assumed size. ``rows`` are made anew twice, as for `term_scores`.
+    """
+    by_terms, follow = _followed(rows, covariance)
+    size = np.linalg.norm(by_terms, axis=0) + np.finfo(float).tiny
+    count = len(size)
+    score, power = np.zeros(count), np.zeros((count, count))
+    for r in rows():
+        apart = (r.terms - follow[r.place].T @ r.slopes) / size[:, None]
+        score, power = score + apart @ r.left, power + 0.5 * apart @ apart.T
+    return float(score @ np.linalg.pinv(power, rcond=APART, hermitian=True) @ score)
+
+
+def _followed(
+    rows: Callable[[], Iterable[TermRows]], covariance: ModelCovariance
+) -> tuple[Float[np.ndarray, "number term"], Float[np.ndarray, "unknown term"]]:
+    """An orthogonal factor of the terms, and by how much each moves the fitted unknowns."""
+    held = ties(covariance.model, covariance.structure)
+    size = held.shape[1]
+    factor = orthogonal.triangle(np.vstack([_factor(r, size) for r in rows()]))
+    F, by_terms = factor[:, :size], factor[:, size:]
+    W, loose = orthogonal.inverse_root(F, held)
+    W = W[:, : W.shape[1] - loose]
+    return by_terms, W @ (W.T @ (F.T @ by_terms))
 
 
 def _by_line(r: TermRows, numbers: Float[np.ndarray, "term number"]) -> Float[np.ndarray, "term line"]:

@@ -1,0 +1,79 @@
+"""Score of a second mode in the place of one, by what a record's fit leaves.
+
+Two modes, sum phi_k / (s - p_k), leave of one with their mean pole p and the sum of their residues the sum of
+phi_k (p_k - p)^2 / (s - p)^3; and their free motions, each from a state of its own, leave the derivative of
+the mode's free motion by its pole. Forces that shake the article leave as much at the peak, but of no such
+form: the score tells them apart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.stats
+from jaxtyping import Complex
+
+from middeck.identification.fit.unneeded_modes import pairs_of
+from middeck.identification.model.measurement_model import MeasurementModel, path_delay
+from middeck.identification.problem.data import Data
+from middeck.identification.problem.residual_and_slopes import Terms
+from middeck.identification.record_fit.record_covariance import Rows
+from middeck.identification.record_fit.refine_record import RecordRun
+from middeck.identification.record_fit.sensor_or_force_noise import noise_variance
+from middeck.identification.uncertainty.covariance import ModelCovariance
+from middeck.identification.uncertainty.lacking_terms import TermRows, joint_score
+
+# The coefficient of the driven motion is complex: two unknowns of each output.
+PARTS = (1.0, 1j)
+# Step of the logarithm of a decay rate for the derivative of its free motion.
+SHIFT = 1e-6
+
+
+def chance_of_no_second(run: RecordRun, data: Data, covariance: ModelCovariance, m: int) -> float:
+    """The chance by which one mode leaves as much of the form that a second beside pair ``m`` would have.
+
+    Unknowns are two of each output for the driven motion, and two for the free motion of each of its
+    experiments. The noise is taken as that of sensors: what one mode leaves of two would pass for noise of
+    forces.
+    """
+    residual, model = run.residual(data), covariance.model
+    sensors = dataclasses.replace(run, variance=noise_variance(residual, driven=data.driven))
+    each = Rows(sensors, data, model, covariance.structure)
+    driven = _driven(data, model, int(np.argmin(np.abs(model.poles - pairs_of(run)[m]))))
+    outputs, lines, columns = residual.shape
+    free = _free(run, data, m)
+    free = np.einsum("tl,ef->etlf", free, np.eye(columns)).reshape(-1, lines, columns)
+    count, line = len(PARTS) + len(free), np.tile(np.repeat(np.arange(lines), 2), columns)
+
+    def rows() -> Iterator[TermRows]:
+        for o, left in enumerate(residual):
+            J, own = each.of(o)
+            place = np.flatnonzero(J.any(axis=(1, 2)))
+            lacking = np.zeros((count * outputs, *left.shape), complex)
+            lacking[count * o : count * (o + 1)] = np.concatenate([driven[:, o], free])
+            slopes, terms, (rest,) = (own.removed(part) for part in (J[place], lacking, left[None]))
+            yield TermRows(place, slopes, terms, rest, line)
+
+    return float(scipy.stats.chi2.sf(joint_score(rows, covariance), count * outputs))
+
+
+def _driven(data: Data, model: MeasurementModel, mode: int) -> Complex[np.ndarray, "part output line column"]:
+    """The two parts of 1 / (s - p)^3 times the mode's residue, at each output."""
+    pole, residue = model.poles[mode], np.outer(model.shapes[:, mode], model.participation[mode])
+    s, size = data.s[:, None, None], np.real(pole) ** 2
+    late = np.exp(-s * path_delay(model))
+    each = (
+        late * size * (part * residue / (s - pole) ** 3 + np.conj(part * residue) / (s - pole.conj()) ** 3)
+        for part in PARTS
+    )
+    return np.stack([np.einsum("loi,lie->ole", H, data.U) for H in each])
+
+
+def _free(run: RecordRun, data: Data, m: int) -> Complex[np.ndarray, "part line"]:
+    """Derivatives of the free motions of pair ``m`` by its decay rate; those by its frequency add nothing."""
+    theta = run.refined.theta
+    moved = theta + SHIFT * (np.arange(len(theta)) == m)
+    change = (Terms(run.layout, data, moved).B - Terms(run.layout, data, theta).B) / SHIFT
+    return change[change.any(axis=1)]
