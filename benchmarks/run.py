@@ -104,7 +104,7 @@ def _levels(result: dict) -> list[dict]:
 
 def _level(row: dict) -> str:
     value = f"{_number(row['value'])} {row['unit']}".strip()
-    return f"| {_case(row)} | {row['measure']} | {value} | {_number(row['level'])} |"
+    return f"| {_case(row)} | {_measure(row)} | {value} | {_number(row['level'])} |"
 
 
 def _section(name: str, result: dict) -> str:
@@ -123,11 +123,15 @@ def _row(row: dict) -> str:
     level = "-" if row["level"] is None else _number(row["level"])
     note = f" ({row['note']})" if row.get("note") else ""
     value = f"{_number(row['value'])} {row['unit']}".strip()
-    return f"| {_case(row)} | {row['measure']}{note} | {value} | {level} | {met} | {peers} |"
+    return f"| {_case(row)} | {_measure(row)}{note} | {value} | {level} | {met} | {peers} |"
 
 
 def _case(row: dict) -> str:
     return f"{row['case']}, {row['states']} states" if "states" in row else row["case"]
+
+
+def _measure(row: dict) -> str:
+    return row["measure"].replace("|", r"\|")  # of a magnitude, not of the table
 
 
 def _number(value: float | str | None) -> str:
