@@ -121,7 +121,7 @@ def with_modes_as_two(record: Record, data: Data, run: RecordRun) -> Tidied:
             better = _better(state, data, start, (), by=CLEARLY, kind=two.run.weighting)
         if better is not None:
             return better
-        state = dataclasses.replace(state, as_two=(*state.as_two, _hz(state, m)))
+        state = dataclasses.replace(state, as_two=(*state.as_two, _mode_hz(state, m)))
     return state
 
 
@@ -237,10 +237,10 @@ def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
         return state
     if chance_of_no_second(run, state.data, covariance_of(record, state), m) > OF_FORM:
         return state
-    return dataclasses.replace(state, perhaps_two=(*state.perhaps_two, _hz(state, m)))
+    return dataclasses.replace(state, perhaps_two=(*state.perhaps_two, _mode_hz(state, m)))
 
 
-def _hz(state: Tidied, m: int) -> float:
+def _mode_hz(state: Tidied, m: int) -> float:
     return float(abs(pairs_of(state.run)[m])) / (2.0 * np.pi)
 
 
