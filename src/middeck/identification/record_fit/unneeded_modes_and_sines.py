@@ -188,16 +188,17 @@ def _without(record: Record, state: Tidied, dropped: Bool[np.ndarray, " mode"]) 
 def _with_modes_in_two(record: Record, state: Tidied, *, of_forces: bool) -> Tidied:
     """Modes in two where that is clearly shorter, and a mark on those where it is only likelier.
 
-    No mark where inputs are known to have noise: it has the form of a second mode, too.
+    No mark where inputs are known to have noise, or leave lines out: that noise, and a distortion that
+    repeats with its signal, have the form of a second mode, too.
     """
-    m = 0
+    m, marks = 0, not of_forces and state.data.driven is None
     while m < state.run.layout.pairs:
         two = _in_two(state, m, of_forces=of_forces)
         if two is not None and not stay_near(pairs_of(two.run), pairs_of(state.run), m):
             two = None
         if two is not None and _is_shorter(record, state, two, m, DOUBTFUL if of_forces else NOTHING):
             state, m = two, m + 1
-        elif two is not None and not of_forces:
+        elif two is not None and marks:
             state = _with_mark(record, state, two, m)
         m += 1
     return state
