@@ -15,8 +15,8 @@ PARTS, RISING = 8, 6
 # Least growth of the power over those parts, a hundredfold, with inputs that grow no more than fourfold.
 GROWN, INPUTS_GROWN = 100.0, 4.0
 # Samples before from which the next is foretold; the share of the largest singular value below which these
-# do not tell; and the growth of what they foretell over the rising parts from which an output grows by itself,
-# in logarithms at most so many times its own. Of more samples than that some, evenly spread, tell as much.
+# do not tell; and the growth of what they foretell over the rising parts from which an output grows by
+# itself, in logarithms at most so many times its own. Of more samples some, evenly spread, tell as much.
 PAST, TELLS, BY_ITSELF, FASTER, ENOUGH = 12, 1e-6, 3.0, 2.0, 20_000
 # Share of an output's power at the end below the frequency of which a period is given so many samples, by
 # means over neighbours, in turn: of far more samples, noise hides what a few foretell.
