@@ -152,7 +152,12 @@ def _laid_out(points: _Topology) -> Pattern:
         groups[name] = tuple(p for p in done if len(p.slot))
     mirror = np.lexsort((rows, indices))
     diagonal = np.flatnonzero(rows == indices)
-    return Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
+    laid = Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
+    # Matrices of all articles of one topology keep these very arrays.
+    for each in (*laid[:4], *(part for parts in groups.values() for of in parts for part in of)):
+        if each is not None:
+            each.setflags(write=False)
+    return laid
 
 
 def _plain(points: _Topology, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:
