@@ -74,6 +74,15 @@ def test_an_arm_at_another_point_has_places_of_its_own(dm):
         assert set(moved[-1]) == {drawn}
 
 
+def test_a_large_pattern_is_not_kept(dm, monkeypatch):
+    """Sixteen of a million coordinates would hold 5 GB for good."""
+    kept = mesh_structure(dm).pattern
+    monkeypatch.setattr(pattern, "LARGEST", len(kept.indptr) - 2)
+    alone = mesh_structure(dm).pattern
+    assert alone is not kept
+    np.testing.assert_array_equal(alone.indices, kept.indices)
+
+
 def test_what_articles_share_cannot_be_written_to(dm):
     """Matrices keep the places unchecked: one that sorted its own in place would sort those of all."""
     model = mesh_structure(dm)
