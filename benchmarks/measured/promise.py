@@ -123,7 +123,7 @@ def all_motors_frontiers(truth: Case, _: Any) -> list[Short]:
 
 def _frontier_rows(name: str, of_truths: Sequence[Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
     found = np.array([both for of_truth in of_truths for both in of_truth])
-    late, apart, given_up, pushed_to = found[np.isfinite(found[:, 0])].T
+    late, apart, given_up, pushed_to = found[~np.isnan(found[:, 0])].T
     title = f"frontier, {name}, {len(found)} ladders of {LADDERS} truths"
     above = int(np.sum(late < 0.0))
     most = 100.0 * probability_interval(above, len(late), 0.9)[1]
@@ -181,9 +181,8 @@ def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> Sh
         print(
             f"{name} frontier {k} of {count}: came {came(at):.2f}, designed {designed(at):.2f} dB", flush=True
         )
-    if said < 0 or true < 0:
-        nothing = 0.0 if said == true else (np.nan if said < 0 else -np.inf)
-        return Short(nothing, 0.0, 0.0, last)
+    if said < 0:
+        return Short(np.nan, 0.0, 0.0, last)
     if said > true:
         return Short(-1.0, 0.0, 0.0, last)
     between = range(said, true + 1, max(1, (true - said) // BETWEEN))

@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import re
 import sys
+from types import SimpleNamespace
 
+import numpy as np
+import pytest
 from doc_pages import ROOT
 
 
@@ -33,3 +36,26 @@ def test_the_hardware_page_takes_its_numbers_from_the_results():
         digits, _, power = number.partition(".")[2].partition("e")
         step = 10.0 ** (int(power or 0) - len(digits))
         assert any(abs(k - float(number)) <= 0.5001 * step for k in known), number
+
+
+@pytest.mark.parametrize(("promised", "stable", "below"), [(-1, -1, np.nan), (3, -1, -1.0), (-1, 3, np.nan)])
+def test_where_promise_or_truth_has_no_rung_the_frontier_has_no_distance(
+    promised, stable, below, monkeypatch
+):
+    """A rung that is promised where the truth has none is above it."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    from measured import promise
+
+    ends = iter([stable + 1, promised + 1])
+    monkeypatch.setattr(promise, "_first_not", lambda *_: next(ends))
+    monkeypatch.setattr(promise, "group_loop", lambda *_: None)
+    for name in ("close_inner", "plant_of", "delay_plant", "design_ladder"):
+        monkeypatch.setattr(promise, name, lambda *_: {"law": None})
+    monkeypatch.setattr(promise.case, "true_db", lambda *_: -30.0)
+    asked = promise.case.plan(promise.RUNGS, 2)
+    found = promise._distance(None, SimpleNamespace(plants=()), None, asked)
+    np.testing.assert_equal(found.below, below)
+    rows = promise._frontier_rows("one", [[found, promise.Short(0.5, 1.0, 0.5, -60.0)]])
+    values = {r["measure"]: r["value"] for r in rows}
+    assert values["promised above the true one"] == (50.0 if below < 0.0 else 0.0)
+    assert values["without one rung that is promised"] == int(np.isnan(below))

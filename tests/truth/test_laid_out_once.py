@@ -11,6 +11,7 @@ from middeck.structure.assembly import pattern
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.elements import offset_points
+from middeck.structure.elements.sparse_of_parts import csr_of
 from middeck.structure.model.article import Structure
 from middeck.structure.model.finer_mesh import refine_mesh
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
@@ -44,6 +45,50 @@ def test_another_mesh_and_an_arm_where_there_was_none_have_places_of_their_own(d
     bent = offset_points.map_points(first.tree, dataclasses.replace(points, offset=offset))
     assert len(bent.special.point) == len(first.pose_map.special.point) + 1
     assert len(bent.indices) == len(first.pose_map.indices) + 6
+
+
+def test_as_many_elements_between_other_points_have_places_of_their_own(dm):
+    """The sum over elements, with a Jacobian that is dense, is that of either list of ends."""
+    points = mesh_structure(dm).pose_map
+    values = np.random.default_rng(0).standard_normal(len(points.indices))
+    shape = 6 * len(points.points.frame), points.tree.size
+    A = csr_of(values * (points.constant != 1.0) + points.constant, points.indices, points.indptr, shape)
+    drawn = np.flatnonzero(np.any(points.points.offset != 0.0, axis=1))[:3]
+    for ends in (drawn[[[0, 1], [1, 2]]], drawn[[[0, 1], [0, 2]]]):
+        blocks = np.random.default_rng(1).standard_normal((2, 12, 12))
+        blocks = blocks + blocks.transpose(0, 2, 1)
+        found = pattern.lay_out_pattern(points, {"strut": ends}).matrix(A.data, {"strut": blocks})
+        rows = (6 * ends[:, :, None] + np.arange(6)).reshape(2, 12)
+        truth = sum(A.toarray()[row].T @ B @ A.toarray()[row] for row, B in zip(rows, blocks, strict=True))
+        np.testing.assert_allclose(found.toarray(), truth, atol=1e-12)
+
+
+def test_an_arm_at_another_point_has_places_of_its_own(dm):
+    first = mesh_structure(dm)
+    points, moved = first.points, []
+    for drawn in np.flatnonzero(~np.any(points.offset != 0.0, axis=1))[:2]:
+        offset = points.offset.copy()
+        offset[drawn] = [0.1, 0.0, 0.0]
+        bent = offset_points.map_points(first.tree, dataclasses.replace(points, offset=offset))
+        moved.append(np.flatnonzero(np.diff(bent.indptr) > np.diff(first.pose_map.indptr)) // 6)
+        assert set(moved[-1]) == {drawn}
+
+
+def test_a_large_pattern_is_not_kept(dm, monkeypatch):
+    """Sixteen of a million coordinates would hold 5 GB for good."""
+    kept = mesh_structure(dm).pattern
+    monkeypatch.setattr(pattern, "LARGEST", len(kept.indptr) - 2)
+    alone = mesh_structure(dm).pattern
+    assert alone is not kept
+    np.testing.assert_array_equal(alone.indices, kept.indices)
+
+
+def test_what_articles_share_cannot_be_written_to(dm):
+    """Matrices keep the places unchecked: one that sorted its own in place would sort those of all."""
+    model = mesh_structure(dm)
+    groups = (a for parts in model.pattern.groups.values() for part in parts for a in part)
+    shared = [*model.pattern[:4], *groups, *model.pose_map[3:], model.pose_map.special.moves]
+    assert not any(a.flags.writeable for a in shared if a is not None)
 
 
 @pytest.mark.parametrize("states", [0, 1, 2, 7, 40])

@@ -19,8 +19,9 @@ from middeck.structure.elements.sparse_of_parts import csr_of
 from middeck.values import record
 
 NONE = np.zeros(0, dtype=int)
-KEPT = 16
-"""Patterns that are kept: a refinement or a promise meshes one article hundreds of times."""
+KEPT, LARGEST = 16, 30_000
+"""Patterns that are kept: a refinement or a promise meshes one article hundreds of times. And the coordinates
+of the largest of them: a million take 0.3 GB."""
 
 
 class _Products(NamedTuple):
@@ -111,7 +112,8 @@ class _Topology:
 
 def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element end"]]) -> Pattern:
     """Pattern of elements that join the poses ``ends``, by group, and of their `second_order`, "turning"."""
-    return _laid_out(
+    lay_out = _laid_out if points.tree.size <= LARGEST else _laid_out.__wrapped__
+    return lay_out(
         _Topology(
             size=points.tree.size,
             frame=points.points.frame,
@@ -152,7 +154,12 @@ def _laid_out(points: _Topology) -> Pattern:
         groups[name] = tuple(p for p in done if len(p.slot))
     mirror = np.lexsort((rows, indices))
     diagonal = np.flatnonzero(rows == indices)
-    return Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
+    laid = Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
+    # Matrices of all articles of one topology keep these very arrays.
+    for each in (*laid[:4], *(part for parts in groups.values() for of in parts for part in of)):
+        if each is not None:
+            each.setflags(write=False)
+    return laid
 
 
 def _plain(points: _Topology, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -167,7 +167,7 @@ def _lay_out(movers: _Movers) -> _Entries:
     turn = 6 * root[special, None] + np.arange(3, 6)
     # A chain that is shorter than the longest adds nothing, anywhere.
     index = np.concatenate([turn, np.where(joint >= 0, 6 * movers.roots + joint, turn[:, :1])], axis=1)
-    return _Entries(
+    found = _Entries(
         index,
         indptr.astype(np.int32),
         columns[rank].astype(np.int32),
@@ -175,6 +175,9 @@ def _lay_out(movers: _Movers) -> _Entries:
         slot[plain : plain + 6 * len(special)].reshape(-1, 6),
         joint_slot,
     )
+    for each in found:  # matrices of all articles of one topology keep these very arrays
+        each.setflags(write=False)
+    return found
 
 
 def _plain(root: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
