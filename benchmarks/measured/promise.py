@@ -49,14 +49,15 @@ class Short(NamedTuple):
     """By how many decibels a promised frontier is below the true one, and what stopping there gives up.
 
     A rung's authority is said in the decibels that its law reaches on its own model: they grow along the
-    ladder. Those that it reaches on the truth do not: the last stable rung is on the brink, and the finer
-    the ladder, the worse it is there. What a promise gives up is against the best rung from the promised one
-    to the last.
+    ladder, slowly at its end. Those that it reaches on the truth do not: the last stable rung is on the brink,
+    and the finer the ladder, the worse it is there. What a promise gives up is against the best rung from the
+    promised one to the last.
     """
 
     below: float  # in decibels of the designs on their own model
     came_apart: float  # the same two rungs, in decibels on the truth
     given_up: float
+    decades: float  # of authority, from the promised rung to the true one
     pushed_to: float  # decibels of the ladder's last rung on its own model
 
 
@@ -123,7 +124,7 @@ def all_motors_frontiers(truth: Case, _: Any) -> list[Short]:
 
 def _frontier_rows(name: str, of_truths: Sequence[Sequence[Sequence[float]]]) -> list[dict[str, Any]]:
     found = np.array([both for of_truth in of_truths for both in of_truth])
-    late, apart, given_up, pushed_to = found[~np.isnan(found[:, 0])].T
+    late, apart, given_up, decades, pushed_to = found[~np.isnan(found[:, 0])].T
     title = f"frontier, {name}, {len(found)} ladders of {LADDERS} truths"
     above = int(np.sum(late < 0.0))
     most = 100.0 * probability_interval(above, len(late), 0.9)[1]
@@ -132,6 +133,8 @@ def _frontier_rows(name: str, of_truths: Sequence[Sequence[Sequence[float]]]) ->
         row(title, "promised above the true one", "%", 100.0 * above / len(late), 2.0, note=note),
         row(title, "promised below the true one, median", "dB", np.median(late), 1.0, note=OF_DESIGNS),
         row(title, "promised below the true one, largest", "dB", late.max(), 3.0),
+        row(title, "the same in decades of authority, median", "", np.median(decades)),
+        row(title, "the same in decades of authority, largest", "", decades.max()),
         row(title, "decibels that came at the two, apart by, median", "dB", np.median(apart)),
         row(title, "the same, largest", "dB", apart.max()),
         row(title, "given up against the best stable rung, median", "dB", np.median(given_up)),
@@ -182,14 +185,15 @@ def _distance(modes: Modes, drawn: DrawnPlants, truth: Plant, asked: Plan) -> Sh
             f"{name} frontier {k} of {count}: came {came(at):.2f}, designed {designed(at):.2f} dB", flush=True
         )
     if said < 0:
-        return Short(np.nan, 0.0, 0.0, last)
+        return Short(np.nan, 0.0, 0.0, 0.0, last)
     if said > true:
-        return Short(-1.0, 0.0, 0.0, last)
+        return Short(-1.0, 0.0, 0.0, 0.0, last)
     between = range(said, true + 1, max(1, (true - said) // BETWEEN))
     return Short(
         designed(said) - designed(true),
         abs(came(said) - came(true)),
         came(said) - min(came(k) for k in (*between, true)),
+        (true - said) / decade,
         last,
     )
 
