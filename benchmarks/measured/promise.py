@@ -49,9 +49,9 @@ class Short(NamedTuple):
     """By how many decibels a promised frontier is below the true one, and what stopping there gives up.
 
     A rung's authority is said in the decibels that its law reaches on its own model: they grow along the
-    ladder, slowly at its end. Those that it reaches on the truth do not: the last stable rung is on the brink,
-    and the finer the ladder, the worse it is there. What a promise gives up is against the best rung from the
-    promised one to the last.
+    ladder, slowly at its end. Those that it reaches on the truth do not: the last stable rung is on the
+    brink, and the finer the ladder, the worse it is there. What a promise gives up is against the best rung
+    from the promised one to the last.
     """
 
     below: float  # in decibels of the designs on their own model
