@@ -125,3 +125,23 @@ def test_a_sampled_free_body_of_mixed_states_does_not_grow(campaign: Callable[[i
         mixed, one = T @ A @ np.linalg.inv(T), np.ones((len(A), 1))
         grow += not is_stable(SampledStateSpace(mixed, one, one.T, [[0.0]], period_s=1e-4))
     assert grow <= 0.03 * len(seeds)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.002])
+@pytest.mark.parametrize("condition", [1.0, 30.0])
+def test_rms_from_zero_of_what_sees_modes_only(delay_s: float, condition: float) -> None:
+    """A body and a mode that one force moves: the place of the body drifts, a strain gauge has an rms."""
+    rng = np.random.default_rng(3)
+    U, V = (np.linalg.qr(rng.standard_normal((4, 4)))[0] for _ in range(2))
+    T = U @ np.diag(np.geomspace(1.0, condition, 4)) @ V if condition > 1.0 else np.eye(4)
+    w0, zeta = 7.0, 0.01
+    A = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -(w0**2), -2.0 * zeta * w0]], dtype=float)
+    B, C = np.array([[0.0], [1.0], [0.0], [0.6]]), np.array([[1.0, 0.0, 0.6, 0.0], [0.0, 0.0, 0.6, 0.0]])
+    ports = ["place", "gauge"]
+    mixed = np.linalg.solve(T, A @ T), np.linalg.solve(T, B), C @ T
+    bare = md.make_plant(*mixed, inputs=["force"], outputs=ports, delay_s=delay_s)
+    plant = md.systems.group_ports(bare, w=["force"], u=["force"], z=ports, y=ports)
+    rms = md.measure_rms(plant, None, md.Performance(np.ones(2), np.eye(1), (0.0, 1e3)))
+    assert rms[0] == np.inf
+    # All of a light mode is within the band: the integral over all frequencies is 1 / (4 zeta w0^3).
+    assert rms[1] == pytest.approx(0.36 / np.sqrt(4.0 * zeta * w0**3), rel=1e-6)

@@ -115,7 +115,7 @@ def _levels(
 ) -> Float[np.ndarray, " crossing"]:
     """Logarithms of the gain where L crosses the negative real axis, from one more line within each step.
 
-    The gain of an end of the step would do where steps are alike. Where crossings repeat from the first turn of
+    The gain at an end of the step would do if steps were alike. Where crossings repeat from the first turn of
     a delay to the thousandth, the nearest to one may have a short step, others a long one that begins nearer.
     """
     ends = np.stack([L[steps, channel], L[steps + 1, channel]])
