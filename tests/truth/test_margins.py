@@ -418,3 +418,25 @@ def test_one_loop_of_two_that_closes_to_an_integrator_leaves_no_disk(at: At) -> 
     plant = make_plant(np.diag([-1.0, -2.0]), np.eye(2), np.eye(2))
     law = Compensator(gain_system(np.diag([1.0, 0.5])), plant.outputs, plant.inputs)
     assert measure_disk_margin(plant, law, at=at).alpha == 0.0
+
+
+def test_nearest_of_crossings_that_repeat() -> None:
+    """Direct terms and a delay: of thousands of crossings alike the nearest to one is at the first turns."""
+    A, B = np.diag([-14.3, -10.32]), np.array([[-0.11, -0.14, 0.02], [-0.2, 0.03, -0.11]])
+    C = np.array([[0.0, -0.02], [0.1, 0.07], [-0.03, 0.14]])
+    D = np.array([[0.57, 2.43, 0.64], [0.84, 0.84, -0.61], [-0.07, 1.35, -0.4]])
+    K = np.array([[0.13, -0.01, 0.41], [-0.24, -0.1, 0.16], [0.07, -0.58, 0.6]])
+    plant = make_plant(A, B, C, D, delay_s=0.07)
+    found = measure_margins(plant, Compensator(gain_system(K), plant.outputs, plant.inputs)).loops
+    s = 1j * np.linspace(1e-3, 120.0, 60001)
+    round_trip = K @ (C / (s[:, None, None] - np.diag(A)) @ B + D) * np.exp(-0.07 * s)[:, None, None]
+    for i, one in enumerate(found[:2]):
+        # The loop at one channel, the others closed: a Schur complement.
+        rest = [j for j in range(3) if j != i]
+        closed = np.linalg.solve(np.eye(2) - round_trip[:, rest][:, :, rest], round_trip[:, rest, i, None])
+        L = -(round_trip[:, i, i] + np.einsum("wk,wk->w", round_trip[:, i, rest], closed[:, :, 0]))
+        step = np.flatnonzero((np.imag(L[1:]) * np.imag(L[:-1]) < 0.0) & (np.real(L[1:]) < 0.0))
+        # Linear from line to line: the chord of a hundredth of a degree.
+        share = np.imag(L[step]) / (np.imag(L[step]) - np.imag(L[step + 1]))
+        limits = -1.0 / np.real(L[step] + share * (L[step + 1] - L[step]))
+        assert one.gain_limits[1] == pytest.approx(limits[limits > 1.0].min(), rel=1e-6)

@@ -13,6 +13,7 @@ from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.integrator_chains import strictly_upper
 from middeck.systems.poles.integrators import part_integrators, realise_residues
 from middeck.systems.poles.modal_states import INSEPARABLE, modal_states
+from middeck.systems.poles.same_response import responds_otherwise
 from middeck.systems.poles.strong_components import strong_components
 from middeck.systems.state_space.statespace import StateSpace, add
 
@@ -29,7 +30,8 @@ def part_modes(plant: Plant) -> Plant:
     Names: "mode 1, 2.5 Hz" in order of frequency, "pole 1, -3 rad/s", "at rest" (integrators). Responses are
     unchanged; integrators that are in none of them are left out.
 
-    Raises `NumericalError` where modes nearly coincide and share their eigenvectors.
+    Raises `NumericalError` where modes nearly coincide and share their eigenvectors, and where the states are
+    so mixed that rounding hides the modes.
 
     >>> from middeck.signals.ports import Port
     >>> light = StateSpace([[0.0, 1.0], [-4.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
@@ -37,7 +39,8 @@ def part_modes(plant: Plant) -> Plant:
     ...     "m"),))).state_names
     ('mode 1, 0.3183 Hz', 'mode 1, 0.3183 Hz')
     """
-    parted = part_integrators(remove_delays(plant).system)
+    system = remove_delays(plant).system
+    parted = part_integrators(system)
     chain, moving = realise_residues(parted.residues), parted.moving
     values, vectors = np.linalg.eig(moving.A) if len(moving.A) else (np.zeros(0), np.zeros((0, 0)))
     upper = np.flatnonzero(np.imag(values) > 0.0)
@@ -59,7 +62,13 @@ def part_modes(plant: Plant) -> Plant:
         *(f"mode {k + 1}, {f:.4g} Hz" for k, f in enumerate(hz) for _ in range(2)),
         *(f"pole {k + 1}, {rate:.4g} rad/s" for k, rate in enumerate(np.real(values[real]))),
     )
-    return dataclasses.replace(plant, dynamics=add(chain, blocks), state_names=names)
+    whole = add(chain, blocks)
+    if responds_otherwise(whole, system):
+        raise NumericalError(
+            "the states are so mixed that rounding hides the modes of the plant",
+            hint="states of like sizes, as modal ones",
+        )
+    return dataclasses.replace(plant, dynamics=whole, state_names=names)
 
 
 @functools.lru_cache(maxsize=KEPT)

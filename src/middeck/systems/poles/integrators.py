@@ -206,6 +206,8 @@ def realise_residues(
         # What rounding does not let vanish: the nearest that does.
         sizes = [*sizes, rank - sum(sizes)]
     into, seen = turn.T @ ((root**2)[:, None] * right[:inputs].T), (left[:outputs] * root**2) @ turn
+    # Rounding would show integrators to ports without residues, beyond bounds at rest.
+    into[:, ~residues.any(axis=(0, 1))], seen[~residues.any(axis=(0, 2))] = 0.0, 0.0
     return StateSpace(
         strictly_upper(turn.T @ A @ turn, sizes) / pace,
         into * column,

@@ -14,13 +14,15 @@ from middeck.control.analysis.loop.sampled_rounding import sample_known
 from middeck.control.law.compensator import Compensator, locate_ports, require_loop
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
-from middeck.errors import ConfigError
+from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.poles.inert_modes import observed_modes, reached_modes
 from middeck.systems.poles.integrators import part_integrators, rest_once
 from middeck.systems.poles.resolvent import Resolvent, by_schur_form
+from middeck.systems.poles.same_response import responds_otherwise
 from middeck.systems.poles.state_units import balance_states, settle_states
+from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.feedback import beside, close_static
 from middeck.systems.state_space.modal_system import (
     ModalSystem,
@@ -88,8 +90,18 @@ def split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray,
 
 def moved_part(loop: FeedbackLoop) -> FeedbackLoop:
     """The loop without integrators that it does not move: rounding of mixed states would show them in its
-    return ratio. A plant in modal form has them apart already."""
-    return loop if isinstance(loop.plant.dynamics, ModalSystem) else split_unmoved(loop)[0]
+    return ratio. A plant in modal form has them apart already.
+
+    Raises `NumericalError` where rounding hides whether the loop moves them.
+    """
+    given = loop.plant.dynamics
+    if isinstance(given, ModalSystem):
+        return loop
+    moved, unmoved = split_unmoved(loop)
+    fewer = moved.plant.dynamics
+    if len(unmoved) and not isinstance(fewer, ModalSystem) and responds_otherwise(fewer, given):
+        raise NumericalError("rounding of the matrices hides which integrators the loop moves", hint=CURE)
+    return moved
 
 
 Halves = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -50,7 +50,7 @@ def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarra
     real = np.abs(np.imag(L)) <= REAL * np.abs(np.real(L))
     # An undamped loop: its crossings would be rounding.
     undamped = 2 * np.sum(real, axis=0) > len(real)
-    none = (real[1:] & real[:-1] & undamped) | _far(L)
+    none = (real[1:] & real[:-1] & undamped) | _far(ratio, omega, L)
     # Project on a sphere: the curve stays finite through a pole on the axis, which is then recognised.
     found = join_crossings(
         _roots(ratio, omega, L, lambda x: np.imag(x) / (1.0 + np.abs(x) ** 2), none),
@@ -91,23 +91,41 @@ def _extremum(ratio: Ratio, channel: int, bounds: tuple[float, float], *, up: bo
     return float(found.x)
 
 
-def _far(L: np.ndarray) -> Bool[np.ndarray, "line channel"]:
+def _far(ratio: Ratio, omega: np.ndarray, L: np.ndarray) -> Bool[np.ndarray, "step channel"]:
     """Steps across the positive real axis, and those across the negative one beyond `MOST` on a side of one.
 
     The nearest below one and the nearest above are both limits of gain.
     """
     positive, below = np.real(L) > 0.0, np.signbit(np.imag(L))
     far = positive[1:] & positive[:-1]
-    with np.errstate(divide="ignore"):
-        level = np.log(np.abs(L))
     for channel, across in enumerate((below[1:] != below[:-1]).T):
         steps = np.flatnonzero(across & ~far[:, channel])
-        first, last = level[steps, channel], level[steps + 1, channel]
-        order = np.argsort(np.fmin(np.abs(first), np.abs(last)), kind="stable")
-        above = (first + last > 0.0)[order]
+        if len(steps) <= MOST:
+            continue
+        level = _levels(ratio, omega, L, steps, channel)
+        order = np.argsort(np.abs(level), kind="stable")
+        above = (level > 0.0)[order]
         for side in (above, ~above):
             far[steps[order[side][MOST:]], channel] = True
     return far
+
+
+def _levels(
+    ratio: Ratio, omega: np.ndarray, L: np.ndarray, steps: np.ndarray, channel: int
+) -> Float[np.ndarray, " crossing"]:
+    """Logarithms of the gain where L crosses the negative real axis, from one more line within each step.
+
+    The gain at an end of the step would do if steps were alike. Where crossings repeat from the first turn of
+    a delay to the thousandth, the nearest to one may have a short step, others a long one that begins nearer.
+    """
+    ends = np.stack([L[steps, channel], L[steps + 1, channel]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        level, turn = np.log(np.abs(ends)), np.angle(-ends)
+        share = turn[0] / (turn[0] - turn[1])
+        between = ratio(1j * (omega[steps] + share * (omega[steps + 1] - omega[steps])))[:, channel]
+        slope = (level[1] - level[0]) / (turn[1] - turn[0])
+        found = np.log(np.abs(between)) - slope * np.angle(-between)
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def join_crossings(*parts: Crossings) -> Crossings:

@@ -183,8 +183,9 @@ def measure_margins(
     delay of a channel with which the plant, sampled anew, gives an unstable loop
     (`middeck.control.analysis.margins.delay_limit`): most of the work, skipped with ``delays=False``.
 
-    Raises `ConfigError` for halves that do not fit (`form_loop`). Warns (`UserWarning`) where rounding of the
-    matrices makes limits, disks or peaks uncertain (`measure_known`).
+    Raises `ConfigError` for halves that do not fit (`form_loop`), `NumericalError` where rounding hides which
+    integrators the loop moves (`moved_part`). Warns (`UserWarning`) where rounding of the matrices makes
+    limits, disks or peaks uncertain (`measure_known`).
 
     >>> import middeck as md
     >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
