@@ -129,3 +129,13 @@ def test_no_mode_stands_for_a_line_whose_inputs_are_hardly_told_apart() -> None:
         assert len(found) == 3
         deviation = fit.uncertainty.natural_hz[np.argsort(np.abs(fit.model.poles))]
         assert np.all(np.abs(found - TWO_INPUTS_HZ) < 4.0 * deviation)
+
+
+def test_the_likelihood_counts_how_far_inputs_are_told_apart() -> None:
+    """Averaged with the noise, it put the pair five of its deviations off."""
+    for seed in repeats(range(6), 6):
+        record, _ = two_inputs(seed)
+        fit = md.fit_response(md.estimate_response(record), states=6, cost="likelihood")
+        order = np.argsort(np.abs(fit.model.poles))
+        off = np.abs(fit.model.poles)[order] / 2.0 / np.pi - TWO_INPUTS_HZ
+        assert np.all(np.abs(off) < 3.5 * fit.uncertainty.natural_hz[order])

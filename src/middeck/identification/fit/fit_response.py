@@ -53,6 +53,7 @@ from middeck.identification.search.leading_outputs import causal_delay, doubts_o
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.excess_variance import (
+    INDEPENDENT,
     Spread,
     by_output,
     excess_share,
@@ -283,7 +284,9 @@ def _searched(
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
-        best, followed = likelihood_polish(data, best, measured.covariance, line_degrees(measured)), spread
+        degrees, independent = line_degrees(measured), measured.alike == INDEPENDENT
+        best = likelihood_polish(data, best, measured.covariance, degrees, independent=independent)
+        followed = spread
     return _Searched(
         measured=measured,
         data=data,
