@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from middeck.errors import DataError
+from middeck.errors import DataError, FitError
 from middeck.files.records import load_record, name_columns, open_record, read_record, write_record
+from middeck.identification.record_fit.fit_record import fit_record
 
 SAMPLES = 4000
 
@@ -51,6 +52,13 @@ def test_seconds_that_are_rather_milliseconds_are_doubted(tmp_path: Path, hz: fl
     # What we wrote ourselves is in seconds.
     write_record(tmp_path / "ours.csv", found.record)
     assert read_record(tmp_path / "ours.csv").faults == ()
+
+
+def test_a_band_beyond_all_lines_names_the_rate(tmp_path: Path) -> None:
+    """Milliseconds said to be seconds: the record itself is sound, at a thousandth of its rate."""
+    path = write(tmp_path / "run.csv", [f"{5.0 * k:.1f}" for k in range(SAMPLES)])
+    with pytest.raises(FitError, match=r"at 0\.2 Hz, has lines from .* to 0\.0999\d* Hz\n.*unit of times"):
+        fit_record(read_record(path).record, band_hz=(0.5, 60.0), states=2)
 
 
 @pytest.mark.parametrize(("digits", "doubted"), [(0, True), (1, False), (3, False)])

@@ -393,3 +393,23 @@ def test_a_mode_that_softens_a_little_stays_one():
     one = [model for model in found if model.states == 2]
     assert len(one) >= 3
     assert np.concatenate([natural_hz(model) for model in one]) == pytest.approx(9.992, abs=1e-3)
+
+
+def test_hum_that_repeats_with_the_period_is_named_and_the_mode_beside_it_doubted():
+    """No scatter tells it: the pole that follows its line takes up a part, and the mode's damping is off."""
+    (hz, zeta), (samples, rate, periods) = ([7.0, 23.0], [0.01, 0.006]), (3000, 200.0, 4)
+    rng, f = np.random.default_rng(36), np.fft.rfftfreq(3000, 1.0 / 200.0)
+    s, w = 2j * np.pi * f[:, None], 2.0 * np.pi * np.array(hz)
+    U = np.where((f >= 0.5) & (f <= 60.0), np.exp(2j * np.pi * rng.random(len(f))), 0.0)
+    H = np.sum([1.0, 0.84] / (s**2 + 2.0 * np.array(zeta) * w * s + w**2), axis=1)
+    u, y = (np.fft.irfft(x, n=samples)[None, None, :, None].repeat(periods, axis=1) for x in (U, H * U))
+    y = y + 0.01 * np.std(y) * rng.standard_normal(y.shape)
+    hum = 0.03 * np.std(y) * np.sin(2.0 * np.pi * 7.0 * np.arange(samples) / rate)[None, None, :, None]
+    for added, standing in ((0.0, "sound"), (hum, "doubtful")):
+        record = Record(sample_hz=rate, u=u, y=y + added, inputs=(FORCE,), outputs=(TIP,), periodic=True)
+        fit = fit_response(estimate_response(record))
+        at = int(np.argmin(np.abs(fit.model.poles - w[0] * (1j * np.sqrt(1.0 - zeta[0] ** 2) - zeta[0]))))
+        told = [text for text in fit.warnings if "follows one line" in text]
+        assert fit.standing[at] == standing
+        assert bool(told) == (standing == "doubtful")
+        assert all("the mode at 7 Hz" in text for text in told)

@@ -309,7 +309,7 @@ def test_feedback_in_a_long_record_is_told_without_much_memory() -> None:
     told = find_relation_faults(record)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert any("comes back in the inputs" in str(fault) for fault in told)
+    assert any("sends its noise back into the inputs" in str(fault) for fault in told)
     assert most < 220e6
 
 

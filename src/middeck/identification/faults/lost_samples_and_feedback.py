@@ -308,7 +308,7 @@ def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool
 
 def _fed_back(share: float) -> Found:
     what = (
-        f"its noise comes back in the inputs: they tell, later, {share:.0%} of what its past leaves. There "
+        f"sends its noise back into the inputs: they tell, later, {share:.0%} of what its past leaves. There "
         "is feedback in the record, or the inputs were recorded late, or with noise, which makes gains too "
         "small"
     )

@@ -15,8 +15,10 @@ from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.mode_trust import (
     Standing,
     SteadyLine,
+    beside_one_line,
     checked_covariance,
     doubts_of_delays,
+    doubts_of_one_line,
     doubts_of_phase,
     doubts_of_standing,
     standing_of,
@@ -51,6 +53,7 @@ from middeck.identification.search.leading_outputs import causal_delay, doubts_o
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.excess_variance import (
+    INDEPENDENT,
     Spread,
     by_output,
     excess_share,
@@ -281,7 +284,9 @@ def _searched(
     if cost == "logarithmic":
         best, followed = logarithmic_polish(data, best, spread), spread
     if cost == "likelihood" and measured.covariance is not None:
-        best, followed = likelihood_polish(data, best, measured.covariance, line_degrees(measured)), spread
+        degrees, independent = line_degrees(measured), measured.alike == INDEPENDENT
+        best = likelihood_polish(data, best, measured.covariance, degrees, independent=independent)
+        followed = spread
     return _Searched(
         measured=measured,
         data=data,
@@ -373,7 +378,9 @@ def _result(run: _Searched) -> FitResult:
     warnings += doubts if lacks.said else name_missing_delay(doubts, measured, covariance, error)
     warnings += doubts_of_deviations(measured, covariance)
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
-    standing = standing_of(measured, covariance, holds=not of_model, doubted=[*phase[0], *lacks.modes])
+    beside = beside_one_line(measured, model)
+    doubted = [*phase[0], *lacks.modes, *beside]
+    standing = standing_of(measured, covariance, holds=not of_model, doubted=doubted)
     poles = _poles_for_a_delay(measured, data, best, followed, covariance, standing)
     if poles is not None and poles.shorter:
         standing = standing_of(measured, covariance, holds=False, doubted=phase[0])
@@ -384,6 +391,7 @@ def _result(run: _Searched) -> FitResult:
         warnings.append(poles.doubt())
     elif not (noise or doubts):
         warnings += doubts_of_delays(of_delays, excess)
+    warnings += doubts_of_one_line(measured, model)
     warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
     return FitResult(
         model=model,

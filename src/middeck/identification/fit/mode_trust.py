@@ -28,6 +28,10 @@ ROUNDING = 1e-12
 # Two poles closer than so many deviations of their distance: the response is no linear function of either
 # within its deviation.
 APART = 6.0
+# A pole whose half-power width is less than this share of the lines' distance follows one line alone.
+OF_ONE_LINE = 0.02
+# Half-power widths of a mode within which such a line is one of those that determine it.
+BESIDE = 3.0
 # Deviations of its residue above which a mode is known whatever is beside it.
 ALONE = 30.0
 
@@ -142,6 +146,44 @@ def doubts_of_delays(standing: Sequence[Standing], excess: float) -> list[str]:
         f"{excess:.0%} of the residual's variance is not noise: an error common to all lines biases the "
         "delays, so their standard deviations are too small; take more states, or a band without modes at "
         "its edges"
+    ]
+
+
+def poles_of_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[int]:
+    """Pairs in the band that hardly decay over many periods: they follow a line that no mode explains."""
+    lines, f = measured.frequency_hz, natural_hz(model)
+    if len(lines) < 2:
+        return []
+    near = np.clip(np.searchsorted(lines, f), 1, len(lines) - 1)
+    sharp = _half_power_hz(model) < OF_ONE_LINE * (lines[near] - lines[near - 1])
+    within = (f >= lines[0]) & (f <= lines[-1])
+    return [m for m in distinct_poles(model) if sharp[m] and within[m] and model.is_pair[m]]
+
+
+def beside_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[int]:
+    """Modes near a line that no mode explains: it is wrong, and a pole that follows it takes up a part."""
+    f, width, odd = natural_hz(model), _half_power_hz(model), poles_of_one_line(measured, model)
+    near = np.abs(f[:, None] - f[odd]) < BESIDE * width[:, None]
+    return [m for m in np.flatnonzero(near.any(axis=1)).tolist() if m not in odd]
+
+
+def _half_power_hz(model: MeasurementModel) -> np.ndarray:
+    return np.abs(np.real(model.poles)) / np.pi
+
+
+def doubts_of_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[str]:
+    """A warning for the lines that poles of no width follow, and for the modes beside them."""
+    f, odd = natural_hz(model), poles_of_one_line(measured, model)
+    if not odd:
+        return []
+    places, near = (
+        ", ".join(f"{hz:.4g}" for hz in np.sort(f[m])) for m in (odd, beside_one_line(measured, model))
+    )
+    doubted = f" (doubtful with it: the mode at {near} Hz)" if near else ""
+    return [
+        f"pole at {places} Hz: follows one line that does not fit the lines beside it{doubted}: hum that "
+        "repeats with the period, or a mode far narrower than the lines are apart; record with another "
+        "period, or leave the line out"
     ]
 
 

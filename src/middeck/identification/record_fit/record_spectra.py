@@ -43,7 +43,7 @@ def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: b
     else:
         keep = np.ones(len(f), bool) if whole else _driven(U)
     if not keep.any():
-        raise FitError(f"no line of the record in the band {band_hz} Hz", hint="a band below half the rate")
+        raise _no_line(f, record.sample_hz, band_hz)
     level = np.sqrt(np.mean(np.abs(Y[:, keep]) ** 2, axis=(0, 1)))
     weight = np.broadcast_to(1.0 / level[:, None, None], (Y.shape[2], int(keep.sum()), experiments))
     return Data(
@@ -53,6 +53,16 @@ def record_data(record: Record, band_hz: tuple[float, float] | None, *, whole: b
         drive=np.moveaxis(U[:, keep], 0, 2),
         driven=driven_lines(U[:, keep], np.exp(2j * np.pi * f[keep] / record.sample_hz)),
         transient=Transient(1.0 / record.sample_hz),
+    )
+
+
+def _no_line(f: np.ndarray, sample_hz: float, band_hz: tuple[float, float] | None) -> FitError:
+    """A rate in the wrong unit, or a step taken for a rate, puts the band beyond all lines."""
+    has = f"has lines from {f[0]:.4g} to {f[-1]:.4g} Hz" if len(f) else "has no lines"
+    asked = "that an input drives" if band_hz is None else f"in the band {band_hz[0]:g} to {band_hz[1]:g} Hz"
+    return FitError(
+        f"no line {asked}: the record, at {sample_hz:g} Hz, {has}",
+        hint="check the unit of times and the sampling rate (sample_hz); or a band among these lines",
     )
 
 

@@ -49,14 +49,17 @@ class Noise:
         return np.linalg.inv(np.linalg.cholesky(self.C + np.diag(share * self.size)))
 
 
-def noise_of(data: Data, covariance: ResponseCovariance, degrees: float) -> Noise:
+def noise_of(data: Data, covariance: ResponseCovariance, degrees: float, *, independent: bool) -> Noise:
     """The noise of a response, fit for whitening; ``degrees`` of freedom tell its variance on each line.
 
+    Of ``independent`` lines the outputs' noise is averaged alone: R of each is known, and is its own.
     Raises `FitError` where some outputs, or inputs, err as one: their difference would rule the fit.
     """
     size = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
     power = np.real(np.einsum("lii->l", covariance.inverse_power)) / covariance.inverse_power.shape[1]
-    C = averaged_covariance(covariance.outputs * power[:, None, None], degrees) + np.diag(ROUNDING * size)
+    own, shared = (power, 1.0) if independent else (1.0, power)
+    C = covariance.outputs * np.reshape(shared, (-1, 1, 1))
+    C = averaged_covariance(C, degrees) * np.reshape(own, (-1, 1, 1)) + np.diag(ROUNDING * size)
     _refuse_alike(C, "outputs", "leave out an output that is another, or record more periods")
     _refuse_alike(covariance.inverse_power, "inputs", "experiments with independent inputs")
     # Rows h of H with E[h^T conj(h)] = L L^H are white times L^-T.
@@ -65,11 +68,11 @@ def noise_of(data: Data, covariance: ResponseCovariance, degrees: float) -> Nois
 
 
 def likelihood_polish(
-    data: Data, start: Polished, covariance: ResponseCovariance, degrees: float
+    data: Data, start: Polished, covariance: ResponseCovariance, degrees: float, *, independent: bool
 ) -> Polished:
     """The likeliest model from a weighted fit's."""
     layout, best = start.layout, start
-    noise = noise_of(data, covariance, degrees)
+    noise = noise_of(data, covariance, degrees, independent=independent)
     white = dataclasses.replace(
         data, H=_white(data.H, noise), drive=noise.white, weight=np.ones(data.H.shape)
     )

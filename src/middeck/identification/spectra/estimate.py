@@ -12,6 +12,7 @@ from middeck.identification.faults.unlike_experiments import find_unlike_experim
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
+from middeck.identification.spectra.excess_variance import INDEPENDENT
 from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.spectra.local_models import scatter_of_local_models
 from middeck.identification.spectra.periods import excited_lines, period_moments, scatter_of_periods
@@ -91,6 +92,7 @@ def estimate_response(
         record, band_hz=band_hz, method=method, reference=reference, controller=controller, segment=segment
     )
     variance, covariance = trusted(found)
+    smoothed = method in ("h1", "h2", "hv")
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
     inputs, outputs = response_under_feedback.plant_ports(record, reference)
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
@@ -104,6 +106,7 @@ def estimate_response(
         variance=variance,
         covariance=covariance,
         hold_s=hold_s,
+        alike=None if smoothed or found.line_inverse_power is not None else INDEPENDENT,
     )
 
 

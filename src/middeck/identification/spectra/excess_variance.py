@@ -2,7 +2,8 @@
 
 A variance from few periods has few degrees of freedom, and lines that are quiet by chance would dominate the
 fit. It is therefore averaged over neighbouring lines, except where fewer lines have significantly more: noise
-of a measured input and motion from disturbances peak where the response does.
+of a measured input and motion from disturbances peak where the response does. Of whole periods the noise of
+the outputs is averaged; how much of it each line's inputs let into its response is known (`_inverse_power`).
 
 A model of limited order, or a slightly nonlinear article, leaves more than this variance. The excess is one
 further variance e P with one share e for all lines and outputs (with a share for each, a fit could give up an
@@ -39,6 +40,8 @@ BY_CHANCE = 1e-3
 EVEN = 0.1
 # Scatter of the logarithm of a variance below which it is taken as known: that of 100 degrees of freedom.
 NO_SCATTER = 0.01
+# `FrequencyResponse.alike` of lines that share nothing, as those of whole periods.
+INDEPENDENT = 1.0
 # Smallest variance, as a share of the mean square response: rounding of double precision data.
 ROUNDING = 1e-22
 
@@ -104,7 +107,9 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     degrees = line_degrees(measured)
     variance = ROUNDING * power
     if measured.variance is not None:
-        variance = variance + _smooth(by_output(measured.variance), degrees, measured.alike or 1.0)
+        own = _inverse_power(measured)
+        even = by_output(measured.variance / own)
+        variance = variance + by_output(own) * _smooth(even, degrees, measured.alike or 1.0)
     # |r|^2 / E |r|^2 scatters by one, and v, a gamma variate, by one over the root of its degrees.
     alike = measured.alike or 1.0
     chance = np.sqrt((1.0 + 1.0 / degrees) * alike / H.size)
@@ -113,6 +118,17 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     return Spread(
         variance=variance, size=size, relative=relative, chance=float(chance), mean=mean, alike=alike
     )
+
+
+def _inverse_power(measured: FrequencyResponse) -> Float[np.ndarray, "line 1 input"]:
+    """The exactly known factor of each line's variance, by which inputs drive it; one where lines are alike.
+
+    Experiments of random phases can hardly tell some lines' inputs apart: what varies by this factor is no
+    scatter of the estimated noise, and an average over lines would make those lines seem as good as others.
+    """
+    if measured.covariance is None or measured.alike != INDEPENDENT:
+        return np.ones((len(measured.H), 1, measured.H.shape[2]))
+    return np.real(np.linalg.diagonal(measured.covariance.inverse_power))[:, None, :]
 
 
 def _smooth(v: Float[np.ndarray, "output line input"], degrees: float, alike: float = 1.0) -> np.ndarray:
@@ -147,7 +163,8 @@ def line_degrees(measured: FrequencyResponse) -> float:
     lag = int(np.ceil(measured.alike or 1.0))
     if measured.variance is None or len(measured.H) <= lag:
         return float("inf")
-    known = np.log(np.maximum(measured.variance[:, :, 0], np.finfo(float).tiny))
+    even = measured.variance / _inverse_power(measured)
+    known = np.log(np.maximum(even[:, :, 0], np.finfo(float).tiny))
     scatter = 0.5 * float(np.mean((known[lag:] - known[:-lag]) ** 2))
     nu = 0.5 * (1.0 + np.sqrt(1.0 + 2.0 * scatter)) / max(scatter, NO_SCATTER)
     return max(float(nu), 1.0) if scatter > NO_SCATTER else float("inf")

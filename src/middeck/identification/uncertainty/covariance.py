@@ -19,6 +19,7 @@ from jaxtyping import Complex, Float
 
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.spectra.excess_variance import (
+    INDEPENDENT,
     averaged_degrees,
     by_output,
     inverse_bias,
@@ -145,7 +146,10 @@ def estimate_covariance(
         root = W @ orthogonal.root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
         least: np.ndarray | float = 0.5
-        if measured.alike is None:  # else the window is known, and `scatter_of_blows` counts it
+        if measured.alike in (
+            None,
+            INDEPENDENT,
+        ):  # else the window is known, and `scatter_of_blows` counts it
             least = orthogonal.root_of(_scores_if_alike(each, residual, W), least)
         root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least)
     root = np.hstack([orthogonal.canonical_root(root), np.sqrt(0.5) * free])
