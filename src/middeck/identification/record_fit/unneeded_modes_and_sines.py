@@ -232,7 +232,9 @@ def _is_shorter(record: Record, state: Tidied, two: Tidied, m: int, least: float
 
 def _with_mark(record: Record, state: Tidied, two: Tidied, m: int) -> Tidied:
     """The state with a mark on mode ``m`` where two are likelier than chance explains."""
-    run = state.run
+    run, omega = state.run, state.data.omega
+    if not omega[0] <= abs(pairs_of(run)[m]) <= omega[-1]:  # it stands for what lies beyond the band
+        return state
     gained = 2.0 * (run.likelihood - two.run.likelihood)
     if gained < scipy.stats.chi2.isf(BY_CHANCE, record_unknowns(two.run) - record_unknowns(run)):
         return state
