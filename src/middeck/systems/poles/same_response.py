@@ -12,7 +12,7 @@ from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.state_space.statespace import LinearSystem, poles
 
 SAME = 1e-3
-"""Relative change from which on a response is another: it is far below where rounding has mistaken nothing."""
+"""Relative change from which on a response is another: it is far below where rounding mistook nothing."""
 ABOUT = np.array([0.9, 1.0, 1.1])
 """Lines about each one between two poles, which may lie on a zero."""
 AT_REST = 1e-5
