@@ -146,10 +146,8 @@ def estimate_covariance(
         root = W @ orthogonal.root_of(common_scores(each.slopes(), W, common, *flat))
     if robust:
         least: np.ndarray | float = 0.5
-        if measured.alike in (
-            None,
-            INDEPENDENT,
-        ):  # else the window is known, and `scatter_of_blows` counts it
+        # Else the window is known, and `scatter_of_blows` counts it.
+        if measured.alike in (None, INDEPENDENT):
             least = orthogonal.root_of(_scores_if_alike(each, residual, W), least)
         root = W @ orthogonal.root_of(_scores_spread(each, residual, W), least)
     root = np.hstack([orthogonal.canonical_root(root), np.sqrt(0.5) * free])

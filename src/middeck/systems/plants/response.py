@@ -37,8 +37,8 @@ class FrequencyResponse:
     once; None for a computed response. ``covariance`` says also how its entries err together, where known.
     ``hold_s`` is the period over which the inputs were held, whose hold is in H; zero where there is none in
     it, None where that is not known (`release_hold`). ``alike`` is how many neighbouring lines tell no more
-    of the noise than one does, as under a window: the sum of their squared correlations over all lags; None
-    where that is not known, and one is taken.
+    of the noise than one does, as under a window: the sum of their squared correlations over all lags; one of
+    whole periods, whose lines share nothing; None where that is not known, and one is taken.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
