@@ -55,7 +55,8 @@ def test_where_promise_or_truth_has_no_rung_the_frontier_has_no_distance(
     asked = promise.case.plan(promise.RUNGS, 2)
     found = promise._distance(None, SimpleNamespace(plants=()), None, asked)
     np.testing.assert_equal(found.below, below)
-    rows = promise._frontier_rows("one", [[found, promise.Short(0.5, 1.0, 0.5, -60.0)]])
+    other = promise.Short(below=0.5, came_apart=1.0, given_up=0.5, decades=0.25, pushed_to=-60.0)
+    rows = promise._frontier_rows("one", [[found, other]])
     values = {r["measure"]: r["value"] for r in rows}
     assert values["promised above the true one"] == (50.0 if below < 0.0 else 0.0)
     assert values["without one rung that is promised"] == int(np.isnan(below))
