@@ -52,11 +52,7 @@ def _grows_by_itself(
 ) -> bool:
     """Whether an output is foretold by a pole that grows over the rising parts, about as it has ``grown``."""
     size = _samples_together(y[-(len(y) // PARTS) :])
-    both = np.column_stack([y, u])
-    for _ in range(SMOOTHINGS * (size > 1)):
-        total = np.cumsum(np.vstack([np.zeros(both.shape[1]), both]), axis=0)
-        both = (total[size:] - total[:-size]) / size
-    both = both[::size]
+    both = _thinned(np.column_stack([y, u]), size)
     count, past = len(both), min(PAST, len(both) // (4 * both.shape[1]))
     both = both - both.mean(axis=0)
     both = both / np.maximum(both.std(axis=0), np.finfo(float).tiny)
@@ -68,6 +64,14 @@ def _grows_by_itself(
     rates = np.log(np.maximum(poles, np.finfo(float).tiny))
     own = count * (RISING - 1) / PARTS * rates
     return bool(np.any((own > np.log(BY_ITSELF)) & (own < FASTER * np.log(grown))))
+
+
+def _thinned(x: Float[np.ndarray, "sample channel"], size: int) -> Float[np.ndarray, "few channel"]:
+    """Every so many samples, each the mean over as many neighbours, taken several times."""
+    for _ in range(SMOOTHINGS * (size > 1)):
+        total = np.cumsum(np.vstack([np.zeros(x.shape[1]), x]), axis=0)
+        x = (total[size:] - total[:-size]) / size
+    return x[::size]
 
 
 def _samples_together(end: Float[np.ndarray, " sample"]) -> int:

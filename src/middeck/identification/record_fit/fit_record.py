@@ -28,7 +28,7 @@ from middeck.identification.fit.mode_trust import (
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
-from middeck.identification.fit.unneeded_modes import CLEARLY, DOUBTFUL, mode_significance
+from middeck.identification.fit.unneeded_modes import DOUBTFUL, mode_significance
 from middeck.identification.model.fit_options import (
     OF_PATHS,
     Constants,
@@ -46,6 +46,11 @@ from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
 from middeck.identification.record_fit.behind_hold import First, Made, fit_behind_hold
 from middeck.identification.record_fit.continuous_fit import fit_continuous
+from middeck.identification.record_fit.doubts_of_two_modes import (
+    doubts_of_perhaps_two,
+    doubts_of_two,
+    modes_perhaps_two,
+)
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record, record_length
@@ -59,12 +64,7 @@ from middeck.identification.record_fit.record_terms import record_lacks
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
-from middeck.identification.record_fit.unneeded_modes_and_sines import (
-    BY_CHANCE,
-    Tidied,
-    tidied,
-    with_modes_as_two,
-)
+from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
 from middeck.identification.search.fit_warnings import doubts_of_deviations
 from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
@@ -350,30 +350,6 @@ def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tu
     return band_hz[0], 0.5 * sample_hz
 
 
-def _doubts_of_two(fit: Tidied) -> list[str]:
-    return [
-        f"mode at {hz:.4g} Hz: two modes in its place describe the record better (by over {CLEARLY:g} of "
-        "description length); the stated standard deviations are too small; ask for two more states"
-        for hz in fit.as_two
-    ]
-
-
-def _doubts_of_perhaps_two(fit: Tidied) -> list[str]:
-    return [
-        f"mode at {hz:.4g} Hz: it may be two modes, or one that is not linear; two in its place are likelier "
-        f"than chance explains (once in {1.0 / BY_CHANCE:g}), but the record does not tell them apart; its "
-        "standard deviations are too small if it is two; record longer, or with less noise"
-        for hz in fit.perhaps_two
-    ]
-
-
-def _perhaps_two(fit: Tidied, model: MeasurementModel) -> list[int]:
-    """The modes of the model that may be two."""
-    f = natural_hz(model)
-    near = [f[np.argmin(np.abs(f - hz))] for hz in fit.perhaps_two]
-    return [m for m, hz in enumerate(f) if hz in near]
-
-
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
     """Whether inputs are as strong near half the rate as elsewhere, and the lines to fit reach far.
 
@@ -457,7 +433,7 @@ def _result(
     lacking = fitted.sample_hz is None and input_noise is None
     lacks = record_lacks(run, data, covariance) if lacking else NOTHING
     wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += _doubts_of_two(fit)
+    wrong += doubts_of_two(fit)
     if model.sample_hz is None:
         wrong += folded_blows.doubts_of_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
@@ -471,9 +447,9 @@ def _result(
         *residual_tests.doubts_of_level(measured, data, run, heard),
         *residual_tests.doubts_of_wander(record, data, run, error),
         *doubts_of_lines(fit.lines),
-        *_doubts_of_perhaps_two(fit),
+        *doubts_of_perhaps_two(fit),
     ]
-    doubted = [*phase[0], *lacks.modes, *_perhaps_two(fit, model)]
+    doubted = [*phase[0], *lacks.modes, *modes_perhaps_two(fit, model)]
     alone, standing = (
         standing_of(lines, covariance, holds=holds, doubted=doubted)
         for holds, doubted in ((True, phase[0]), (not wrong, doubted))
