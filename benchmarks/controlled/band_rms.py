@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.systems.norms.rms import band_rms
+from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
 

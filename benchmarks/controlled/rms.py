@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from measured.rows import row
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
-from middeck.systems.norms.rms import band_rms
+from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
 

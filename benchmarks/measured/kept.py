@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from middeck.campaign.cases import Case
-from middeck.campaign.executors import run_campaign
+from middeck.campaign.run_cases import run_campaign
 
 
 def kept(function: Callable[[Case, Any], Any], numbers: int | Iterable[int], options: Any) -> list[Any]:

@@ -4,7 +4,7 @@ What is asked for less often has its place in the list of a room: ``middeck.cont
 """
 
 from .control.analysis.margins.margins import measure_margins as measure_margins
-from .control.analysis.rms.rms import (
+from .control.analysis.rms.measure_rms import (
     measure_metric as measure_metric,
     measure_rms as measure_rms,
 )

@@ -52,7 +52,7 @@ def kept(ledger: Path) -> list[tuple[int, str]]:
 
 
 def committed(ledger: Path, folder: Path) -> int:
-    """How many results a running campaign, whose ledger nobody else may open, has committed: those of a copy."""
+    """How many results a running campaign, whose ledger nobody else may open, has committed, by a copy."""
     folder.mkdir(exist_ok=True)
     for suffix in ("", "-wal"):  # the ledger first: pages that its journal gains meanwhile are read with it
         if Path(f"{ledger}{suffix}").exists():

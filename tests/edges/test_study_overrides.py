@@ -23,7 +23,7 @@ from middeck.files.studies.documents import load_study
 from middeck.report.results_folder import StudyWriter
 from middeck.study.chapters.zero_g_control.chapter import ZERO_G_CONTROL
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
-from middeck.study.chapters.zero_g_control.numbers import figure_7_claims
+from middeck.study.chapters.zero_g_control.numbers_and_claims import figure_7_claims
 from middeck.study.mission import run_chapters
 from repeats import LONG, repeats
 

@@ -35,7 +35,7 @@ from middeck.realtime.gate.steps_without_rig import GateMargins, check_poles
 from middeck.realtime.package.package_bytes import decode_package, encode_package
 from middeck.realtime.package.package_law import package_law
 from middeck.signals.record import Record
-from middeck.study.chapters.measured_control.numbers import GAIN_DB, PHASE_DEG
+from middeck.study.chapters.measured_control.numbers_and_claims import GAIN_DB, PHASE_DEG
 from middeck.study.chapters.zero_g_control.computation import control_plant, design_weights
 from middeck.study.measured_loop.computation import decibel, measured_rms_of
 from middeck.systems.plants.plant import delay_plant

@@ -16,7 +16,12 @@ from middeck.files.studies.documents import load_study
 from middeck.study.chapters.promise import drawing, text
 from middeck.study.chapters.promise.chapter import PROMISE
 from middeck.study.chapters.promise.computation import compute
-from middeck.study.chapters.promise.numbers import frequency_error, promise, promise_claims, route_gap_db
+from middeck.study.chapters.promise.numbers_and_claims import (
+    frequency_error,
+    promise,
+    promise_claims,
+    route_gap_db,
+)
 from repeats import LONG
 
 STUDY = Path(__file__).parents[2] / "studies/mace-1993.toml"

@@ -11,7 +11,7 @@ import pytest
 
 from middeck.files.json.output import json_text
 from middeck.study.chapters.promise.computation import PromiseKept
-from middeck.study.chapters.promise.numbers import promise, promise_claims, routes
+from middeck.study.chapters.promise.numbers_and_claims import promise, promise_claims, routes
 from middeck.study.chapters.promise.text import promise_tables, route_tables
 
 

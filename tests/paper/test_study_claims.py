@@ -15,15 +15,15 @@ from middeck.identification.plants.zeros import path_zeros
 from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.rig.linear_view import linearise_rig
-from middeck.study.chapters.gravity_responses.numbers import figure_6_claims
-from middeck.study.chapters.measured_control.numbers import figure_9_claims
-from middeck.study.chapters.two_sensor_control.numbers import (
+from middeck.study.chapters.gravity_responses.numbers_and_claims import figure_6_claims
+from middeck.study.chapters.measured_control.numbers_and_claims import figure_9_claims
+from middeck.study.chapters.two_sensor_control.numbers_and_claims import (
     figure_10_claims,
     figure_11_claims,
     figure_12_claims,
 )
 from middeck.study.chapters.zero_g_control.computation import study_zero_g_control
-from middeck.study.chapters.zero_g_control.numbers import figure_7_claims
+from middeck.study.chapters.zero_g_control.numbers_and_claims import figure_7_claims
 from middeck.study.shared import find_modes
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.modal_system import output_rows

@@ -11,7 +11,7 @@ from middeck.control.law.partition import partition_modes
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
-from middeck.systems.norms.rms import band_rms
+from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import unit_weights
 

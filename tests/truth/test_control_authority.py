@@ -15,7 +15,7 @@ from middeck.control.loop.performance import Performance, loop_metric, loop_rms
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.signals.ports import Port
-from middeck.systems.norms.rms import band_rms_by_quadrature
+from middeck.systems.norms.band_rms import band_rms_by_quadrature
 from middeck.systems.state_space.statespace import StateSpace, gain_system
 from plant_builders import grouped_plant
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms

@@ -15,7 +15,7 @@ from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.ports import Port
-from middeck.systems.norms.rms import band_rms, band_rms_by_quadrature
+from middeck.systems.norms.band_rms import band_rms, band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.sampling import sample_dynamics

@@ -18,7 +18,7 @@ from middeck.control.lqg.disturbance_spectra import (
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError, DataError
 from middeck.signals.ports import Port
-from middeck.systems.norms.rms import band_rms
+from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.poles.resolvent import by_solving
 from middeck.systems.poles.transmission_zeros import transmission_zeros
 from middeck.systems.state_space.statespace import StateSpace

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from middeck.errors import ConfigError
-from middeck.systems.norms import rms as norms
-from middeck.systems.norms.rms import band_rms, band_rms_by_quadrature
+from middeck.systems.norms import band_rms as norms
+from middeck.systems.norms.band_rms import band_rms, band_rms_by_quadrature
 from middeck.systems.state_space.statespace import StateSpace, gain_system
 
 BAND = (0.1, 60.0)

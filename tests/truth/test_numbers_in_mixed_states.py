@@ -13,7 +13,7 @@ from test_verdicts_in_mixed_states import PERIOD_S, WEIGHTS, _loop, _mixed
 
 from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import Margins, measure_margins
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
@@ -27,8 +27,8 @@ from middeck.control.sampled.design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import NotStabilisableError, NumericalError
+from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.norms.peak_gain import peak_gain
-from middeck.systems.norms.rms import band_rms
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.plants.response import statespace_response

@@ -16,7 +16,7 @@ from multimodel_reference import (
     reference_plant,
 )
 
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.h2.closed_cost import Law
 from middeck.control.law.compensator import Compensator, evaluate_compensator
@@ -46,7 +46,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.delay.pade import pade
-from middeck.systems.norms.rms import band_rms
+from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator, evaluate_compensator
 from middeck.control.loop.closed_loop import predict_closed_loop_response

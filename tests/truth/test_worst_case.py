@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from middeck.control.analysis.rms.rms import measure_rms
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.analysis.shifts.inversion import find_inversion
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.analysis.shifts.worst_case import find_worst_case

@@ -7,7 +7,7 @@ from .distributions import (
     TruncatedNormal as TruncatedNormal,
     Uniform as Uniform,
 )
-from .executors import (
+from .run_cases import (
     CampaignResult as CampaignResult,
     Progress as Progress,
     run_campaign as run_campaign,

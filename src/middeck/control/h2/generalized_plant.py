@@ -18,7 +18,7 @@ from middeck.control.lqg.design import require_authority
 from middeck.control.lqg.design_model import LQGProblem, pose_problem, require_finite_cost, weigh_effort
 from middeck.control.lqg.weights import LQGWeights, Shaping
 from middeck.errors import ConfigError
-from middeck.systems.norms.rms import square_root
+from middeck.systems.norms.band_rms import square_root
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record

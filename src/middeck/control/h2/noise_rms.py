@@ -19,7 +19,7 @@ from middeck.control.analysis.stability.stability import find_roots, judge_roots
 from middeck.control.h2.generalized_plant import generalize
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
-from middeck.systems.norms.rms import response_rms, square_root
+from middeck.systems.norms.band_rms import response_rms, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.state_space.statespace import poles
 from middeck.values import record

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.errors import ConfigError
-from middeck.systems.norms.rms import band_rms
+from middeck.systems.norms.band_rms import band_rms
 from middeck.values import record
 
 

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from middeck.control.loop.closed_loop import ClosedLoop
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.errors import ConfigError
-from middeck.systems.norms.rms import weighed_rms
+from middeck.systems.norms.band_rms import weighed_rms
 from middeck.values import record
 
 PERIODS = 20_000

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from middeck.campaign.cases import Case
-from middeck.campaign.executors import Progress, run_campaign
+from middeck.campaign.run_cases import Progress, run_campaign
 from middeck.errors import DataError, NumericalError
 from middeck.files.promises.documents import hash_files, versions
 from middeck.files.promises.plans import load_plan

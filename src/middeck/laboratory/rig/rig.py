@@ -16,8 +16,8 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
+from middeck.laboratory.rig.parts.converters import Readout, gather_readout
 from middeck.laboratory.rig.parts.motors import Motor, MotorBank, gather_motors
-from middeck.laboratory.rig.parts.readout import Readout, gather_readout
 from middeck.laboratory.rig.parts.sensors import Sampler, Sensor, sensor_lag
 from middeck.laboratory.rig.plant.ageing import Ageing, plan_ageing
 from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +32,7 @@ from middeck.structure.rest.imbalance import article_size, imbalance_scale, imba
 from middeck.structure.rest.motion_as_a_whole import face_as_drawn
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.settle import settle
+from middeck.structure.rest.slack_cables import refuse_slack_cables
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.values import record, require_kind
 
@@ -152,7 +152,7 @@ def solve_equilibrium(
     loads = environment_loads(model, environment, tuned)
     _check_driven(model, environment, loads)
     settled = face_as_drawn(model, loads, settle(model, loads))
-    _refuse_slack_cables(tuned.name, settled.assembly.tension)
+    refuse_slack_cables(tuned.name, settled.assembly.tension)
     _check_turns(model, environment, settled.config, loads)
     if settled.residual < settled.enough:
         _check_travel(model.structure, settled.config.angle)
@@ -186,20 +186,6 @@ def _reactions(
     pulls = -bushing_states(model, config, loads)[1].gradient[:, 6:]
     found += [(b.name, pull) for b, pull in zip(environment.bushings, pulls, strict=True)]
     return tuple(Reaction(name, load[:3], load[3:]) for name, load in found)
-
-
-def _refuse_slack_cables(devices: Sequence[str], tension: Float[np.ndarray, " tie"]) -> None:
-    """A cable cannot push; the springs that follow the ``devices`` may."""
-    pull = dict(zip(devices, map(float, tension), strict=False))
-    slack = {name: value for name, value in pull.items() if value <= 0.0}
-    if slack:
-        named = ", ".join(f"{name!r} ({value:.3f} N)" for name, value in slack.items())
-        raise EquilibriumError(
-            f"slack at equilibrium: the cable of {named}",
-            where="suspension",
-            hint="a cable cannot push: move the attach points, take a device away or lower its stiffness",
-            tension_n=pull,
-        )
 
 
 def bushing_turns(

@@ -28,8 +28,8 @@ from middeck.control.h2.generalized_plant import generalize
 from middeck.control.h2.noise_rms import FAR, NoiseOutcome
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
+from middeck.systems.norms.band_rms import RESPONSE_TOLERANCE, square_root
 from middeck.systems.norms.quadrature import integrate
-from middeck.systems.norms.rms import RESPONSE_TOLERANCE, square_root
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent
 from middeck.systems.poles.rounding import LIGHTEST, is_vague

@@ -7,8 +7,8 @@ import numpy as np
 from middeck.files.nastran.article.member_loads import member_load
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, Parts
-from middeck.files.nastran.deck.cards_read import OTHER_LOADS
 from middeck.files.nastran.deck.entries import Entry, raise_some
+from middeck.files.nastran.deck.known_cards import OTHER_LOADS
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault

@@ -7,9 +7,9 @@ from itertools import chain
 from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.components.direct_input import damping_names
-from middeck.files.nastran.deck.cards_read import DIVIDING
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unread_params
 from middeck.files.nastran.deck.entries import Entry
+from middeck.files.nastran.deck.known_cards import DIVIDING
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import doubt_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES, SPRINGS

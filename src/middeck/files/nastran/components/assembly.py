@@ -17,12 +17,12 @@ from middeck.files.nastran.components.external import (
 )
 from middeck.files.nastran.components.printed import NEAR
 from middeck.files.nastran.deck.cards import Card
-from middeck.files.nastran.deck.cards_read import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.case_control import read_selection
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.deck_lines import Lines, fault_on
 from middeck.files.nastran.deck.entries import raise_some, read_entries
+from middeck.files.nastran.deck.known_cards import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault

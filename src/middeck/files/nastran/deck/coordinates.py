@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.files.nastran.deck.cards_read import PLACES
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
+from middeck.files.nastran.deck.known_cards import PLACES
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.clamps import LETTERS
 

@@ -10,7 +10,8 @@ from itertools import repeat, zip_longest
 from typing import Any, NamedTuple
 
 from middeck.files.nastran.deck.cards import Card
-from middeck.files.nastran.deck.cards_read import (
+from middeck.files.nastran.deck.deck_lines import fault_on
+from middeck.files.nastran.deck.known_cards import (
     CONTINUA,
     IDLE,
     NOT_YET,
@@ -22,7 +23,6 @@ from middeck.files.nastran.deck.cards_read import (
     REQUIRED,
     Format,
 )
-from middeck.files.nastran.deck.deck_lines import fault_on
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault, nearest, raise_faults
 

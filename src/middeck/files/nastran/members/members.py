@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.deck.cards_read import PLACES
 from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.entries import Entries, Entry
+from middeck.files.nastran.deck.known_cards import PLACES
 from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.section import default_up

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.deck.cards_read import PLACES
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
+from middeck.files.nastran.deck.known_cards import PLACES
 from middeck.files.nastran.members.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
 from middeck.files.toml.faults import Fault
 

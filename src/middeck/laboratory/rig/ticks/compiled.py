@@ -15,11 +15,11 @@ import numpy as np
 from middeck.errors import MiddeckError, NumericalError
 from middeck.joints import balance
 from middeck.joints.attachment import only_friction
+from middeck.laboratory.rig.parts.converters import converter_ends
 from middeck.laboratory.rig.parts.motors import LimitedMotors
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.ticks.state import RigState
-from middeck.laboratory.rig.ticks.tick import converter_ends
 from middeck.realtime.generate.compiler import NoCompilerError, compile_once
 
 Array = np.ndarray

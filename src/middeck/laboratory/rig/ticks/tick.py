@@ -4,27 +4,18 @@ Channels are few: plain numbers are faster than arrays for all but the states.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from middeck.joints.attachment import only_friction
 from middeck.joints.balance import Balance
-from middeck.laboratory.rig.parts.motors import EXACT, WHOLE, LimitedMotors
-from middeck.laboratory.rig.parts.readout import Readout
+from middeck.laboratory.rig.parts.converters import as_counts, converter_ends
+from middeck.laboratory.rig.parts.motors import LimitedMotors
 from middeck.laboratory.rig.plant.hybrid_plant import HybridPlant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.ticks.state import RigState
 
 Array = np.ndarray
-
-
-class ConverterEnds(NamedTuple):
-    """Ends of one converter's range, in its counts; those below ``whole`` are rounded."""
-
-    lower: float
-    upper: float
-    whole: float
 
 
 class Tick:
@@ -36,7 +27,7 @@ class Tick:
         self.after = np.concatenate([start.x, np.zeros(len(plant.angle))])
         self.x, self.free = self.after[:size], self.after[size:]
         self.limit = LimitedMotors(rig.bank, start.issued[-1], start.momentum).drive
-        self.sensors = converter_ends(rig.readout)
+        self.converters = converter_ends(rig.readout)
         first = np.vstack([plant.step[0], plant.read / rig.readout.step[:, None]])
         self.ahead = np.empty(len(first))
         self.after_first, self.sampled = np.split(self.ahead, [len(plant.step[0])])
@@ -78,10 +69,8 @@ class Tick:
         """What the sensors give now, in counts; and the states after the first substep."""
         self.look(0.0, self.x, self.ahead)
         read = self.sampled.tolist()
-        for i, (lower, upper, whole) in enumerate(self.sensors):
-            counts = read[i] + offset[i]
-            counts = lower if counts < lower else upper if counts > upper else counts
-            reading[i] = round(counts) if -whole < counts < whole else counts
+        for i, converter in enumerate(self.converters):
+            reading[i] = as_counts(read[i] + offset[i], converter)
 
     def move(self, window: Array, noise: Array) -> None:
         """The continuous part to the next tick."""
@@ -114,13 +103,6 @@ class Tick:
         if self.feels:
             held[len(stands) :] = before + stands
         self.push[j](self.x, held, self.x)
-
-
-def converter_ends(readout: Readout) -> list[ConverterEnds]:
-    """The ends of every output's converter."""
-    reach = readout.range / readout.step
-    whole = np.where(readout.step > EXACT, WHOLE, 0.0)
-    return [ConverterEnds(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
 
 
 def column_sums(matrix: Array) -> Callable[[Array | float, Array, Array], None]:

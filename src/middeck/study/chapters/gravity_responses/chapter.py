@@ -3,7 +3,7 @@
 from functools import partial
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.gravity_responses import computation, numbers, text
+from middeck.study.chapters.gravity_responses import computation, numbers_and_claims, text
 from middeck.study.chapters.gravity_responses.figure_6 import figure_6
 
 GRAVITY_RESPONSES = Chapter(
@@ -13,7 +13,7 @@ GRAVITY_RESPONSES = Chapter(
     share=0.01,
     stream=1,
     compute=computation.compute,
-    entries=(Entry("figure_6", numbers.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),),
+    entries=(Entry("figure_6", numbers_and_claims.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),),
     drawings=(
         Drawing(
             "figure-6a",

@@ -1,7 +1,7 @@
 """Figures 9a and 9b: a fit to a measured response, and loops designed on it."""
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.measured_control import computation, numbers, text
+from middeck.study.chapters.measured_control import computation, numbers_and_claims, text
 from middeck.study.chapters.measured_control.figure_9 import figure_9a, figure_9b
 from middeck.study.shared import rig_article
 
@@ -17,8 +17,8 @@ MEASURED_CONTROL = Chapter(
     needs=(rig_article,),
     compute=computation.compute,
     entries=(
-        Entry("figure_9a", numbers.figure_9a),
-        Entry("figure_9b", numbers.figure_9b),
+        Entry("figure_9a", numbers_and_claims.figure_9a),
+        Entry("figure_9b", numbers_and_claims.figure_9b),
     ),
     drawings=(
         Drawing("figure-9a", TITLE_A, figure_9a, sentence=text.figure_9a, tables=text.fit_tables),

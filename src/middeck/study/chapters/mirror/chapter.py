@@ -1,7 +1,7 @@
 """A real fine steering mirror through the same data arm."""
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.mirror import computation, drawing, numbers, text
+from middeck.study.chapters.mirror import computation, drawing, numbers_and_claims, text
 
 TITLE = "A real steering mirror, measured and fitted"
 SOURCE = "study/chapters/mirror/source.html"
@@ -13,7 +13,7 @@ MIRROR = Chapter(
     share=0.04,
     stream=5,
     compute=computation.compute,
-    entries=(Entry("mirror", numbers.mirror, claims=numbers.mirror_claims),),
+    entries=(Entry("mirror", numbers_and_claims.mirror, claims=numbers_and_claims.mirror_claims),),
     drawings=(
         Drawing(
             "mirror", TITLE, drawing.mirror, sentence=text.mirror, tables=text.mirror_tables, note=SOURCE

@@ -1,7 +1,7 @@
 """From ground test to orbit: the promise, and its outcome."""
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.promise import computation, drawing, numbers, text
+from middeck.study.chapters.promise import computation, drawing, numbers_and_claims, text
 
 TITLE_A = "Promise and outcome in orbit"
 TITLE_B = "Three ways to a compensator for orbit"
@@ -13,7 +13,7 @@ PROMISE = Chapter(
     share=0.6,
     stream=6,
     compute=computation.compute,
-    entries=(Entry("promise", numbers.promise, claims=numbers.promise_claims),),
+    entries=(Entry("promise", numbers_and_claims.promise, claims=numbers_and_claims.promise_claims),),
     drawings=(
         Drawing(
             "promise", TITLE_A, drawing.promised_and_came, sentence=text.promise, tables=text.promise_tables

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from middeck.plot.promises import promise_figure
 from middeck.plot.style import COLOUR, new_figure, styled
-from middeck.study.chapters.promise import numbers, text
+from middeck.study.chapters.promise import numbers_and_claims, text
 from middeck.study.chapters.promise.computation import PromiseKept
 from middeck.updating.promise.stability_probability import LEVELS
 
@@ -28,8 +28,8 @@ def routes(kept: PromiseKept) -> Figure:
     """How far two ways are behind a compensator that was designed on a record from orbit, over authority."""
     figure = new_figure(3.0)
     axes = figure.subplots()
-    said = numbers.promise(kept)
-    by = {way: np.array(db, dtype=float) for way, db in numbers.routes(said).items()}
+    said = numbers_and_claims.promise(kept)
+    by = {way: np.array(db, dtype=float) for way, db in numbers_and_claims.routes(said).items()}
     for way, (colour, marker) in WAYS.items():
         axes.plot(
             said["authority_log10"], by[way] - by["measured"], marker=marker, color=COLOUR[colour],

@@ -1,7 +1,7 @@
 """Sentences and tables of promise and outcome."""
 
-from middeck.study.chapters.promise.numbers import frequency_error, median_error_db
-from middeck.study.chapters.promise.numbers import routes as by_route
+from middeck.study.chapters.promise.numbers_and_claims import frequency_error, median_error_db
+from middeck.study.chapters.promise.numbers_and_claims import routes as by_route
 from middeck.study.words import Line, Numbers, Table, fixed, percent, significant
 
 SECTION = "promise"

@@ -3,7 +3,7 @@
 from functools import partial
 
 from middeck.study.chapter import Chapter, Drawing, Entry
-from middeck.study.chapters.two_sensor_control import computation, numbers, text
+from middeck.study.chapters.two_sensor_control import computation, numbers_and_claims, text
 from middeck.study.chapters.two_sensor_control.figures_10_to_12 import figure_10, figure_11, figure_12
 from middeck.study.shared import rig_article
 
@@ -20,10 +20,10 @@ TWO_SENSOR_CONTROL = Chapter(
     needs=(rig_article,),
     compute=computation.compute,
     entries=(
-        Entry("figure_10a", numbers.figure_10a),
-        Entry("figure_10b", numbers.figure_10b),
-        Entry("figure_11", numbers.figure_11),
-        Entry("figure_12", numbers.figure_12, claims_at="figure-12a", warnings_at="figure-12b"),
+        Entry("figure_10a", numbers_and_claims.figure_10a),
+        Entry("figure_10b", numbers_and_claims.figure_10b),
+        Entry("figure_11", numbers_and_claims.figure_11),
+        Entry("figure_12", numbers_and_claims.figure_12, claims_at="figure-12a", warnings_at="figure-12b"),
     ),
     drawings=(
         Drawing(

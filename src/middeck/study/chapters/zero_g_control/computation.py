@@ -25,7 +25,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import damped_kinds
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.plants.sensors_and_actuators import RATE
-from middeck.systems.norms.rms import band_rms_by_quadrature
+from middeck.systems.norms.band_rms import band_rms_by_quadrature
 from middeck.systems.plants.plant import Plant, require_modal
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.modal_system import select_modes

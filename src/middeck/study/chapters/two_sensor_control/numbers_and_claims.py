@@ -9,7 +9,7 @@ from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.two_sensor_control.computation import ABOVE_HZ, FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors, SensorZeros
 from middeck.study.chapters.two_sensor_control.reach import LoopReach
-from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
+from middeck.study.measured_loop.numbers_and_claims import fit_numbers, loop_numbers, prediction_claims
 from middeck.study.words import Claim, Numbers, above, at_most, below, largest, row
 
 

@@ -1,13 +1,14 @@
-"""The converters and encoders behind the sampled outputs, as arrays."""
+"""The converters and encoders behind the sampled outputs: steps, ranges, and how a reading is rounded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.laboratory.rig.parts.motors import EXACT
+from middeck.laboratory.rig.parts.motors import EXACT, WHOLE
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro, Sampler, Sensor, is_summed
 from middeck.values import record
 
@@ -51,3 +52,25 @@ def gather_readout(sensors: Sequence[Sensor], period_s: float) -> Readout:
     gyro = np.array([isinstance(sensor, Gyro) for sensor in sensors], dtype=bool)
     summed = np.array(list(map(is_summed, sensors)), dtype=bool)
     return Readout(step=step, range=reach, noise_rms=noise, bias=bias, walk=walk, gyro=gyro, summed=summed)
+
+
+class ConverterEnds(NamedTuple):
+    """Ends of one converter's range, in its counts; those below ``whole`` are rounded."""
+
+    lower: float
+    upper: float
+    whole: float
+
+
+def converter_ends(readout: Readout) -> list[ConverterEnds]:
+    """The ends of every output's converter."""
+    reach = readout.range / readout.step
+    whole = np.where(readout.step > EXACT, WHOLE, 0.0)
+    return [ConverterEnds(*row) for row in np.column_stack([-reach, reach, whole]).tolist()]
+
+
+def as_counts(counts: float, ends: ConverterEnds) -> float:
+    """What one converter gives: kept within its range, then the nearest whole count (`whole` in ticks.c)."""
+    lower, upper, whole = ends
+    counts = lower if counts < lower else upper if counts > upper else counts
+    return round(counts) if -whole < counts < whole else counts

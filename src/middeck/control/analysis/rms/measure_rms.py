@@ -17,7 +17,7 @@ from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms, require_one_each
-from middeck.systems.norms.rms import response_rms
+from middeck.systems.norms.band_rms import response_rms
 from middeck.systems.plants.plant import Plant, require_plant
 from middeck.systems.poles.stability import growth_rates
 

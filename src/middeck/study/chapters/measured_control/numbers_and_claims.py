@@ -7,7 +7,7 @@ from middeck.identification.model.measurement_model import damping_ratio, natura
 from middeck.laboratory.loop_stability import RigLoop
 from middeck.study.chapters.measured_control.computation import MeasuredControl
 from middeck.study.measured_loop.computation import STATIC_HZ, MeasuredLoop, ModeReduction
-from middeck.study.measured_loop.numbers import fit_numbers, loop_numbers, prediction_claims
+from middeck.study.measured_loop.numbers_and_claims import fit_numbers, loop_numbers, prediction_claims
 from middeck.study.words import Claim, Numbers, at_most, below, largest, row
 
 
