@@ -209,12 +209,12 @@ def pendulum(
     return dataclasses.replace(parts, damping=Damping(dampers=dampers))
 
 
-def hung_from_a_point(gravity: float):
+def hung_from_a_point(gravity: float, hold: float = HOLD):
     """A spring of no free length pulls its point back alike in all directions."""
-    above = (HUNG + MOVING) * gravity / HOLD
+    above = (HUNG + MOVING) * gravity / hold
     return lab(
         AnchoredSpring(
-            name="hold", attach="hook", anchor=np.array([0.0, above, 0.0]), stiffness=HOLD, free_length=0.0
+            name="hold", attach="hook", anchor=np.array([0.0, above, 0.0]), stiffness=hold, free_length=0.0
         ),
         gravity=np.array([0.0, -gravity, 0.0]),
     )
@@ -307,6 +307,19 @@ def test_in_one_g_the_transfer_to_tilt_has_a_zero_at_g_over_h_and_the_other_sign
         signs[height] = (np.sign(-ours[0]), np.sign(ours[1]))
     assert signs[HEIGHT][0] == signs[-0.2][0]  # on the ground and slow, the weight decides, not the height
     assert signs[HEIGHT][1] != signs[-0.2][1]  # fast, the lever arm does
+
+
+def test_tilt_per_force_has_the_other_sign_in_0_g_between_the_pendulum_and_the_zero_alone():
+    """Below the slide's resonance; the same hook holds the body in both."""
+    moment, inertia = HUNG * DEPTH + MOVING * HEIGHT, INERTIA + HUNG * DEPTH**2 + MOVING * HEIGHT**2
+    zero, swing = np.sqrt(G / HEIGHT), np.sqrt(G * moment / inertia)
+    omega = np.array([0.5, 3.0, 0.5 * (zero + swing), 6.0, 9.0])
+    tilt = {}
+    for gravity in (0.0, G):
+        modes = solve_modes(solve_equilibrium(pendulum(), hung_from_a_point(gravity, hold=1e3 * HOLD)))
+        plant = build_plant(modes, inputs=["drive"], outputs=["tilt"])
+        tilt[gravity] = modal_response(plant.dynamics, omega)[:, 0, 0].real
+    assert (np.sign(tilt[G]) == np.sign(tilt[0.0])).tolist() == [True, True, False, True, True]
 
 
 def test_the_damper_of_a_proof_mass_gives_its_ratio_on_a_heavy_carrier():

@@ -36,8 +36,8 @@ class Candidates:
 
     Attributes:
         significant: Which have more effective mass than the profile's part.
-        fundamental: Which are the lowest mode of the model with more than half of its potential energy in
-            strain, or of its frequency: what holds an article may be stiff, so rank will not do.
+        fundamental: Which are the lowest flexible mode of the model, by kind, or of its frequency: a stiff
+            suspension has modes above it, so that rank does not tell.
         has_fundamental: Whether the model has such a mode, among the candidates or not.
     """
 

@@ -19,7 +19,7 @@ orthogonalities by SEREP, whose limits are about this, say little of the mode.""
 
 
 def flexible_modes(modes: Modes) -> Int[np.ndarray, " mode"]:
-    """Modes with more than half of their potential energy in strain."""
+    """Modes of kind flexible."""
     return np.array([i for i, kind in enumerate(modes.kind) if kind == "flexible"], dtype=int)
 
 
