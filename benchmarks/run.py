@@ -17,7 +17,7 @@ DOCS = HERE.parent / "docs"
 BENCHMARKS = ("structure", "identification", "control", "hardware", "prediction", "realtime")
 OPENING = """# Benchmarks
 
-Twelve comparisons with other programs (peers). Each row has the best peer of the same run. Smaller is better
+Twelve comparisons with other programs (peers), each with the best peer of the same run. Smaller is better
 for every quantity: middeck is better if the ratio is below one, the peer if it is **above one**.
 
 | what | middeck | best peer | ratio |
@@ -28,33 +28,35 @@ for every quantity: middeck is better if the ratio is below one, the peer if it 
 
 *The ratios of the table. Left of one, middeck is faster or has the smaller error.*
 
-Times are CPU seconds on one thread. Errors are relative to held-out data, to the simulated system or, for the
-bus, to the limit of a fine mesh, to which two peers extrapolate. [Benchmarks in full](benchmarks-in-full.md)
-has all cases, required levels and versions; another page compares
+Times are CPU seconds on one thread. Errors of fits are relative to held-out data or to the simulated system.
+Errors of the bus are relative to the limit of a fine mesh, extrapolated with two peers.
+[Benchmarks in full](benchmarks-in-full.md) has all cases, required levels and versions; another page compares
 [models with measured hardware](explanation/measured-hardware.md).
 `make bench` writes this page and the full one from `benchmarks/results/*.json`; do not edit them.
 
-## Levels
+## Required levels
 
-What was asked of each part before it was built.
+The levels of each part were set before it was built.
 
 | part | levels | met |
 | --- | --- | --- |
 {counts}
 
-These are missed:
+Levels not met:
 
 | case | measure | value | level |
 | --- | --- | --- | --- |
 {missed}
 
-## Levels of the prediction
+## Required levels of the prediction
 
-From the ground test to the promise. Truths are drawn around the article as drawn; of hardware, what a promise
-is compared with was kept out of its fit. One measure was changed after it was missed, on 2026-11-30: how far
-below the true frontier the promised one is was first told by the decibels that came at either, of which the
-last stable rung, on the brink, has the fewest. By these the largest distances, now given without a level on
-the full page, miss the 3 dB.
+These cases compare promises, made from ground tests, with the truth: simulated articles drawn at random about
+the nominal one, or measured hardware. Data that a promise is compared with were not used in its fit.
+
+The *frontier* is the highest authority up to which all designs are stable. Its error was first measured in
+decibels on the true plant. There the design at the true frontier is close to instability and reduces the rms
+little, so the largest errors missed the required 3 dB. Since that miss, on 2026-11-30, the error has been in
+decibels on the design model. The full page gives the old measure without a level.
 
 | case | measure | value | level |
 | --- | --- | --- | --- |
@@ -62,9 +64,9 @@ the full page, miss the 3 dB.
 """
 HEAD = """# Benchmarks in full
 
-Made by `make bench` from `benchmarks/results/*.json`; do not edit. Error stands before time, and time only
-beside that of a peer in the same run. *Level* is what was asked; a row without one is information. Twelve
-of these rows in plain words: [benchmarks](benchmarks.md).
+Made by `make bench` from `benchmarks/results/*.json`; do not edit. Times of peers come from the same run.
+*Level* is the required value; a row without one is information. The [benchmarks](benchmarks.md) page explains
+twelve of these rows.
 """
 
 
