@@ -55,7 +55,7 @@ def campaign():
 PAPER = {
     *("tests/edges/test_numbers.py", "tests/edges/test_report.py"),
     *("tests/paper/test_experiments_on_engine.py", "tests/paper/test_promise_kept.py"),
-    "tests/paper/test_study_claims.py",
+    *("tests/paper/test_study_claims.py", "tests/paper/test_pictures_of_the_study.py"),
 }
 # Examples of verbs that fit, refine and promise alike, once (`cli_runner.share_results`).
 EXAMPLES = {"tests/docs/test_examples.py", "tests/edges/test_cli_hygiene.py"}

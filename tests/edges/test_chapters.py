@@ -1,4 +1,4 @@
-"""Chapters of the study: each stands in its own folder, and nothing outside knows it but the one list."""
+"""Chapters of the study: known to the list of chapters, the first picture and one verb alone."""
 
 import re
 from pathlib import Path
