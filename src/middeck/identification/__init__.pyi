@@ -9,7 +9,6 @@ from .model.measurement_model import damping_ratio as damping_ratio
 from .model.channel_selection import select_channels as select_channels
 from .model.steady_simulation import nrmse as nrmse
 from .plants.modal_parameters import modal_parameters as modal_parameters
-from .plants.measured_plant import rational_statespace as rational_statespace
 from .plants.pole_zero_gain import pole_zero_gain as pole_zero_gain
 from .plants.zeros import (
     name_zeros as name_zeros,
