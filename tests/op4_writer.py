@@ -140,7 +140,7 @@ def _write_matrix(target: Target, matrix: Op4Matrix, layout: Layout, single: boo
     complex_ = np.iscomplexobj(value.data)
     kind, per = (1 if single else 2) + 2 * complex_, (1 if single else 2) * (1 + complex_)
     big = layout == "bigmat"
-    target.head(Head(columns, rows, big, matrix.form, kind, matrix.name))
+    target.head(Head(columns=columns, rows=rows, big=big, form=matrix.form, kind=kind, name=matrix.name))
     for j in range(columns):
         part = slice(value.indptr[j], value.indptr[j + 1])
         index, data = value.indices[part], value.data[part]

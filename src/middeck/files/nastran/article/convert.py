@@ -1,7 +1,8 @@
 """From a deck to the documents of an article and of what holds it, with a report on the cards."""
 
+import dataclasses
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from middeck.files.nastran.deck.deck import Deck, reference_grid, weight_factor
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.members.sections_of_bars import read_material
 from middeck.structure.model.component import Component
+from middeck.values import record
 
 
-class Conversion(NamedTuple):
+@record(kw_only=True)
+class Conversion:
     """An article's document, and what became of the cards.
 
     ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
@@ -35,7 +38,7 @@ class Conversion(NamedTuple):
     left_out: tuple[LeftOut, ...]
     notes: tuple[str, ...]
     environment: dict[str, Any]
-    components: dict[str, Component] = {}  # noqa: RUF012 -- of a frozen tuple, never changed
+    components: dict[str, Component] = dataclasses.field(default_factory=dict)
     reference: tuple[int, np.ndarray] | None = None
 
     @property
@@ -105,7 +108,14 @@ def _settle(basis: Basis, parts: Parts, components: list[Component]) -> Settled:
     check_whole(basis, idle.parts, idle.standing)
     grounded = ground_springs(basis, idle.parts, idle.standing)
     ground, notes = idle.grids | grounded.grids, idle.notes + grounded.notes
-    return Settled(basis, grounded.parts, grounded.standing, ground, notes, left_out)
+    return Settled(
+        basis=basis,
+        parts=grounded.parts,
+        standing=grounded.standing,
+        ground=ground,
+        notes=notes,
+        left_out=left_out,
+    )
 
 
 def _count(settled: Settled, made: Documents) -> dict[str, int]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.nodes_and_springs import (
     carried_points,
     node_tables,
@@ -16,16 +17,15 @@ from middeck.files.nastran.article.nodes_and_springs import (
     scalar_tables,
     spring_tables,
 )
+from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
-
-if TYPE_CHECKING:
-    from middeck.files.nastran.article.nodes_and_riders import Standing
-    from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-    from middeck.files.nastran.deck.deck import Deck
-    from middeck.structure.model.component import Component
+from middeck.files.nastran.deck.deck import Deck
+from middeck.structure.model.component import Component
+from middeck.values import record
 
 
-class Settled(NamedTuple):
+@record(kw_only=True)
+class Settled:
     """The parts of a deck that stand, and the grids that stand for the ``ground``; what is left out of it."""
 
     basis: Basis
@@ -36,7 +36,8 @@ class Settled(NamedTuple):
     left_out: list[LeftOut]
 
 
-class Documents(NamedTuple):
+@record(kw_only=True)
+class Documents:
     """Documents of an article and an environment.
 
     ``coordinates`` is how many degrees of freedom the article has, ``clamped`` how many grids are held;

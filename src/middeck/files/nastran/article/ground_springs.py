@@ -4,6 +4,7 @@ Many decks write a spring to the ground so, instead of with a blank GB. It belon
 not to the article, and its axes are those of the ground, whichever grid its card names first.
 """
 
+import dataclasses
 from collections.abc import Container
 from itertools import compress
 from typing import NamedTuple
@@ -62,7 +63,7 @@ def idle_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
     moving = [tie for tie in parts.ties if tie.name not in names]
     unmet = held - {standing.carrier(grid) for tie in moving for grid in tie.grids}
     notes = [f"{some_names(names)}: left out, SPC or PS hold all of its ends"] if names else []
-    rest = parts._replace(ties=moving)
+    rest = dataclasses.replace(parts, ties=moving)
     return Grounded(*_without(rest, standing, unmet), frozenset(unmet), notes)
 
 
@@ -101,12 +102,14 @@ def _without(parts: Parts, standing: Standing, ground: set[int]) -> tuple[Parts,
     """The deck without the grids of the ``ground``; springs between two of them are none."""
     moves = [[standing.carrier(grid) not in ground for grid in tie.grids] for tie in parts.ties]
     ties = [
-        tie._replace(grids=tuple(compress(tie.grids, some)), points=tuple(compress(tie.points, some)))
+        dataclasses.replace(
+            tie, grids=tuple(compress(tie.grids, some)), points=tuple(compress(tie.points, some))
+        )
         for tie, some in zip(parts.ties, moves, strict=True)
         if any(some)
     ]
-    less = standing._replace(kept=standing.kept - ground, borne=standing.borne - ground)
-    return parts._replace(ties=ties), less
+    less = dataclasses.replace(standing, kept=standing.kept - ground, borne=standing.borne - ground)
+    return dataclasses.replace(parts, ties=ties), less
 
 
 def _joining(basis: Basis, parts: Parts, standing: Standing, ground: set[int]) -> set[int]:

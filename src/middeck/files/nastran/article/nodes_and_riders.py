@@ -1,7 +1,6 @@
 """Which grids of a deck become nodes, which ride on others, and which constraints mean something there."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from middeck.files.nastran.article.article_sections import lumps
 from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, grids_named, linked_grids
@@ -11,9 +10,11 @@ from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.nastran.masses_and_springs.bodies import Mass, merged
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import Component
+from middeck.values import record
 
 
-class Standing(NamedTuple):
+@record(kw_only=True)
+class Standing:
     """Which of a deck's grids become nodes of the article, and which ride on others.
 
     Attributes:

@@ -90,7 +90,15 @@ def read_assembly(
     cards = [card for card in bulk.main if card.name not in OWN]
     selection = read_selection(bulk.head[cend + 1 :], subcase)
     entries, notes = read_entries(cards), tuple(bulk.notes)
-    return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
+    return Deck(
+        path=str(path),
+        selection=selection,
+        entries=entries,
+        notes=notes,
+        bulk_only=not bulk.head,
+        cards=len(bulk.main),
+        unended=bulk.unended,
+    ), parts
 
 
 def _fixed(

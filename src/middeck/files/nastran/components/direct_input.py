@@ -1,7 +1,6 @@
 """Matrices by direct input: what case control adds by K2GG and M2GG, both as a component of the article."""
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.component import UNEQUAL, Component
+from middeck.values import record
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
 DAMPING = frozenset(("B2GG", "B2PP", "K42GG"))
@@ -21,7 +21,8 @@ GYROSCOPIC = "[[wheel]] for momentum; leave it out if the frequencies without it
 NAME = "direct"
 
 
-class Lone(NamedTuple):
+@record(kw_only=True)
+class Lone:
     """A matrix that stands alone: what it is, its first card, its grids, six rows of each in basic axes.
 
     ``digits`` are the most that one of its numbers has: by half of the last each may be wrong.
@@ -60,7 +61,7 @@ def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
         what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
         faults.append(entry.fault(what, hint="K2GG and M2GG"))
         return None
-    return Lone(READ[alone[0]], entry, grids, matrix, digits)
+    return Lone(what=READ[alone[0]], entry=entry, grids=grids, matrix=matrix, digits=digits)
 
 
 def _cards(deck: Deck) -> list[Card]:

@@ -23,6 +23,7 @@ from middeck.files.nastran.deck.entries import ALL, read_entries
 from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
+from middeck.values import record
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
 
@@ -40,7 +41,8 @@ _SUPER = re.compile(r"\s*BEGIN(?:\s+BULK)?\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNOREC
 _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
 
 
-class Bulk(NamedTuple):
+@record(kw_only=True)
+class Bulk:
     """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK.
 
     ``notes`` are those on includes; ``unended`` is the last line where ENDDATA lacks.
@@ -81,7 +83,7 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
             into = supers.setdefault(int(found[1]), []) if found else main
             into += lines[start + 1 : end]
     parts = {n: join_cards(found) for n, found in supers.items()}
-    return Bulk(head, join_cards(main), parts, notes, unended)
+    return Bulk(head=head, main=join_cards(main), supers=parts, notes=notes, unended=unended)
 
 
 class Boundary(NamedTuple):

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.toml.faults import Fault
+from middeck.values import record
 
 # Directions of an equation's terms, shifts and turns in W.
 WAYS = ("x", "y", "z", "rx", "ry", "rz")
@@ -22,7 +23,8 @@ ONLY = "0"
 SQUARE = 1e-14
 
 
-class Constraint(NamedTuple):
+@record(kw_only=True)
+class Constraint:
     """One constraint: the kind of its table in an article, that table, and what depends by which field.
 
     ``moves`` are the components of grids that it joins, and `ONLY` of scalar points. It means nothing
@@ -131,7 +133,15 @@ def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Const
         table["follows"] = shares
         joins = ((at, components), *((g, moves) for _, moves, found in groups for g in found))
         depends = tuple((at, c) for c in components)
-        yield Constraint("interpolation", table, entry, "refgrid", joins, depends, (depends,))
+        yield Constraint(
+            kind="interpolation",
+            table=table,
+            entry=entry,
+            key="refgrid",
+            moves=joins,
+            dependent=depends,
+            defines=(depends,),
+        )
 
 
 def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[int]]]:
@@ -162,7 +172,9 @@ def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         table |= _directions(places, grid, components)
         depends = tuple((grid, c) for c in components)
         joins = ((carrier, _carrying(places, carrier, grid, components)), (grid, components))
-        yield Constraint("link", table, entry, key, joins, depends, (depends,))
+        yield Constraint(
+            kind="link", table=table, entry=entry, key=key, moves=joins, dependent=depends, defines=(depends,)
+        )
 
 
 def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
@@ -185,7 +197,15 @@ def _equations(
             joins = tuple((grid, component) for grid, component, _ in terms)
             each = tuple((move,) for move in joins)
             table = {"name": f"mpc{entry.id}_{number}", "term": term_rows(places, terms)}
-            yield Constraint("equation", table, entry, "terms", joins, joins[:1], each)
+            yield Constraint(
+                kind="equation",
+                table=table,
+                entry=entry,
+                key="terms",
+                moves=joins,
+                dependent=joins[:1],
+                defines=each,
+            )
 
 
 def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
@@ -217,7 +237,9 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         factors = relation(rigid, places, faults) if known else None
         if factors is None:
             joins = (*rigid.independent, *rigid.dependent)
-            yield Constraint("equation", {}, entry, key, joins, (), (joins,))
+            yield Constraint(
+                kind="equation", table={}, entry=entry, key=key, moves=joins, dependent=(), defines=(joins,)
+            )
         elif rigid.whole:
             first, *others = rigid.grids
             for grid in others:
@@ -226,14 +248,30 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
                 depends = tuple(m for m in rigid.dependent if m[0] in mine)
                 own = tuple((grid, c) for c in ALL)
                 joins = ((first, ALL), (grid, ALL))
-                yield Constraint("link", table, entry, key, joins, depends, (own,))
+                yield Constraint(
+                    kind="link",
+                    table=table,
+                    entry=entry,
+                    key=key,
+                    moves=joins,
+                    dependent=depends,
+                    defines=(own,),
+                )
         else:
             for (grid, component), row in zip(rigid.dependent, factors.tolist(), strict=True):
                 follows = [(g, c, -f) for (g, c), f in zip(rigid.independent, row, strict=True) if f != 0.0]
                 table: dict[str, Any] = {"name": f"{name}_g{grid}_{component}"}
                 table |= {"term": term_rows(places, [(grid, component, 1.0), *follows])}
                 joins = ((grid, component), *((g, c) for g, c, _ in follows))
-                yield Constraint("equation", table, entry, key, joins, joins[:1], (joins[:1],))
+                yield Constraint(
+                    kind="equation",
+                    table=table,
+                    entry=entry,
+                    key=key,
+                    moves=joins,
+                    dependent=joins[:1],
+                    defines=(joins[:1],),
+                )
 
 
 def _terms(entry: Entry, points: Container[int], faults: list[Fault]) -> list[tuple[int, str, float]]:

@@ -5,7 +5,7 @@ import gc
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, NO_DECK, looks_like
@@ -15,6 +15,7 @@ from middeck.files.nastran.deck.deck_lines import Line, fault_on, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
 from middeck.files.nastran.deck.numbers import in_single, integer, real
 from middeck.files.toml.faults import Fault
+from middeck.values import record
 
 # New objects that are worth to be made old at once.
 MANY = 100_000
@@ -25,7 +26,8 @@ READ = (*FACTORS, *INPUT_FACTORS, "WTMASS", "COUPMASS", "GRDPNT", "G")
 CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 
 
-class Deck(NamedTuple):
+@record(kw_only=True)
+class Deck:
     """A deck as read.
 
     ``bulk_only``: it has neither executive nor case control, so that nothing is selected. ``notes`` are
@@ -90,13 +92,13 @@ def read_deck(path: str | Path, subcase: int | None = None, *, single: bool = Fa
         entries = read_entries(cards)
     entries = _in_single(entries) if single else entries
     return Deck(
-        str(path),
-        read_selection(sections.case, subcase),
-        entries,
-        sections.notes,
-        not sections.case and not sections.executive,
-        len(cards),
-        sections.unended,
+        path=str(path),
+        selection=read_selection(sections.case, subcase),
+        entries=entries,
+        notes=sections.notes,
+        bulk_only=not sections.case and not sections.executive,
+        cards=len(cards),
+        unended=sections.unended,
     )
 
 

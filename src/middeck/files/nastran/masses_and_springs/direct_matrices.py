@@ -132,7 +132,7 @@ def _is_stiffness(K: np.ndarray, size: np.ndarray) -> bool:
 def _tie(lone: Lone, grids: tuple[int, ...], points: tuple[np.ndarray, ...], K: np.ndarray) -> Tie:
     entry = lone.entry
     named = Entry(entry.name, (f"{entry.id}_{'_'.join(map(str, grids))}", *entry.values[1:]), entry.card)
-    return Tie(named, grids, points, np.eye(3), K)
+    return Tie(entry=named, grids=grids, points=points, axes=np.eye(3), stiffness=K)
 
 
 def _no_sum(lone: Lone, what: str) -> Fault:

@@ -16,6 +16,7 @@ from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.toml.faults import Fault
+from middeck.values import record
 
 SPRINGS = ("CELAS1", "CELAS2", "CELAS3", "CELAS4")
 MASSES = ("CMASS1", "CMASS2", "CMASS3", "CMASS4")
@@ -195,7 +196,8 @@ def _value(entry: Entry, values: Mapping[str, Mapping[int, float]]) -> float:
     return value
 
 
-class ScalarNodes(NamedTuple):
+@record(kw_only=True)
+class ScalarNodes:
     """Tables of an article and of an environment, in SI units, for the scalar elements of a deck."""
 
     nodes: list[dict[str, Any]]
@@ -211,7 +213,7 @@ def scalar_nodes(
     """What ``elements`` become, but for the equations of `tie_terms`; the units are those of the deck."""
     where = _whereabouts(elements, places)
     inertia = {f"s{point}": 0.0 for point in where}
-    made = ScalarNodes([], [], [], [], [])
+    made = ScalarNodes(nodes=[], attach=[], bushings=[], grounds=[], clamps=[])
     site = {f"s{point}": place for point, place in where.items()}
     for element in elements:
         name, own = element.name, element.node

@@ -6,7 +6,6 @@ refused.
 """
 
 from collections.abc import Container, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.nastran.members.members import own_axes
 from middeck.files.toml.faults import Fault
+from middeck.values import record
 
 ROW = 8
 APART = 1e-9  # of a length, and the sine between directions that are one
@@ -23,7 +23,8 @@ BASIC_AXES = "0 for the basic axes"
 ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 
 
-class Tie(NamedTuple):
+@record(kw_only=True)
+class Tie:
     """The grids (one: to the ground), the points joined, axes and the stiffness (6, 6) in them."""
 
     entry: Entry
@@ -122,7 +123,13 @@ def _spring(
                 "a spring across the line between its grids, which resists rigid motion: "
                 "put them in one place, or hold their rotations"
             )
-    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], np.diag(stiffness))
+    return Tie(
+        entry=entry,
+        grids=tuple(grid for grid, _ in ends),
+        points=tuple(points),
+        axes=frames[0],
+        stiffness=np.diag(stiffness),
+    )
 
 
 def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
@@ -133,7 +140,13 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
             what = "a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank"
             raise CardError(entry.fault(what, "cid"))
         point = a if entry["ocid"] == -1 else _offset(entry, a, places)
-        return Tie(entry, (entry["ga"],), (point,), _axes(entry, a, a, stiffness, places), np.diag(stiffness))
+        return Tie(
+            entry=entry,
+            grids=(entry["ga"],),
+            points=(point,),
+            axes=_axes(entry, a, a, stiffness, places),
+            stiffness=np.diag(stiffness),
+        )
     b = _place(entry, "gb", places)
     grids = (entry["ga"], entry["gb"])
     if grids[0] == grids[1]:
@@ -142,7 +155,13 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
         what = f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids"
         raise CardError(entry.fault(what, "s"))
     point = a + entry["s"] * (b - a) if entry["ocid"] == -1 else _offset(entry, a, places)
-    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), np.diag(stiffness))
+    return Tie(
+        entry=entry,
+        grids=grids,
+        points=(point, point),
+        axes=_axes(entry, a, b, stiffness, places),
+        stiffness=np.diag(stiffness),
+    )
 
 
 def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import re
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
 from middeck.files.toml.faults import Fault
 from middeck.structure.model.section import default_up
+from middeck.values import record
 
 RODS = ("CROD", "CTUBE", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)
@@ -32,7 +33,8 @@ WAYS = (
 )
 
 
-class Bar(NamedTuple):
+@record(kw_only=True)
+class Bar:
     """A member: its grids, the places of its ends in basic coordinates, its own y axis and its section."""
 
     entry: Entry
@@ -98,7 +100,7 @@ def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar
         if section.angle:
             _, y, z = own_axes(ends[1] - ends[0], up).T
             up = np.cos(section.angle) * y + np.sin(section.angle) * z
-        bars.append(Bar(entry, (entry["ga"], entry["gb"]), ends, up, section))
+        bars.append(Bar(entry=entry, grids=(entry["ga"], entry["gb"]), ends=ends, up=up, section=section))
     return bars
 
 

@@ -163,10 +163,10 @@ def _stations(entry: Entry) -> Stations:
     if entry.name == "PBAR":
         i12 = entry["i12"]
         factors = (0.0, 0.0) if i12 != 0.0 else (entry["k1"] or 0.0, entry["k2"] or 0.0)
-        cut = Cut(entry["a"], entry["i1"], entry["i2"], i12, entry["j"], entry["nsm"])
+        cut = Cut(area=entry["a"], i1=entry["i1"], i2=entry["i2"], i12=i12, j=entry["j"], nsm=entry["nsm"])
         return Stations(((0.0, cut),), *factors)
     area, twist = _tube(entry) if entry.name == "PTUBE" else (entry["a"], entry["j"])
-    return Stations(((0.0, Cut(area, 0.0, 0.0, 0.0, twist, entry["nsm"])),), 0.0, 0.0)
+    return Stations(((0.0, Cut(area=area, i1=0.0, i2=0.0, i12=0.0, j=twist, nsm=entry["nsm"])),), 0.0, 0.0)
 
 
 def _tube(entry: Entry) -> tuple[float, float]:
