@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -272,7 +273,8 @@ NO_BEAMS = BeamState(
 )
 
 
-class _Total(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Total:
     """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
 
     ``excess`` is what the elements' own forces add to the gradient where others have taken their place;
@@ -294,7 +296,8 @@ class _Total(NamedTuple):
     apart: list[BeamState]
 
 
-class _Members(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Members:
     """Elements of members at their poses, with their weight, and the weight of bodies.
 
     ``apart`` are states of the elements inside carried parts.
@@ -313,7 +316,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
     Of those ``inside`` carried parts only the weight counts.
     """
     members = _gather_members(model, at, loads, inner, inside)
-    energy, gradient, excess, beams, apart = members
+    energy, gradient, excess, beams = members.energy, members.gradient, members.excess, members.beams
     start, end = model.spring_ends.T
     own = own_springs(model, at, None if inner is None else inner.spring)
     for total, pull in ((gradient, own.gradient), (excess, own.excess)):
@@ -342,18 +345,28 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
         np.add.at(gradient, part.point, state.gradient[:grids].reshape(-1, 6))
         modal[6 * model.tree.roots + part.joint] += state.gradient[grids:]
     return _Total(
-        energy,
-        gradient,
-        excess,
-        modal,
-        parts,
-        Inner(beams.force, own.tension, device.tension, between.force, ground.force),
-        device.tension,
-        {"element": beams.material, "spring": _between(own.material), "bushing": between.material},
-        {"element": beams.geometric, "spring": _between(own.geometric), "bushing": between.geometric},
-        held,
-        beams,
-        apart,
+        energy=energy,
+        gradient=gradient,
+        excess=excess,
+        modal=modal,
+        components=parts,
+        inner=Inner(
+            beam=beams.force,
+            spring=own.tension,
+            device=device.tension,
+            bushing=between.force,
+            ground=ground.force,
+        ),
+        tension=device.tension,
+        material={"element": beams.material, "spring": _between(own.material), "bushing": between.material},
+        geometric={
+            "element": beams.geometric,
+            "spring": _between(own.geometric),
+            "bushing": between.geometric,
+        },
+        device=held,
+        beams=beams,
+        apart=members.apart,
     )
 
 
@@ -383,7 +396,7 @@ def _gather_members(
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
     every = BeamState(*(np.concatenate(parts) for parts in zip(*states, strict=True)))
-    return _Members(energy, gradient, excess, every, apart)
+    return _Members(energy=energy, gradient=gradient, excess=excess, beams=every, apart=apart)
 
 
 def _taken(state: BeamState, some: np.ndarray) -> BeamState:

@@ -8,6 +8,8 @@ links times these, which is the exact second derivative of the energy in the ind
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Inexact
@@ -133,7 +135,7 @@ def _closing(
     length = float(np.linalg.norm(np.ptp(model.rest.x, axis=0)))
     carried = ~uncarried(since, model.tree.size)
     close = close_rows(sp.csr_array(rows), moving, model.tree.turns, carried, length)
-    return close._replace(axes=axes)
+    return dataclasses.replace(close, axes=axes)
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +30,8 @@ from middeck.structure.elements.rotations import IDENTITY
 from middeck.structure.elements.sparse_of_parts import identity
 
 
-class At(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class At:
     """Poses and angles; where known, motion of the roots since drawn, and shift and turn as seen from W."""
 
     poses: Poses
@@ -51,7 +52,7 @@ def _poses_at(model: Model, config: Configuration) -> At:
     world = points_in_world(model.points, poses)
     for shared in (world, *motion):
         shared.setflags(write=False)
-    return At(poses, config.angle, world, since, motion)
+    return At(poses=poses, angle=config.angle, world=world, since=since, motion=motion)
 
 
 def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -97,7 +97,7 @@ def predict_forces(
     device = predicted_tension(loads.law, *device_span(model, at, loads), motion[loads.attach_point, :3])
     between = own_bushings(model, at, inside=True).predicted(tied)
     ground = grounded(model, at, loads).predicted(on_ground(motion[loads.ground.point]))
-    return Inner(force, own, device, between, ground)
+    return Inner(beam=force, spring=own, device=device, bushing=between, ground=ground)
 
 
 def _motions(

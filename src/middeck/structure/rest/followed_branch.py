@@ -65,7 +65,13 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
     at = assemble_carried(model, config, loads)
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
     return Settled(
-        config, at, history[-1][1], enough, tuple(history), is_stable(model, config, at, loads), True
+        config=config,
+        assembly=at,
+        residual=history[-1][1],
+        enough=enough,
+        history=tuple(history),
+        stable=is_stable(model, config, at, loads),
+        followed=True,
     )
 
 

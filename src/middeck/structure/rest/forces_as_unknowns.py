@@ -62,7 +62,14 @@ def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
         if residual < enough and (upright or damping == 0.0):
             at = assemble_carried(model, config, loads)
             stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
-            return Settled(config, at, residual, enough, tuple(history), stable)
+            return Settled(
+                config=config,
+                assembly=at,
+                residual=residual,
+                enough=enough,
+                history=tuple(history),
+                stable=stable,
+            )
         q = q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP))
         inner = predict_forces(model, config, loads, q, at)
         moved = closed(model, move_carried(model.tree, config, q))

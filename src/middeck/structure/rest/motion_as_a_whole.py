@@ -6,6 +6,8 @@ is nearest to its drawing, so that the axes of a test mean the same whatever way
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -47,7 +49,7 @@ def face_as_drawn(model: Model, loads: Loads, settled: Settled) -> Settled:
             return settled
         mass = carried_mass(model, config, loads)
         config, assembly, steps, _ = descend(model, config, loads, mass, scale, settled.enough, POLISH)
-        at = at._replace(config=config, assembly=assembly, residual=steps[-1][0])
+        at = dataclasses.replace(at, config=config, assembly=assembly, residual=steps[-1][0])
         if len(steps) == 1:
             break
     # Beside a support so stiff that its rounding shows, the state as it was found is the better one.

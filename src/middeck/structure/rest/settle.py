@@ -73,4 +73,6 @@ def _by_steps(
     residual = history[-1][1]
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
     stable = residual < enough and is_stable(model, config, at, loads)
-    return Settled(config, at, residual, enough, tuple(history), stable)
+    return Settled(
+        config=config, assembly=at, residual=residual, enough=enough, history=tuple(history), stable=stable
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -85,7 +85,8 @@ class RestSensitivities(RestMotion):
     holding_torque: Float[np.ndarray, "joint parameter"]
 
 
-class MovedRest(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MovedRest:
     """Patches under their own loads, ``still`` where the frames are, and how these move, a column each."""
 
     patches: tuple[Patch, ...]
@@ -217,7 +218,14 @@ def _move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     for parameter, tie in zip(parameters, ties, strict=True):
         links.check_repeated(parameter, tie)
     return MovedRest(
-        patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties, drawn
+        patches=patches,
+        tuned=tuple(tuned),
+        loads=tuple(loads),
+        motion=motion,
+        gradient=gradient + links.slope.T @ change,
+        still=still,
+        ties=ties,
+        drawn=drawn,
     )
 
 
