@@ -26,6 +26,7 @@ from middeck.control.robust.verification.shifted_inverses import Parts, find_par
 from middeck.control.robust.verification.single_loop import EPS, relative_error
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.balancing import balance
+from middeck.values import record
 
 multiply = sla.get_blas_funcs("gemm", dtype="d")
 """a b (or a b') of matrices stored by columns, added to c if ``beta`` is one, without a copy."""
@@ -100,7 +101,8 @@ def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
     return Way(pole, most, find_parts(A, scale, pole), _probes(A.shape[1]))
 
 
-class Found(NamedTuple):
+@record(kw_only=True)
+class Found:
     """Which loops are proved stable and which to grow; of the proved, rms, their errors, and residuals."""
 
     proved: np.ndarray
@@ -124,7 +126,7 @@ def square_loops(
         turned, feigned = _invert(A, way, wide)
     except np.linalg.LinAlgError:  # a pole at p
         nothing = np.full(C.shape[:2], np.inf)
-        return Found(proved, grown, nothing, nothing, np.full(count, np.nan))
+        return Found(proved=proved, grown=grown, rms=nothing, error=nothing, residual=np.full(count, np.nan))
     inverse, root = turned.swapaxes(1, 2), math.sqrt(2.0 * way.pole)
     columns, seen = root * (inverse @ B), root * (C @ inverse)
     turned *= 2.0 * way.pole
@@ -149,11 +151,11 @@ def square_loops(
     error = np.where(square == 0.0, 0.0, relative_error(wrong, square))
     known = proved[:, None]
     return Found(
-        proved,
-        grown,
-        np.where(known, np.sqrt(np.maximum(square, 0.0)), np.inf),
-        np.where(known, error, np.inf),
-        np.where(proved, residual, np.nan),
+        proved=proved,
+        grown=grown,
+        rms=np.where(known, np.sqrt(np.maximum(square, 0.0)), np.inf),
+        error=np.where(known, error, np.inf),
+        residual=np.where(proved, residual, np.nan),
     )
 
 
