@@ -41,7 +41,7 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
             lacking[len(terms) + o] = _drifting(data.H[o] - left, data)
             parts = (J[place], lacking, left[None])
             slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
-            yield TermRows(place, slopes, by_terms, rest, line)
+            yield TermRows(place=place, slopes=slopes, terms=by_terms, left=rest, line=line)
 
     return lacking_of([*terms, *drifts], term_scores(rows, covariance), model)
 

@@ -8,6 +8,7 @@ with the deviation of the noise.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -90,7 +91,8 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]
     return found
 
 
-class TermRows(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TermRows:
     """Real numbers of one output or entry over their deviations.
 
     ``place`` tells which unknowns ``slopes`` are of, ``line`` the line of each number. ``left`` is what the
@@ -248,6 +250,7 @@ def response_lacks(
             part[:, i, 0] = entry.H
             each = np.stack([term.of(o, part, s)[:, 0] for term in terms])
             left = measured.H[:, o, i] - entry.H
-            yield TermRows(entry.place, *((x / size).view(float) for x in (entry.by, each, left)), line)
+            slopes, own, rest = ((x / size).view(float) for x in (entry.by, each, left))
+            yield TermRows(place=entry.place, slopes=slopes, terms=own, left=rest, line=line)
 
     return lacking_of(terms, term_scores(rows, covariance), model)
