@@ -7,7 +7,6 @@ an inertia that stays as drawn fixes it, as sharply as the frequencies were meas
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from middeck.updating.refinement.bayesian_estimate import estimate_at, most_prob
 from middeck.updating.refinement.refine import Refined, problem_of
 from middeck.updating.residuals.surveys import Compared, compare
 from middeck.updating.unknowns.unknowns import Bound
+from middeck.values import record
 
 MASS, INERTIA = ".mass", ".inertia."
 # A deviation that is so many times larger where inertias move with their masses hangs on the inertias.
@@ -24,7 +24,8 @@ LARGER = 3.0
 LIKELIER = 20.0
 
 
-class FixedInertias(NamedTuple):
+@record(kw_only=True)
+class FixedInertias:
     """Bodies whose masses alone ``unknowns`` move, and the unknown that their inertias determine most.
 
     Attributes:

@@ -48,6 +48,7 @@ from middeck.updating.residuals.surveys import (
     compare_measured_response,
 )
 from middeck.updating.unknowns.unknowns import Unknown, loop_slopes
+from middeck.values import record
 
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
@@ -71,7 +72,8 @@ class Prior(NamedTuple):
     usual: np.ndarray
 
 
-class Found(NamedTuple):
+@record(kw_only=True)
+class Found:
     """The end of a search: the tests there, the unknowns ``x`` at which they are linear, and the estimate.
 
     ``first`` are the tests at the start, ``stated`` deviations of rows as the tests state them, which surveys
@@ -162,7 +164,9 @@ def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Pri
         assert why is not None
         raise why
     best = _likeliest(ends, prior.usual)
-    return best._replace(first=places.compare(at, statics, False) if found is None else found.first)
+    return dataclasses.replace(
+        best, first=places.compare(at, statics, False) if found is None else found.first
+    )
 
 
 def _likeliest(ends: Sequence[Found], usual: np.ndarray) -> Found:
@@ -221,7 +225,16 @@ def _search(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At)
         x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))), lossy)
         last = size
     stated = np.concatenate([t.std for t in asked.every])
-    return Found(first, tests, x, problem, found, fields, tuple(history), stated)
+    return Found(
+        first=first,
+        tests=tests,
+        x=x,
+        problem=problem,
+        estimate=found,
+        fields=fields,
+        history=tuple(history),
+        stated=stated,
+    )
 
 
 def _as_if_right(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At, reach: float) -> At:
