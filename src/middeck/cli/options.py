@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 import click
 
 from middeck.errors import ConfigError
+from middeck.values import record
 
 Command = Callable[..., Any]
 F = TypeVar("F", bound=Command)
@@ -258,7 +259,7 @@ def _as_one(name: str, kind: Any, *asked: Callable[[Command], Command]) -> Calla
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
         def gathered(**given: Any) -> Any:
-            one = kind(*(given.pop(field) for field in kind._fields))
+            one = kind(**{field: given.pop(field) for field in kind.__annotations__})
             return command(**{name: one}, **given)
 
         made: Command = gathered
@@ -301,7 +302,8 @@ _first_bending = click.option(
 )
 
 
-class Tried(NamedTuple):
+@record(kw_only=True)
+class Tried:
     """The plants that a compensator is tried on, as typed."""
 
     plants: tuple[str, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -123,7 +124,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
         "left_out_stiffness": felt_stiffness(rest, modes.omega**2, modes.shapes)[:count],
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
-        "imbalance": rest_imbalance(rest)._asdict(),
+        "imbalance": dataclasses.asdict(rest_imbalance(rest)),
         "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
         **rest_numbers(rest),
         "node_shift_m": node_shifts(rest),
