@@ -126,4 +126,5 @@ class Gathered:
 def test_arrays_within_tuples_and_tables_are_left_alone() -> None:
     given = np.arange(3.0)
     made = Gathered({"a": given}, [given, given[:2]])
-    assert made.by_name["a"] is given and [len(x) for x in made.each] == [3, 2]
+    assert made.by_name["a"] is given
+    assert [len(x) for x in made.each] == [3, 2]

@@ -53,7 +53,7 @@ SAID = {
 }
 
 
-class Term(NamedTuple):
+class LackingTerm(NamedTuple):
     """A delay of an input, of a path or of an output, or a power of s of an output's filter.
 
     A gain of an output that drifts is a term of records alone: their samples tell when it answers.
@@ -74,7 +74,7 @@ class Term(NamedTuple):
         return -some * (s * (abs(s[-1]) ** (1 - self.power) * s ** (self.power - 1)))[:, None]
 
 
-def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]:
+def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[LackingTerm]:
     """The terms to test.
 
     Without delays, what is left may well be one (`fit.missing_delay`); terms for what is beyond the band
@@ -82,12 +82,12 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
+    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
     if structure.common_delay:
-        found += [Term("output", o) for o in range(outputs)]
+        found += [LackingTerm("output", o) for o in range(outputs)]
     if inputs > 1:
-        found += [Term("input", input=i) for i in range(inputs)]
-        found += [Term("path", o, i) for o in range(outputs) for i in range(inputs)]
+        found += [LackingTerm("input", input=i) for i in range(inputs)]
+        found += [LackingTerm("path", o, i) for o in range(outputs) for i in range(inputs)]
     return found
 
 
@@ -205,7 +205,7 @@ def _factor(r: TermRows, size: int) -> Float[np.ndarray, "few column"]:
     return found
 
 
-def lacking_of(terms: list[Term], found: TermScores, model: MeasurementModel) -> Lacking:
+def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementModel) -> Lacking:
     """The kind of term that is most clearly lacking: what is left follows others, too."""
     z = np.where(found.moves > MOVED, np.abs(found.z), 0.0)
     order = sorted(range(len(z)), key=lambda k: (-round(z[k], 6), found.value[k]))

@@ -24,7 +24,7 @@ from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.linked import link_part
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import (
-    At,
+    Placement,
     carried_turning,
     moved_since,
     poses_at,
@@ -186,7 +186,7 @@ def _by_ends(load: np.ndarray) -> np.ndarray:
 
 
 def _inside_parts(
-    model: Model, at: At, total: _Total, inner: Inner | None = None
+    model: Model, at: Placement, total: _Total, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, list[Lever]]]:
     """State of the beams inside carried parts, without their weight, and that of the bushings.
 
@@ -202,7 +202,7 @@ def _inside_parts(
 
 
 def _assembled(
-    model: Model, config: Configuration, at: At, total: _Total, point_load: np.ndarray | None
+    model: Model, config: Configuration, at: Placement, total: _Total, point_load: np.ndarray | None
 ) -> Assembly:
     gradient = total.gradient if point_load is None else total.gradient + point_load
     J = model.pose_map.jacobian(at.poses)
@@ -223,7 +223,7 @@ def _assembled(
     )
 
 
-def _turning(model: Model, at: At, gradient: np.ndarray) -> dict[str, np.ndarray]:
+def _turning(model: Model, at: Placement, gradient: np.ndarray) -> dict[str, np.ndarray]:
     return {"turning": model.pose_map.second_order(at.poses, gradient)}
 
 
@@ -310,7 +310,9 @@ class _Members:
     apart: list[BeamState]
 
 
-def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
+def _gather(
+    model: Model, at: Placement, loads: Loads, inner: Inner | None, inside: Inside | None = None
+) -> _Total:
     """All elements at their poses; ``inner`` takes the place of the forces inside them.
 
     Of those ``inside`` carried parts only the weight counts.
@@ -371,7 +373,7 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
 
 
 def _gather_members(
-    model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None
+    model: Model, at: Placement, loads: Loads, inner: Inner | None, inside: Inside | None
 ) -> _Members:
     dtype = np.result_type(
         *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.stiffness, loads.law.stiffness),
@@ -416,7 +418,7 @@ def _between(hessian: np.ndarray) -> np.ndarray:
     return out
 
 
-def _push(model: Model, at: At, loads: Loads, gradient: np.ndarray) -> float:
+def _push(model: Model, at: Placement, loads: Loads, gradient: np.ndarray) -> float:
     """Energy of dead loads, whose force and moment are added to ``gradient``.
 
     A moment of fixed direction has no potential, and adds nothing to it.

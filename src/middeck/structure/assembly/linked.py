@@ -19,7 +19,7 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.link_rows import GROUND, LinkState, link_state
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import (
-    At,
+    Placement,
     carried_turning,
     moved_since,
     poses_at,
@@ -116,7 +116,7 @@ def links_at(model: Model, config: Configuration) -> LinkState:
     return _state(model, at, model.pose_map.jacobian(at.poses), config)
 
 
-def _state(model: Model, at: At, J: sp.csr_array, config: Configuration) -> LinkState:
+def _state(model: Model, at: Placement, J: sp.csr_array, config: Configuration) -> LinkState:
     assert model.links is not None
     ends = np.maximum(model.links.ends, 0).ravel()
     turned = np.zeros(model.tree.size, np.result_type(config.angle))
@@ -184,7 +184,9 @@ def bent_links(
     return state, _bent(model, at, J, state, multiplier)
 
 
-def _bent(model: Model, at: At, J: sp.csr_array, state: LinkState, multiplier: np.ndarray) -> sp.csr_array:
+def _bent(
+    model: Model, at: Placement, J: sp.csr_array, state: LinkState, multiplier: np.ndarray
+) -> sp.csr_array:
     turning = model.pose_map.second_order(at.poses, state.load(multiplier))
     return symmetric(
         sp.csr_array(state.bent(multiplier, J) + model.pattern.matrix(J.data, {"turning": turning}))

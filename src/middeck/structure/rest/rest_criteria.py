@@ -34,7 +34,7 @@ LONGEST_STEP = 0.5
 
 
 @record(kw_only=True)
-class Settled:
+class NewtonResult:
     """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
 
     The residual counts as rest below ``enough``. ``followed`` says that it is the branch of the drawn state.

@@ -33,7 +33,7 @@ from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.assembly.redundant_constraints import Closing
 from middeck.structure.elements.frames import Configuration, move, points_in_world
 from middeck.structure.model.article import Structure
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import NOTHING, STEP, Patch, derivative
 
 # Part of the terms in it by which a row that repeats others may leave them as a parameter changes.
@@ -70,7 +70,7 @@ class Tied(NamedTuple):
             return np.zeros((0, *gradient.shape[1:]))
         return self.links[1].multipliers(gradient)
 
-    def check_repeated(self, parameter: Parameter, change: TieChange) -> None:
+    def check_repeated(self, parameter: ModelParameter, change: TieChange) -> None:
         """Raise `NumericalError` where a row that repeats others no longer does as ``parameter`` changes."""
         if self.links is None:
             return
@@ -131,7 +131,7 @@ class TieModel(NamedTuple):
             model.tree.size,
         )
 
-    def check_placed(self, parameter: Parameter) -> None:
+    def check_placed(self, parameter: ModelParameter) -> None:
         """Raise `ConfigError` where ``parameter`` moves grids of a component against each other."""
         if self.components is None:
             return

@@ -28,7 +28,7 @@ from middeck.structure.sensitivity.models_side_by_side import (
     merge_loads,
     merge_models,
 )
-from middeck.structure.sensitivity.parameters import Parameter, set_parameter
+from middeck.structure.sensitivity.parameters import ModelParameter, set_parameter
 from middeck.values import record
 
 # Its square is nothing beside one, it is far from underflow, and what it multiplies comes back exactly.
@@ -68,7 +68,7 @@ class _Whole:
 
 
 def make_patches(
-    model: Model, environment: Environment, parameters: Sequence[Parameter]
+    model: Model, environment: Environment, parameters: Sequence[ModelParameter]
 ) -> tuple[Patch, ...]:
     """The patch of every parameter of ``model`` in ``environment``; links and components are in `ties`."""
     whole = _survey(model, environment)

@@ -36,7 +36,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import mode_multipliers
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import Softened, soften_modes
@@ -53,13 +53,13 @@ class ModeSensitivity:
         d_shapes: Derivatives of mass-normalised shapes, in tree coordinates of the moving rest state.
     """
 
-    parameter: Parameter
+    parameter: ModelParameter
     d_lambda: Float[np.ndarray, "mode mode"]
     d_shapes: Float[np.ndarray, "coordinate mode"]
 
 
 def differentiate_modes(
-    modes: Modes, parameters: Sequence[Parameter], count: int | None = None
+    modes: Modes, parameters: Sequence[ModelParameter], count: int | None = None
 ) -> tuple[ModeSensitivity, ...]:
     """Derivatives of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
 
@@ -99,7 +99,7 @@ def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
 
 
 def differentiate_shapes(
-    modes: Modes, article: Softened, parameters: Sequence[Parameter], count: int
+    modes: Modes, article: Softened, parameters: Sequence[ModelParameter], count: int
 ) -> Iterator[tuple[Equilibrium, ModeSensitivity]]:
     """The perturbed rest state and the derivatives of modes of a softened article, by each parameter."""
     rest = modes.equilibrium

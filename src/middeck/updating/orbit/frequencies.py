@@ -13,7 +13,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
+from middeck.updating.orbit.damping import DampingParts, carry_damping, measured_damping
 from middeck.updating.orbit.second_order_shift import bend_of
 from middeck.updating.refinement.bayesian_estimate import BELOW, NORMAL_95
 from middeck.updating.refinement.curvature import frequency_curvature
@@ -216,7 +216,7 @@ def _damping(
         own, alone = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index], np.ones(len(index))
         return {"damping": own, "damping_own": alone, "damping_spread": nothing, "damping_root": root}
     ground, zeta, relative = measured_damping(errors, refined.compared)
-    carried = carry_damping(share, Losses.of(modes, index), ground, zeta, relative)
+    carried = carry_damping(share, DampingParts.of(modes, index), ground, zeta, relative)
     known = share * (zeta > 0.0)
     apart = np.sqrt(np.maximum(1.0 - np.sum(known**2, axis=1), 0.0))
     return {

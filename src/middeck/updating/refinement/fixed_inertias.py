@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 
-from middeck.structure.sensitivity.parameters import Parameter, list_parameters
+from middeck.structure.sensitivity.parameters import ModelParameter, list_parameters
 from middeck.updating.refinement.bayesian_estimate import estimate_at, most_probable, unlikely
 from middeck.updating.refinement.refine import Refined, problem_of
 from middeck.updating.residuals.surveys import Compared, compare
@@ -81,7 +81,7 @@ def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
     return tuple(Bound(b.unknown, _beside(b, still)) for b in place.bound)
 
 
-def _beside(bound: Bound, still: list[Parameter]) -> tuple[Parameter, ...]:
+def _beside(bound: Bound, still: list[ModelParameter]) -> tuple[ModelParameter, ...]:
     """Those of ``still`` whose bodies' masses ``bound`` multiplies."""
     own = () if bound.unknown.added else {p.name for p in bound.parameters}
     return tuple(p for p in still if p.name.split(INERTIA)[0] + MASS in own)

@@ -9,7 +9,7 @@ from middeck.files.nastran.article.article_sections import Formulation
 from middeck.files.nastran.components.direct_input import direct_component, lone_matrix
 from middeck.files.nastran.constraints.constraints import Constraint, read_constraints, term_rows
 from middeck.files.nastran.constraints.restraints import read_restraints
-from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.coordinates import GridPlaces, place_grids
 from middeck.files.nastran.deck.deck import Deck, weight_factor
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
 from middeck.files.nastran.deck.numbers import integer
@@ -31,7 +31,7 @@ from middeck.files.nastran.masses_and_springs.scalars import (
 )
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie, read_ties
 from middeck.files.nastran.members.members import Bar, read_bars
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import Component
 from middeck.values import record
 
@@ -45,7 +45,7 @@ class Basis(NamedTuple):
     deck: Deck
     units: Units
     formulation: Formulation
-    places: Places
+    places: GridPlaces
 
     @property
     def entries(self) -> Entries:
@@ -59,7 +59,7 @@ class Basis(NamedTuple):
 
 
 @record(kw_only=True)
-class Parts:
+class DeckParts:
     """The parts read from a deck; ``held`` are the components of grids that the ground holds."""
 
     bars: list[Bar]
@@ -83,7 +83,7 @@ def set_out(deck: Deck, units: Units, formulation: Formulation) -> Basis:
     return basis
 
 
-def read_parts(basis: Basis, faults: list[Fault]) -> Parts:
+def read_parts(basis: Basis, faults: list[DocumentFault]) -> DeckParts:
     """Every part of the deck; raises `ConfigError` with ``faults`` and all that is wrong in any."""
     deck, places, entries = basis.deck, basis.places, basis.entries
     bars = read_bars(entries, places, faults)
@@ -108,7 +108,7 @@ def read_parts(basis: Basis, faults: list[Fault]) -> Parts:
         faults.append(scalars[0].entry.fault(what))
     raise_some(faults)
     constraints += [_tied(element, basis) for element in scalars if element.has_node]
-    return Parts(
+    return DeckParts(
         bars=bars,
         masses=masses,
         ties=ties,
@@ -150,7 +150,7 @@ def _scalars(
     points: dict[int, Entry],
     masses: dict[int, float],
     held: tuple[dict[int, str], set[int]],
-    faults: list[Fault],
+    faults: list[DocumentFault],
 ) -> list[Element]:
     """Springs and masses with scalar points that are free to move."""
     values = {"PELAS": {e.id: e["k"] for e in basis.entries.of("PELAS")}, "PMASS": masses}

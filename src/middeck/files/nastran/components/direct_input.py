@@ -11,7 +11,7 @@ from middeck.files.nastran.deck.deck import FACTORS, INPUT_FACTORS, Deck, given
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import UNEQUAL, Component
 from middeck.values import record
 
@@ -43,7 +43,7 @@ class Lone:
         return np.sqrt(np.abs(np.diagonal(self.block(row, row))))
 
 
-def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
+def lone_matrix(deck: Deck, faults: list[DocumentFault]) -> Lone | None:
     """The stiffness or the mass that case control selects alone, in units of the deck; None for both or none.
 
     Appends to ``faults`` scalar points in it.
@@ -71,7 +71,7 @@ def _cards(deck: Deck) -> list[Card]:
     return cards + [entry.card for entry in deck.entries.of("DMIG") if entry["name"] in chosen]
 
 
-def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component | None:
+def direct_component(deck: Deck, units: Units, faults: list[DocumentFault]) -> Component | None:
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
@@ -130,5 +130,5 @@ def _is_skew(deck: Deck, name: str) -> bool:
     return any(abs(value - entries.get((b, a), 0.0)) > UNEQUAL * most for (a, b), value in entries.items())
 
 
-def _fault(deck: Deck, command: str, message: str, hint: str) -> Fault:
+def _fault(deck: Deck, command: str, message: str, hint: str) -> DocumentFault:
     return deck.selection.fault(command, deck.selection.matrices[command], message, hint)

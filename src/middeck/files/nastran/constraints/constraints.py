@@ -8,11 +8,11 @@ import numpy as np
 
 from middeck.files.nastran.constraints.rigid_links import ALL, expand, partial_links
 from middeck.files.nastran.constraints.rigid_relations import relation, rigid_elements
-from middeck.files.nastran.deck.coordinates import Places, along_and_about
+from middeck.files.nastran.deck.coordinates import GridPlaces, along_and_about
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.values import record
 
 # Directions of an equation's terms, shifts and turns in W.
@@ -51,7 +51,7 @@ class Constraint:
 
 
 def read_constraints(
-    deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
+    deck: Deck, places: GridPlaces, points: Container[int], still: Container[int], faults: list[DocumentFault]
 ) -> list[Constraint]:
     """All constraints, whether they mean anything or not; appends to ``faults`` what is wrong.
 
@@ -91,7 +91,7 @@ def joined_components(constraints: list[Constraint]) -> dict[int, str]:
 
 
 def check_dependent(
-    constraints: list[Constraint], carriers: dict[int, int], held: dict[int, str], faults: list[Fault]
+    constraints: list[Constraint], carriers: dict[int, int], held: dict[int, str], faults: list[DocumentFault]
 ) -> None:
     """Appends to ``faults`` what depends twice, or depends and is held."""
     first: dict[tuple[int, str], Constraint] = {}
@@ -113,12 +113,12 @@ def check_dependent(
             break
 
 
-def _directions(places: Places, grid: int, components: str) -> dict[str, Any]:
+def _directions(places: GridPlaces, grid: int, components: str) -> dict[str, Any]:
     axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
     return along_and_about(components, axes)
 
 
-def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _averages(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Iterator[Constraint]:
     for entry in deck.entries.of("RBE3"):
         at, components, shares = entry["refgrid"], entry["refc"], list[dict[str, Any]]()
         groups = _weights(entry, faults)
@@ -144,7 +144,7 @@ def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Const
         )
 
 
-def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[int]]]:
+def _weights(entry: Entry, faults: list[DocumentFault]) -> list[tuple[float, str, list[int]]]:
     """Weight, components and grids of each group; how dependent ones are chosen (UM) changes nothing."""
     texts = [text for text in entry["rest"] if text is not None]
     for mark in ("UM", "ALPHA"):
@@ -164,7 +164,7 @@ def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[i
     return found
 
 
-def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _links(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Iterator[Constraint]:
     for entry, key, carrier, grid, components in partial_links(deck.entries, faults):
         if carrier == grid:
             faults.append(entry.fault(f"grid {grid} follows itself", key))
@@ -177,7 +177,7 @@ def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         )
 
 
-def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
+def _carrying(places: GridPlaces, carrier: int, grid: int, components: str) -> str:
     """What moves the ``components`` of ``grid``: shifts, and turns too but of a carrier at the same place."""
     known = carrier in places.grids and grid in places.grids
     turns = not set(components).isdisjoint("456")
@@ -187,7 +187,7 @@ def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
 
 
 def _equations(
-    deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
+    deck: Deck, places: GridPlaces, points: Container[int], still: Container[int], faults: list[DocumentFault]
 ) -> Iterator[Constraint]:
     count: dict[int, int] = {}
     for entry in deck.selected("MPC"):
@@ -208,7 +208,7 @@ def _equations(
             )
 
 
-def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
+def term_rows(places: GridPlaces, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
     """Grids, components in their axes and factors as terms of an equation in W."""
     total: dict[tuple[int, str], float] = {}
     for grid, component, factor in terms:
@@ -229,7 +229,7 @@ def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[d
     ]
 
 
-def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _rigid(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Iterator[Constraint]:
     """A rigid body as rigid links from its first grid; else each dependent component as an equation."""
     for rigid in rigid_elements(deck.entries, faults):
         entry, key, name = rigid.entry, rigid.key, f"{rigid.entry.name.lower()}_{rigid.entry.id}"
@@ -274,7 +274,7 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
                 )
 
 
-def _terms(entry: Entry, points: Container[int], faults: list[Fault]) -> list[tuple[int, str, float]]:
+def _terms(entry: Entry, points: Container[int], faults: list[DocumentFault]) -> list[tuple[int, str, float]]:
     """Point, component and factor of each term: two in a line, its first and last fields blank."""
     texts = [entry.id, *entry["terms"]]
     found: list[tuple[int, str, float]] = []

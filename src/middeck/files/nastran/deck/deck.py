@@ -10,11 +10,11 @@ from typing import Literal
 from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
-from middeck.files.nastran.deck.case_control import Selection, read_selection
+from middeck.files.nastran.deck.case_control import CaseSelection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, fault_on, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
 from middeck.files.nastran.deck.numbers import in_single, integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.values import record
 
 # New objects that are worth to be made old at once.
@@ -36,7 +36,7 @@ class Deck:
     """
 
     path: str
-    selection: Selection
+    selection: CaseSelection
     entries: Entries
     notes: tuple[str, ...]
     bulk_only: bool
@@ -55,7 +55,7 @@ class Deck:
             wanted |= {number} if union is None else {n for n in union["sets"] if n}
         return [entry for entry in self.entries.of(*CHOSEN[command]) if entry.id in wanted]
 
-    def lacking(self) -> Iterator[Fault]:
+    def lacking(self) -> Iterator[DocumentFault]:
         """A complaint about each set of constraints that is selected, or that a selected union names, and
         that no card has.
 
@@ -104,7 +104,7 @@ def read_deck(path: str | Path, subcase: int | None = None, *, single: bool = Fa
 
 def _in_single(entries: Entries) -> Entries:
     """All entries with their reals in single precision but DMIG, which has a precision of its own."""
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
 
     def rounded(entry: Entry) -> Entry:
         try:
@@ -139,7 +139,7 @@ def _without_collection() -> Generator[None]:
             gc.enable()
 
 
-def given(deck: Deck, name: str) -> Iterator[tuple[str, Fault]]:
+def given(deck: Deck, name: str) -> Iterator[tuple[str, DocumentFault]]:
     """What PARAM says of ``name``, in bulk data and then in case control, which goes before it.
 
     Each with a complaint about it that has no message yet.

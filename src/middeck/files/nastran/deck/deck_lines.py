@@ -5,7 +5,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import NoReturn
 
-from middeck.files.toml.faults import Fault, raise_fault
+from middeck.files.toml.faults import DocumentFault, raise_fault
 from middeck.values import record
 
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*=?\s*(.*)", re.IGNORECASE | re.DOTALL)
@@ -60,9 +60,9 @@ def read_sections(path: str | Path) -> DeckText:
     )
 
 
-def fault_on(line: Line, key: str, message: str, value: str = "", hint: str = "") -> Fault:
+def fault_on(line: Line, key: str, message: str, value: str = "", hint: str = "") -> DocumentFault:
     """A complaint about a line."""
-    return Fault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint)
+    return DocumentFault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint)
 
 
 def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:
@@ -95,7 +95,7 @@ class Lines:
         self.begins: list[int] = []
         self.ended = False
         self.files: list[Path] = []
-        self._absent: list[Fault] = []
+        self._absent: list[DocumentFault] = []
         self._cut: list[str] = []
         self._read(deck, ())
         if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):

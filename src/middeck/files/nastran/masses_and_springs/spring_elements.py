@@ -9,12 +9,12 @@ from collections.abc import Container, Mapping
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.nastran.members.members import own_axes
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.values import record
 
 ROW = 8
@@ -46,7 +46,11 @@ def arm_from(place: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def read_ties(
-    entries: Entries, places: Places, scalars: Container[int], held: Mapping[int, str], faults: list[Fault]
+    entries: Entries,
+    places: GridPlaces,
+    scalars: Container[int],
+    held: Mapping[int, str],
+    faults: list[DocumentFault],
 ) -> list[Tie]:
     """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented.
 
@@ -72,7 +76,7 @@ def read_ties(
     return found
 
 
-def _place(entry: Entry, key: str, places: Places) -> np.ndarray:
+def _place(entry: Entry, key: str, places: GridPlaces) -> np.ndarray:
     grid = entry[key]
     if grid not in places.grids:
         raise CardError(entry.fault(f"there is no grid {grid}", key))
@@ -88,7 +92,7 @@ def _property(entry: Entry, properties: dict[int, Entry], name: str) -> Entry:
 
 
 def _spring(
-    entry: Entry, properties: dict[int, Entry], places: Places, held: Mapping[int, str]
+    entry: Entry, properties: dict[int, Entry], places: GridPlaces, held: Mapping[int, str]
 ) -> Tie | None:
     card = _property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry
     k, ends = card["k"], ends_of(entry)
@@ -132,7 +136,7 @@ def _spring(
     )
 
 
-def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
+def _bushing(entry: Entry, properties: dict[int, Entry], places: GridPlaces) -> Tie | None:
     stiffness = _stiffness(_property(entry, properties, "PBUSH"))
     a = _place(entry, "ga", places)
     if entry["gb"] is None:
@@ -164,7 +168,7 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
     )
 
 
-def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
+def _offset(entry: Entry, a: np.ndarray, places: GridPlaces) -> np.ndarray:
     """The elastic point at S1, S2, S3 in the system OCID.
 
     The Quick Reference Guides draw it from the origin of OCID, other programs (MYSTRAN) count it from GA:
@@ -182,7 +186,9 @@ def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
     return a + system.axes @ np.array([entry[key] or 0.0 for key in ("s1", "s2", "s3")])
 
 
-def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: Places) -> np.ndarray:
+def _axes(
+    entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: GridPlaces
+) -> np.ndarray:
     if entry["cid"] is not None:
         if entry["cid"] not in places.systems:
             raise CardError(entry.fault(f"there is no coordinate system {entry['cid']}", "cid"))

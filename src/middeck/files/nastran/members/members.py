@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from middeck.files.nastran.deck.cards_read import PLACES
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.section import default_up
 from middeck.values import record
 
@@ -84,7 +84,7 @@ def _rank(rows: list[np.ndarray]) -> int:
     return int(np.linalg.matrix_rank(np.array(rows))) if rows else 0
 
 
-def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar]:
+def read_bars(entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> list[Bar]:
     """All members; appends to ``faults`` what is wrong or cannot be represented."""
     sections = Sections(entries, faults)
     reader = _Reader(entries, places, faults)
@@ -115,7 +115,7 @@ def own_axes(along: np.ndarray, up: np.ndarray) -> np.ndarray:
 class _Reader:
     """Where members run."""
 
-    def __init__(self, entries: Entries, places: Places, faults: list[Fault]) -> None:
+    def __init__(self, entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> None:
         self.places, self.faults = places, faults
         self.default = {name: next(iter(entries.of(card)), None) for name, card in DEFAULTS.items()}
 

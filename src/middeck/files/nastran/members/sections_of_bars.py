@@ -8,7 +8,7 @@ import numpy as np
 from middeck.files.nastran.deck.cards_read import PLACES
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.nastran.members.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 # Product of inertia over the second moments that is zero to rounding: fields have eight columns.
 ROUNDING = 1e-6
@@ -61,7 +61,7 @@ class BarSection(NamedTuple):
 class Sections:
     """Sections by the property that a member names; what is wrong with one is said once."""
 
-    def __init__(self, entries: Entries, faults: list[Fault]) -> None:
+    def __init__(self, entries: Entries, faults: list[DocumentFault]) -> None:
         self.materials = entries.numbered("MAT1")
         self.properties = entries.numbered("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
         self.faults = faults

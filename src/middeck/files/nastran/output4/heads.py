@@ -15,7 +15,7 @@ BIG = 65536
 
 
 @record(kw_only=True)
-class Head:
+class MatrixHeader:
     """Header of a matrix: ``kind`` is 1 to 4, real or complex in single or double precision."""
 
     columns: int
@@ -26,11 +26,13 @@ class Head:
     name: str
 
 
-def head_of(numbers: tuple[int, ...], name: str, fail: Callable[[str], NoReturn]) -> Head:
+def head_of(numbers: tuple[int, ...], name: str, fail: Callable[[str], NoReturn]) -> MatrixHeader:
     """A header whose numbers make sense."""
     columns, rows, form, kind = numbers
     if not (columns > 0 and rows != 0 and form in FORMS and 1 <= kind <= 4):
         fail(f"a header of {columns} columns, {rows} rows, form {form} and type {kind}, which is no matrix's")
     if not (name.isascii() and name.isprintable()):
         fail(f"a header with the name {name!r}")
-    return Head(columns=columns, rows=abs(rows), big=rows < 0 or rows >= BIG, form=form, kind=kind, name=name)
+    return MatrixHeader(
+        columns=columns, rows=abs(rows), big=rows < 0 or rows >= BIG, form=form, kind=kind, name=name
+    )
