@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from middeck.errors import ConfigError
-from middeck.files.nastran.output4.heads import BIG, Head
+from middeck.files.nastran.output4.heads import BIG, MatrixHeader
 from middeck.files.nastran.output4.matrices import Op4Matrix
 
 Layout = Literal["dense", "bigmat", "nonbigmat"]
@@ -25,7 +25,7 @@ class BinaryTarget:
         self.records: list[bytes] = []
         self.parts: list[bytes] = []
 
-    def head(self, head: Head) -> None:
+    def head(self, head: MatrixHeader) -> None:
         """Begin a matrix."""
         self.integers([head.columns, -head.rows if head.big else head.rows, head.form, head.kind])
         self.parts.append(head.name.ljust(8).encode("ascii"))
@@ -68,7 +68,7 @@ class TextTarget:
         self.single = single
         self.lines: list[str] = []
 
-    def head(self, head: Head) -> None:
+    def head(self, head: MatrixHeader) -> None:
         """Begin a matrix."""
         rows = -head.rows if head.big else head.rows
         form = f"1P,{self.per}E{self.width}.{self.digits}"
@@ -140,7 +140,9 @@ def _write_matrix(target: Target, matrix: Op4Matrix, layout: Layout, single: boo
     complex_ = np.iscomplexobj(value.data)
     kind, per = (1 if single else 2) + 2 * complex_, (1 if single else 2) * (1 + complex_)
     big = layout == "bigmat"
-    target.head(Head(columns, rows, big, matrix.form, kind, matrix.name))
+    target.head(
+        MatrixHeader(columns=columns, rows=rows, big=big, form=matrix.form, kind=kind, name=matrix.name)
+    )
     for j in range(columns):
         part = slice(value.indptr[j], value.indptr[j + 1])
         index, data = value.indices[part], value.data[part]

@@ -37,5 +37,6 @@ def run_through(
     """All that the blocks of a run hold, by name, and the ``state`` at its end."""
     rng = np.random.default_rng(0) if rng is None else rng
     blocks = list(simulate_rig(rig, on_rig(rig, law), cut_blocks(u, size), rng, start))
-    joined = {n: np.concatenate([getattr(b, n) for b in blocks]) for n in blocks[0]._fields[:-1]}
+    names = ("measured", "readings", "control", "torque", "momentum")
+    joined = {n: np.concatenate([getattr(b, n) for b in blocks]) for n in names}
     return joined | {"state": blocks[-1].state}

@@ -23,6 +23,7 @@ from typing import (
     Any,
     NamedTuple,
     TypeVar,
+    Union,
     cast,
     dataclass_transform,
     get_args,
@@ -193,7 +194,7 @@ def _array_fields(
     for name, hint in get_type_hints(cls).items():
         if name in names and tuple in (get_origin(hint), *map(get_origin, get_args(hint))):
             tuples.append(name)
-        options = get_args(hint) or (hint,)
+        options = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
         for option in options:
             if isinstance(option, type) and issubclass(option, jaxtyping.AbstractArray):
                 spec: Any = option

@@ -9,7 +9,7 @@ import pytest
 import middeck
 from middeck.report import page
 from middeck.study import mission
-from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapter import Chapter, ChapterDrawing, ChapterEntry
 from middeck.study.mission import CHAPTERS, run_chapters, study_numbers
 from middeck.study.words import Line
 
@@ -55,7 +55,7 @@ def toy(name: str, stream: int, needs=()) -> Chapter:
         needs=needs,
         compute=lambda study, rng, *values: (*values, float(rng.random())),
         entries=(
-            Entry(
+            ChapterEntry(
                 key=name,
                 numbers=lambda outcome: {"warnings": [f"{name} warns"]},
                 claims_at=name,
@@ -63,7 +63,7 @@ def toy(name: str, stream: int, needs=()) -> Chapter:
             ),
         ),
         drawings=(
-            Drawing(
+            ChapterDrawing(
                 key=name, title=name, draw=lambda outcome: None, sentence=lambda figures: f"It is {name}."
             ),
         ),

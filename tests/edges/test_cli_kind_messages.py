@@ -51,13 +51,13 @@ def test_an_empty_argument_is_no_folder(capfd: Capture, verb: str) -> None:
 
 def results_of() -> list[tuple[str, str]]:
     """Each option of each verb that names a file to write."""
-    from middeck.cli.options import Target
+    from middeck.cli.options import OutputOption
 
     found = []
     for verb in VERBS:
         command = app.get_command(click.Context(app), verb)
         assert command is not None
-        found += [(verb, p.opts[0]) for p in command.params if isinstance(p, Target)]
+        found += [(verb, p.opts[0]) for p in command.params if isinstance(p, OutputOption)]
     return found
 
 

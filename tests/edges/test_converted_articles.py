@@ -10,7 +10,7 @@ import pytest
 
 import middeck as md
 from cli_runner import middeck
-from middeck.cli.shown.screen import WITHOUT, Table
+from middeck.cli.shown.screen import WITHOUT, ScreenTable
 from middeck.cli.verbs import compare
 from middeck.files.articles.document import document_text
 from middeck.files.nastran.article.convert import convert_deck
@@ -222,7 +222,7 @@ def test_a_comparison_marks_every_mode_that_lacks_geometric_stiffness(cost, mark
     document |= {"matrix": np.eye(3), "mac": np.eye(3), "left_out_stiffness": cost, "clamped": []}
     document |= {"gravity_m_s2": 9.81, "subspace_angle_deg": [], "unpaired": {"orbit": [], "lab": []}}
     tables = compare._tables(document)
-    _, hung, pairs = (part for part in tables if isinstance(part, Table))
+    _, hung, pairs = (part for part in tables if isinstance(part, ScreenTable))
     shown = [["12 %", ""], ["3 %"]] if marked else [["a", "b"], ["c"]]
     assert [[row[-1] for row in table.rows] for table in (hung, pairs)] == shown
     assert (WITHOUT in tables) == marked

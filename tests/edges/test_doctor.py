@@ -11,7 +11,7 @@ import pytest
 
 from cli_runner import middeck
 from engine_cases import plain_settings
-from middeck.cli.shown.screen import Table
+from middeck.cli.shown.screen import ScreenTable
 from middeck.cli.verbs.doctor import _blocks
 from middeck.errors import DataError
 from middeck.realtime.engine.process.launch import run_bare_loop
@@ -59,7 +59,7 @@ def test_the_screen_tells_times_the_floor():
         late_s=(6e-5, 7e-5, 8e-5, 9e-5), floor_late_s=(3e-5, 7e-5, 4e-5, 1e-5),
         step_s=(4e-6,) * 4, floor_step_s=(1e-6,) * 3 + (0.0,),
     )  # fmt: skip
-    (table,) = (block for block in _blocks(report) if isinstance(block, Table))
+    (table,) = (block for block in _blocks(report) if isinstance(block, ScreenTable))
     assert table.rows[2] == ["  times that", "2.00", "1.00", "2.00", "9.00"]
     assert table.rows[5][:4] == ["  times that", "4.00", "4.00", "4.00"]
 

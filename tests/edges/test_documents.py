@@ -32,7 +32,7 @@ from middeck.files.setups import (
 )
 from middeck.files.studies.documents import load_study, study_rules
 from middeck.files.studies.form import StudyForm
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.files.toml.lines import key_lines
 from middeck.files.toml.source import check, read_source
 from middeck.structure.model.article import JointState
@@ -85,7 +85,7 @@ def written(tmp_path: Path, name: str, text: str) -> Path:
     return path
 
 
-def faults_of(load: object, *arguments: object) -> tuple[Fault, ...]:
+def faults_of(load: object, *arguments: object) -> tuple[DocumentFault, ...]:
     assert callable(load)
     with pytest.raises(ConfigError) as caught:
         load(*arguments)

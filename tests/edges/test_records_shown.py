@@ -115,3 +115,16 @@ def test_lists_given_for_tuples_become_tuples() -> None:
     assert listed == plant
     assert not listed.delay_s.flags.writeable  # what changed would go by the loop that is known
     assert md.decide_stability(listed, law).stable
+
+
+@record
+class Gathered:
+    by_name: dict[str, np.ndarray]
+    each: tuple[Float[np.ndarray, " sample"], ...]
+
+
+def test_arrays_within_tuples_and_tables_are_left_alone() -> None:
+    given = np.arange(3.0)
+    made = Gathered({"a": given}, [given, given[:2]])
+    assert made.by_name["a"] is given
+    assert [len(x) for x in made.each] == [3, 2]

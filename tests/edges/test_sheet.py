@@ -12,7 +12,7 @@ import pytest
 from middeck.files.articles.form import ArticleForm
 from middeck.files.environments.form import EnvironmentForm
 from middeck.files.studies.form import StudyForm
-from middeck.files.toml.overrides import KeyState, Target, parse_override, reach
+from middeck.files.toml.overrides import KeyState, OverriddenDocument, parse_override, reach
 
 ROOT = Path(__file__).parents[2]
 SHEET = tomllib.loads((ROOT / "tests/reference/mace-article.toml").read_text(encoding="utf-8"))
@@ -38,11 +38,14 @@ def read(name: str) -> dict[str, Any]:
 
 
 @functools.cache
-def targets() -> list[Target]:
+def targets() -> list[OverriddenDocument]:
     return [
-        Target("study", read("studies/mace-1993.toml"), StudyForm),
-        *(Target(n, read(f"articles/mace-{n}.toml"), ArticleForm, n) for n in ("dm", "simple")),
-        *(Target(f"lab-{n}", read("environments/lab.toml"), EnvironmentForm, n) for n in ("dm", "simple")),
+        OverriddenDocument("study", read("studies/mace-1993.toml"), StudyForm),
+        *(OverriddenDocument(n, read(f"articles/mace-{n}.toml"), ArticleForm, n) for n in ("dm", "simple")),
+        *(
+            OverriddenDocument(f"lab-{n}", read("environments/lab.toml"), EnvironmentForm, n)
+            for n in ("dm", "simple")
+        ),
     ]
 
 

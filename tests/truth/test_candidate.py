@@ -12,7 +12,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import unpack
 from middeck.identification.search.least_squares_costs import weighted
 from middeck.identification.search.refine_and_reweigh import polish
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.start.start import start_at
 
 NOISE = 1e-3
@@ -44,7 +44,7 @@ def _case(real: bool, missing: int):
             H += np.einsum("o,s,i->osi", c[:, m].conj(), low, b[m].conj())
     H += NOISE * (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2.0)
     data = Data(s=s, H=H, weight=np.full(H.shape, 1.0 / NOISE))
-    spread = Spread(variance=np.full(H.shape, NOISE**2), size=np.ones(H.shape))
+    spread = ExcessVariance(variance=np.full(H.shape, NOISE**2), size=np.ones(H.shape))
     options = FitOptions(states=6, constants="real" if real else "complex", delay=False, direct=not real)
     kept = np.delete(np.arange(4), missing)
     start = start_at(data, options, POLES[kept], np.ones(3, dtype=bool), np.zeros((3, 1)), b[kept])

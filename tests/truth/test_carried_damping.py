@@ -14,7 +14,7 @@ from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.model.article import Body, Damper, DamperPlace, Damping, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
-from middeck.updating.orbit.damping import Losses
+from middeck.updating.orbit.damping import DampingParts
 from middeck.updating.orbit.frequencies import Prediction, There, predict_at, solve_there
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
@@ -172,7 +172,7 @@ def test_dampers_of_devices_are_the_suspensions_and_stay_on_the_ground():
     modes = md.solve_modes(md.solve_equilibrium(bar, lab))
     shape = np.abs(modes.shapes[1]) * np.sqrt(mass)
     bounce = np.flatnonzero(shape > 0.999)
-    article, suspension = Losses.of(modes, bounce).of_parts
+    article, suspension = DampingParts.of(modes, bounce).of_parts
     assert suspension == pytest.approx([c / mass / (2.0 * np.pi * 0.25)], rel=1e-3)
     assert article == pytest.approx([0.0], abs=2e-6)
 

@@ -181,7 +181,8 @@ def test_without_a_compiler_nothing_is_said(monkeypatch):
 
 def test_a_joint_with_a_gap_is_left_to_python():
     rig = rig_with(joints=[JointElements("a", "A", (Deadband(1e-3, 20.0),))])
-    ticks = TickRows(*[np.zeros((0, 0))] * 2, 0, *[np.zeros((0, 0))] * 6)
+    names = ("compute", "shift", "excitation", "offset", "noise", "digital", "rows", "issued")
+    ticks = TickRows(kept=0, **dict.fromkeys(names, np.zeros((0, 0))))
     assert run_compiled(rig, rig.plant, ticks, switch_on(rig, None, 0.0, np.random.default_rng(1))) is None
 
 

@@ -8,7 +8,7 @@ import pytest
 from reduced import bent_beam, with_component
 
 import middeck as md
-from middeck.cli.shown.screen import Table, without_stiffness
+from middeck.cli.shown.screen import ScreenTable, without_stiffness
 from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads
@@ -156,9 +156,9 @@ def test_rows_of_modes_without_geometric_stiffness_are_marked():
     assert f"up to {100.0 * felt.max():.2g} %" in warning
     assert f"mode {felt.argmax()} " in warning
     assert np.any(felt == 0.0)
-    marked = without_stiffness(Table("", ["f"], [[f"{f:.1f}"] for f in modes.frequency_hz]), felt)
+    marked = without_stiffness(ScreenTable("", ["f"], [[f"{f:.1f}"] for f in modes.frequency_hz]), felt)
     assert [row[1] != "" for row in marked.rows] == (felt > 1e-3).tolist()
-    plain = Table("", ["f"], [["1.0"]])
+    plain = ScreenTable("", ["f"], [["1.0"]])
     assert without_stiffness(plain, [0.0]) is plain
 
 

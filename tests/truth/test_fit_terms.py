@@ -233,7 +233,7 @@ def test_a_held_input_of_any_kind_is_exact():
 def summed(each):
     """Several outputs as one: what they say of theta is added."""
     linear, cost, gradient, gram = list(zip(*each, strict=True))[:4]
-    return Solved(np.concatenate(linear), sum(cost), sum(gradient), sum(gram))
+    return Solved(linear=np.concatenate(linear), cost=sum(cost), gradient=sum(gradient), gram=sum(gram))
 
 
 @pytest.mark.parametrize("from_sums", [True, False], ids=["from sums", "line by line"])

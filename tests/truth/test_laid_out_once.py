@@ -87,7 +87,10 @@ def test_what_articles_share_cannot_be_written_to(dm):
     """Matrices keep the places unchecked: one that sorted its own in place would sort those of all."""
     model = mesh_structure(dm)
     groups = (a for parts in model.pattern.groups.values() for part in parts for a in part)
-    shared = [*model.pattern[:4], *groups, *model.pose_map[3:], model.pose_map.special.moves]
+    pattern, pose_map = model.pattern, model.pose_map
+    shared = [pattern.indptr, pattern.indices, pattern.mirror, pattern.diagonal, *groups]
+    shared += [pose_map.indptr, pose_map.indices, pose_map.constant, pose_map.arm_slot, pose_map.joint_slot]
+    shared.append(pose_map.special.moves)
     assert not any(a.flags.writeable for a in shared if a is not None)
 
 

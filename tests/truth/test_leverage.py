@@ -8,7 +8,7 @@ from middeck.identification.order.thinning import take_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.search.leverage import leverage
 from middeck.identification.search.refine_and_reweigh import polish
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.start.start import starts
 from repeats import repeats
 
@@ -25,7 +25,7 @@ def a_fit(options: FitOptions, seed: int):
     re, im = size * rng.standard_normal((2, *H.shape)) / np.sqrt(2.0)
     v = np.full(H.shape, size**2)
     data = Data(s=s, H=H + re + 1j * im, weight=1.0 / np.sqrt(v))
-    spread = Spread(variance=v, size=np.ones(H.shape))
+    spread = ExcessVariance(variance=v, size=np.ones(H.shape))
     first = next(iter(starts(data, options)))
     return data, spread, polish(data, first, spread, steps=40, rounds=1, share=0.0)
 

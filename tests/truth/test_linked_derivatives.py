@@ -31,7 +31,7 @@ from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import (
-    Parameter,
+    ModelParameter,
     find_parameters,
     list_parameters,
     set_parameter,
@@ -80,13 +80,13 @@ def drawn_case(rng: np.random.Generator) -> Both:
     return parts, dataclasses.replace(hung(*held, gravity=gravity), bushings=tuple(bushings))
 
 
-def moved(both: Both, parameters: list[Parameter], way: np.ndarray, step: float) -> Both:
+def moved(both: Both, parameters: list[ModelParameter], way: np.ndarray, step: float) -> Both:
     for p, w in zip(parameters, way, strict=True):
         both = set_parameter(*both, p, p.value + step * w)
     return both
 
 
-def along(both: Both, parameters: list[Parameter], way: np.ndarray, of, h: float) -> np.ndarray:
+def along(both: Both, parameters: list[ModelParameter], way: np.ndarray, of, h: float) -> np.ndarray:
     """Difference of fourth order of what ``of`` makes of the whole, solved again."""
     before = [of(*moved(both, parameters, way, k * h)) for k in (-2, -1, 1, 2)]
     return (before[0] - 8.0 * before[1] + 8.0 * before[2] - before[3]) / (12.0 * h)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.updating.orbit.damping import Losses, carry_damping
+from middeck.updating.orbit.damping import DampingParts, carry_damping
 
 MASS = np.array([[2.0, 0.3, 0.1], [0.3, 1.5, 0.2], [0.1, 0.2, 1.0]])
 ELASTIC = np.array([[90.0, -30.0, 0.0], [-30.0, 70.0, -25.0], [0.0, -25.0, 25.0]])
@@ -43,13 +43,13 @@ def ratios(weight: float, lossy: float, factor: np.ndarray) -> np.ndarray:
     return -s.real / np.abs(s)
 
 
-def losses(weight: float, hangs: float, hung: bool) -> tuple[Losses, np.ndarray]:
+def losses(weight: float, hangs: float, hung: bool) -> tuple[DampingParts, np.ndarray]:
     """The model's, and its shapes."""
     lam, shapes = sla.eigh(ELASTIC + weight * WEIGHT, MASS)
     omega = np.sqrt(lam)
     H, C = (np.diag(shapes.T @ part @ shapes) for part in matrices(np.ones(3)))
     article = np.array([H / (2.0 * lam), C / (2.0 * omega)])
-    return Losses(omega, np.array([article, hung * hangs * article])), shapes
+    return DampingParts(omega, np.array([article, hung * hangs * article])), shapes
 
 
 @pytest.mark.parametrize("hung", [False, True])

@@ -25,8 +25,8 @@ from middeck.identification.tracking.loss_and_restart import (
     patience,
 )
 from middeck.identification.tracking.one_period import poles_at, step_modes
-from middeck.identification.tracking.tracked_state import FIRST_GAIN, Drift, start_tracking
-from middeck.identification.uncertainty.parameter_deviations import Uncertainty
+from middeck.identification.tracking.tracked_state import FIRST_GAIN, RandomWalk, start_tracking
+from middeck.identification.uncertainty.parameter_deviations import ParameterDeviations
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.rig import build_rig
 from middeck.signals.record import Record
@@ -34,7 +34,7 @@ from middeck.systems.sampling.simulation import simulate
 from repeats import repeats
 
 RATE, MODES = moving_gimbal.RATE, gimbal_record.MODES_HZ
-WELL_KNOWN = Uncertainty(1e-4 * MODES, np.full(5, 1e-4), np.zeros(1))
+WELL_KNOWN = ParameterDeviations(1e-4 * MODES, np.full(5, 1e-4), np.zeros(1))
 AT_ONE_RATE = {"sample_hz": RATE, "input_rms": 0.0}
 
 
@@ -148,7 +148,7 @@ def test_neighbours_that_jump_together_do_not_change_places(campaign, factors):
 @pytest.mark.long
 def test_wandering_parameters_stay_within_their_deviations(campaign):
     """Frequency and damping walk as the drift says; errors over stated deviations have an rms of one."""
-    drift = Drift(frequency=3e-4, damping=1e-2)
+    drift = RandomWalk(frequency=3e-4, damping=1e-2)
     ratios = []
     for seed in campaign(60):
         rng = np.random.default_rng(seed)
@@ -159,7 +159,7 @@ def test_wandering_parameters_stay_within_their_deviations(campaign):
         taken, noise = moving_gimbal.record(
             seed, 12.0, hz=np.repeat(hz, 256, axis=0), zeta=np.repeat(zeta, 256, axis=0)
         )
-        known = Uncertainty(2e-3 * MODES, np.full(5, 5e-4), np.zeros(1))
+        known = ParameterDeviations(2e-3 * MODES, np.full(5, 5e-4), np.zeros(1))
         state = start_tracking(
             moving_gimbal.model(frequency=first[0], damping=first[1]),
             noise_rms=noise, known=known, drift=drift, **AT_ONE_RATE,
@@ -201,8 +201,8 @@ def test_without_drift_the_filter_has_the_bound_of_its_record():
     before = np.concatenate([np.full(5, 1e-3), np.full(5, 0.1), np.full(5, FIRST_GAIN)])
     scaled = np.array(J) / noise[0]
     bound = np.sqrt(np.diag(np.linalg.inv(scaled @ scaled.T + np.diag(before**-2.0))))
-    known = Uncertainty(1e-3 * MODES, np.full(5, 1e-3), np.zeros(1))
-    still = Drift(frequency=0.0, damping=0.0, gain=0.0)
+    known = ParameterDeviations(1e-3 * MODES, np.full(5, 1e-3), np.zeros(1))
+    still = RandomWalk(frequency=0.0, damping=0.0, gain=0.0)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=known, drift=still, **AT_ONE_RATE)
     found = track_modes(state, taken, block=2560)
     has = [
@@ -477,7 +477,7 @@ def test_what_cannot_be_followed_is_refused():
     with pytest.raises(ConfigError, match="hold"):
         start_tracking(dataclasses.replace(model, delay_s=np.zeros(1)), noise_rms=1.0, **AT_ONE_RATE)
     with pytest.raises(ConfigError, match="drifts"):
-        Drift(frequency=-1.0)
+        RandomWalk(frequency=-1.0)
     state = start_tracking(model, noise_rms=1.0, **AT_ONE_RATE)
     with pytest.raises(DataError, match="block"):
         update_tracking(state, np.zeros((5, 2)), np.zeros((5, 1)))

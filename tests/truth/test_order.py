@@ -10,14 +10,14 @@ import pytest
 from middeck import estimate_response
 from middeck.identification.model.fit_options import FitOptions, decided
 from middeck.identification.order.best_start import race
-from middeck.identification.order.order_choice import Tried, choose, is_settled
+from middeck.identification.order.order_choice import TriedOrder, choose, is_settled
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.order.thinning import take_lines, thin_lines
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Layout, Point, Start, pack, unpack
 from middeck.identification.search.least_squares_costs import weighted
 from middeck.identification.search.refine_and_reweigh import bound_theta, bounded, polish
-from middeck.identification.spectra.excess_variance import Spread, spread_of
+from middeck.identification.spectra.excess_variance import ExcessVariance, spread_of
 from middeck.identification.start.frequency_subspace import prune
 from middeck.identification.start.start import drive_vectors
 
@@ -29,7 +29,7 @@ def data_of(measured):
 
 
 def tried(*rows, noise=True):
-    return [Tried(states, length, held_out, noise) for states, length, held_out in rows]
+    return [TriedOrder(states, length, held_out, noise) for states, length, held_out in rows]
 
 
 def test_the_shortest_description_is_chosen_where_there_is_one():
@@ -96,7 +96,7 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
     def kept(zeta):
         H = np.sum(w**2 / (s**2 + 2.0 * zeta * w * s + w**2), axis=0)[None, :, None]
         data = Data(s=s, H=np.repeat(H, 4, axis=2), weight=np.ones((1, len(s), 4)))
-        spread = Spread(variance=np.zeros((1, len(s), 4)), size=np.ones((1, len(s), 4)))
+        spread = ExcessVariance(variance=np.zeros((1, len(s), 4)), size=np.ones((1, len(s), 4)))
         return data, thin_lines(data, spread)
 
     data, wide = kept(0.02)
@@ -105,7 +105,7 @@ def test_lines_are_left_out_only_where_the_response_is_smooth():
     # Half-power bandwidths of 0.02 and 0.06 Hz are narrower than the lines are apart: none below the higher
     # mode can be spared, and few above it.
     assert np.all(np.diff(f[narrow][f[narrow] < 301.0]) < 0.126)
-    part, _ = take_lines(data, Spread(variance=np.abs(data.H) ** 2, size=np.abs(data.H) ** 2), wide)
+    part, _ = take_lines(data, ExcessVariance(variance=np.abs(data.H) ** 2, size=np.abs(data.H) ** 2), wide)
     np.testing.assert_array_equal(part.H, data.H[:, wide])
 
 
@@ -132,7 +132,7 @@ def test_a_pole_outside_the_band_stays_where_the_band_cannot_tell_it_from_less_d
     point = Point(
         np.array([-2.0 + 121j, -5.0 + 1j * np.pi / T]), np.ones((2, 1), dtype=complex), np.zeros((1, 1))
     )
-    spread = Spread(variance=np.full((1, 300, 1), 1e-6), size=np.ones((1, 300, 1)))
+    spread = ExcessVariance(variance=np.full((1, 300, 1), 1e-6), size=np.ones((1, 300, 1)))
     found = polish(data, Start(layout, pack(layout, point)), spread, steps=40, rounds=2)
     poles = unpack(layout, found.refined.theta).poles
     distance = np.pi / T - 2.0 * np.pi * 45.0

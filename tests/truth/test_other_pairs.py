@@ -124,7 +124,7 @@ def test_modes_that_change_places_without_moving_an_unknown_are_not_said(chosen:
 
 def test_advice_asks_for_more_channels_where_there_are_shapes(monkeypatch: pytest.MonkeyPatch):
     _, found = mast_refined(1.05, 1.02, [0, 2, 4], shapes=True)
-    pair = OtherPair("mast", 1.0, 1.1, 1.2, "E", 9.0)
+    pair = OtherPair(survey="mast", measured_hz=1.0, paired_hz=1.1, other_hz=1.2, unknown="E", off=9.0)
     monkeypatch.setattr("middeck.updating.refinement.findings.other_pairs", lambda _: (pair,))
     (said,) = [line for line in findings(found) if "may as well be that of" in line]
     assert "Shapes at more channels" in said

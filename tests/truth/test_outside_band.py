@@ -10,7 +10,7 @@ import scipy.signal
 from middeck.errors import DataError, FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
-from middeck.identification.order.order_choice import Tried, choose
+from middeck.identification.order.order_choice import TriedOrder, choose
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.signals.ports import Port
@@ -217,8 +217,13 @@ def test_a_held_signal_that_repeats_often_is_fitted(samples, periods, cubed, noi
 
 
 def test_an_order_that_meets_lines_kept_out_worse_than_a_smaller_one_is_not_recommended():
-    tried = [Tried(2, 100.0, 0.6), Tried(4, 50.0, 0.05), Tried(6, 40.0, 0.06), Tried(8, 10.0, 20.0)]
-    tried += [Tried(states, 20.0, 20.0) for states in (10, 12)]
+    tried = [
+        TriedOrder(2, 100.0, 0.6),
+        TriedOrder(4, 50.0, 0.05),
+        TriedOrder(6, 40.0, 0.06),
+        TriedOrder(8, 10.0, 20.0),
+    ]
+    tried += [TriedOrder(states, 20.0, 20.0) for states in (10, 12)]
     found = choose(tried)
     assert found.states == 6
     assert "more states clearly worse" in found.reason

@@ -19,7 +19,7 @@ from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.parameter_deviations import parameters_of
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -28,7 +28,7 @@ Spoil = Callable[[np.ndarray, np.ndarray, int, int], tuple[np.ndarray, np.ndarra
 EXTRA = 600
 
 
-def of(u: np.ndarray, y: np.ndarray) -> list[Fault]:
+def of(u: np.ndarray, y: np.ndarray) -> list[RecordFault]:
     inputs, outputs = (
         tuple(Port(f"{letter}{k}", "V") for k in range(x.shape[1])) for letter, x in (("u", u), ("y", y))
     )

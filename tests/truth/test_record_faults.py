@@ -13,7 +13,7 @@ import scipy.signal
 
 from middeck.files.records import load_record
 from middeck.identification.faults.detect import detect_faults
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
@@ -483,7 +483,7 @@ def reference(outputs: int, inputs: int) -> FrequencyResponse:
 
 def against(
     outputs: int, inputs: int, seed: int, spoil: Callable[[np.ndarray, np.ndarray], None]
-) -> list[Fault]:
+) -> list[RecordFault]:
     clean = gimbal_record.multisine(seed, outputs=outputs, inputs=inputs, samples=4096)
     u, y = clean.u.copy(), clean.y.copy()
     spoil(u, y)

@@ -25,7 +25,7 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.frequencies import differentiate_frequencies
-from middeck.structure.sensitivity.parameters import Parameter, find_parameters, set_parameter
+from middeck.structure.sensitivity.parameters import ModelParameter, find_parameters, set_parameter
 from middeck.structure.sensitivity.plants import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.sensitivity.shapes import differentiate_modes
@@ -37,7 +37,7 @@ ROOT = Path(__file__).parents[2]
 SIZES = {"m": 0.1, "rad": 1.0, "kg m^2": 0.01, "m/s^2": 10.0, "": 1.0}
 
 
-def size(parameter: Parameter) -> float:
+def size(parameter: ModelParameter) -> float:
     return SIZES.get(parameter.unit) or abs(parameter.value) or 1.0
 
 
@@ -48,7 +48,7 @@ def lab_article(name: str, elements: int = 2) -> tuple[Structure, Environment]:
 
 
 def all_moved(
-    article: Structure, place: Environment, parameters: Sequence[Parameter], way: np.ndarray
+    article: Structure, place: Environment, parameters: Sequence[ModelParameter], way: np.ndarray
 ) -> tuple[Structure, Environment]:
     """All parameters moved by as many of their sizes as ``way`` says; those that scale come last."""
     for p, far in sorted(zip(parameters, way, strict=True), key=lambda pair: pair[0].scales):
@@ -67,12 +67,12 @@ def along(values: Callable[[np.ndarray], np.ndarray], way: np.ndarray, step: flo
     return (4.0 * near - far) / 3.0
 
 
-def central(values: Callable[[float], np.ndarray], parameter: Parameter, step: float) -> np.ndarray:
+def central(values: Callable[[float], np.ndarray], parameter: ModelParameter, step: float) -> np.ndarray:
     h = step * size(parameter)
     return (values(parameter.value + h) - values(parameter.value - h)) / (2.0 * h)
 
 
-def richardson(values: Callable[[float], np.ndarray], parameter: Parameter, step: float) -> np.ndarray:
+def richardson(values: Callable[[float], np.ndarray], parameter: ModelParameter, step: float) -> np.ndarray:
     """Of two central differences: an error of order step^4."""
     return (4.0 * central(values, parameter, 0.5 * step) - central(values, parameter, step)) / 3.0
 

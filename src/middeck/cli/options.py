@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 import click
 
 from middeck.errors import ConfigError
+from middeck.values import record
 
 Command = Callable[..., Any]
 F = TypeVar("F", bound=Command)
@@ -65,17 +66,17 @@ class Verb(click.Command):
 
     def _keep_apart(self, ctx: click.Context) -> None:
         taken: dict[str, str] = {}
-        for param in sorted(self.params, key=lambda param: isinstance(param, Target)):
+        for param in sorted(self.params, key=lambda param: isinstance(param, OutputOption)):
             for value in _texts(ctx.params.get(param.name or "")):
                 file = os.path.realpath(value)
                 named = f"{param.opts[0]} {value}" if isinstance(param, click.Option) else value
                 if isinstance(param, click.Argument):
                     refuse_nameless(value, param.make_metavar(ctx))
-                if isinstance(param, Target) and file in taken:
+                if isinstance(param, OutputOption) and file in taken:
                     _refuse_over(named, taken[file])
-                if os.path.isfile(file) or isinstance(param, Target):
+                if os.path.isfile(file) or isinstance(param, OutputOption):
                     taken[file] = named
-                if type(param) is Target:
+                if type(param) is OutputOption:
                     to_write(value, named)
 
 
@@ -93,11 +94,11 @@ def refuse_unused(where: str, *names: str) -> None:
         raise ConfigError(f"{option} has no effect {where}", hint="leave one of them out")
 
 
-class Target(click.Option):
+class OutputOption(click.Option):
     """An option that names a file to write."""
 
 
-class Updated(Target):
+class Updated(OutputOption):
     """One whose file is read first."""
 
 
@@ -243,7 +244,7 @@ load_case = click.option(
 )
 
 
-class Case(NamedTuple):
+class TypedSetup(NamedTuple):
     """An article in an environment, as typed: names, ``--set``, and a load case."""
 
     article: str
@@ -258,7 +259,7 @@ def _as_one(name: str, kind: Any, *asked: Callable[[Command], Command]) -> Calla
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
         def gathered(**given: Any) -> Any:
-            one = kind(*(given.pop(field) for field in kind._fields))
+            one = kind(**{field: given.pop(field) for field in kind.__annotations__})
             return command(**{name: one}, **given)
 
         made: Command = gathered
@@ -269,7 +270,7 @@ def _as_one(name: str, kind: Any, *asked: Callable[[Command], Command]) -> Calla
     return decorate
 
 
-case = _as_one("case", Case, article, environment, load_case)
+case = _as_one("case", TypedSetup, article, environment, load_case)
 
 
 count = defaulted("--count", default=26, type=click.IntRange(min=1), help="Number of modes, lowest first.")
@@ -301,7 +302,8 @@ _first_bending = click.option(
 )
 
 
-class Tried(NamedTuple):
+@record(kw_only=True)
+class TypedPlants:
     """The plants that a compensator is tried on, as typed."""
 
     plants: tuple[str, ...]
@@ -322,7 +324,7 @@ class Tried(NamedTuple):
 
 _plants = click.argument("plants", nargs=-1, required=True, metavar="PLANT...")
 tried = _as_one(
-    "tried", Tried, _plants, _environments, load_case, count, _shifts, _sweep, _first_bending, _delay_ms
+    "tried", TypedPlants, _plants, _environments, load_case, count, _shifts, _sweep, _first_bending, _delay_ms
 )
 band = click.option("--band", "band_hz", type=Frequencies(2), metavar="LO,HI", help="Band to fit [Hz].")
 periods = click.option(
@@ -336,7 +338,7 @@ states = click.option(
 
 
 def written(
-    *flags: str, endings: Sequence[str], help: str, metavar: str = "", cls: type[Target] = Target
+    *flags: str, endings: Sequence[str], help: str, metavar: str = "", cls: type[OutputOption] = OutputOption
 ) -> Callable[[F], F]:
     """An option for a file to write; see `require_writable`."""
 

@@ -14,9 +14,9 @@ from middeck.files.disk import kind_of_content
 from middeck.files.environments.checks import environment_findings
 from middeck.files.environments.form import EnvironmentForm, build_environment, joint_findings
 from middeck.files.nastran.deck.deck_lines import Lines
-from middeck.files.toml.faults import Fault, finding, nearest, raise_faults
+from middeck.files.toml.faults import DocumentFault, finding, nearest, raise_faults
 from middeck.files.toml.form import Form
-from middeck.files.toml.overrides import Target, apply_overrides
+from middeck.files.toml.overrides import OverriddenDocument, apply_overrides
 from middeck.files.toml.source import WANTED, Checked, Kind, Source, check, read_source, read_sources, refuse
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -134,7 +134,7 @@ def overridden(
     parts: Sequence[tuple[Source, type[Form], Any, str]], overrides: Sequence[str]
 ) -> list[Checked[Any]]:
     """Documents with ``overrides``, each checked: its form, further rules, and the article it belongs to."""
-    targets = [Target(called(s.file), s.data, form, article) for s, form, _, article in parts]
+    targets = [OverriddenDocument(called(s.file), s.data, form, article) for s, form, _, article in parts]
     return [
         check(source, data, marks, form, more)
         for (source, form, more, _), data, marks in zip(
@@ -143,7 +143,7 @@ def overridden(
     ]
 
 
-def join_findings(checked: Sequence[Checked[Any]]) -> list[Fault]:
+def join_findings(checked: Sequence[Checked[Any]]) -> list[DocumentFault]:
     """Faults where environments name what the article among ``checked`` lacks."""
     articles = [c for c in checked if isinstance(c.form, ArticleForm)]
     if not articles:

@@ -34,7 +34,7 @@ class Step:
 
 
 @record
-class Refined:
+class LeastSquaresResult:
     """End of a search: unknowns, the last normal equations and the cost of each accepted step."""
 
     theta: Float[np.ndarray, " unknown"]
@@ -61,7 +61,7 @@ def search(
     most_steps: int = MOST_STEPS,
     *,
     exactly: Callable[[np.ndarray, float], Step | None] | None = None,
-) -> Refined | None:
+) -> LeastSquaresResult | None:
     """Levenberg-Marquardt with Marquardt's scaling and Nielsen's (1999) damping; None if it cannot start.
 
     ``evaluate`` may give None too for a cost that is not below its second argument.
@@ -84,7 +84,7 @@ def search(
                 damping, growth = min(damping, DAMPING), GROWTH
                 continue
             if promised >= 0.0:
-                return Refined(theta, step, tuple(history), is_positive(step.gram))
+                return LeastSquaresResult(theta, step, tuple(history), is_positive(step.gram))
         trial = evaluate(theta + move, step.cost) if move is not None and promised > 0.0 else None
         gain = -1.0 if trial is None else (step.cost - trial.cost) / promised
         if trial is not None and gain > 0.0:
@@ -94,7 +94,7 @@ def search(
             growth = GROWTH
         else:
             damping, growth = damping * growth, 2.0 * growth
-    return Refined(theta, step, tuple(history), False)
+    return LeastSquaresResult(theta, step, tuple(history), False)
 
 
 def _move(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:

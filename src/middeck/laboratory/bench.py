@@ -19,7 +19,7 @@ from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.runs import Run, run_closed_loop, run_open_loop
+from middeck.laboratory.rig.runs import RigRun, run_closed_loop, run_open_loop
 from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine, random_multisine
@@ -32,7 +32,7 @@ SATURATED = 1e-3
 SETTLE = 2  # unrecorded periods of a run
 
 
-def limit_cycle(run: Run) -> str:
+def limit_cycle(run: RigRun) -> str:
     """Message of a run that only the motor's limit kept finite; empty for a good one."""
     share = 0.0 if run.events is None else float(np.max(run.events.saturated))
     return f"unstable: the motor is at its limit in {share:.0%} of the run" if share > SATURATED else ""

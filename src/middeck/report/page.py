@@ -1,7 +1,7 @@
 """The page: results and what does not hold on one screen, then each figure with its sentence and numbers."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from markupsafe import Markup
 
@@ -9,6 +9,7 @@ from middeck.report.templates import TEMPLATES
 from middeck.study.chapter import Chapter
 from middeck.study.mission import CHAPTERS
 from middeck.study.words import Line, Numbers, significant
+from middeck.values import record
 
 
 def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, account: str | None) -> str:
@@ -41,7 +42,8 @@ def render_page(title: str, numbers: Numbers, drawings: Mapping[str, str], *, ac
     )
 
 
-class ClaimRow(NamedTuple):
+@record(kw_only=True)
+class ClaimRow:
     """One row of the claims: where it is shown, what is claimed, whether it holds, its number and limit."""
 
     section: str
@@ -60,11 +62,11 @@ def claim_rows(figures: Numbers) -> list[ClaimRow]:
     """Every claim that a chapter judges."""
     return [
         ClaimRow(
-            entry.claims_at,
-            row["claim"].removesuffix(f" [{row['unit']}]"),  # which stands with the number
-            row["holds"],
-            with_unit(row["number"], row["unit"]),
-            with_unit(row["asked"], row["unit"]),
+            section=entry.claims_at,
+            claim=row["claim"].removesuffix(f" [{row['unit']}]"),  # which stands with the number
+            holds=row["holds"],
+            number=with_unit(row["number"], row["unit"]),
+            asked=with_unit(row["asked"], row["unit"]),
         )
         for chapter in chapters_of(figures)
         for entry in chapter.entries

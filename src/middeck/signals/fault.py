@@ -11,7 +11,7 @@ MOST_RUNS = 100
 
 
 @record(kw_only=True)
-class Fault:
+class RecordFault:
     """One thing wrong with one channel of a record.
 
     Attributes:

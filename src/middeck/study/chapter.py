@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -22,8 +22,8 @@ def nothing(figures: Numbers) -> list[Any]:
     return []
 
 
-@dataclass(frozen=True, eq=False)
-class Entry(Generic[T]):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChapterEntry(Generic[T]):
     """One entry of ``figures`` in numbers.json, and the drawings where its claims and warnings stand.
 
     Without ``claims_at`` and ``warnings_at`` that is the drawing of its own name.
@@ -31,7 +31,6 @@ class Entry(Generic[T]):
 
     key: str
     numbers: Callable[[T], Numbers]
-    _: KW_ONLY
     claims_at: str = ""
     warnings_at: str = ""
     claims: Callable[[Numbers], list[Claim]] = lambda entry: entry.get("claims", [])
@@ -41,8 +40,8 @@ class Entry(Generic[T]):
             object.__setattr__(self, place, getattr(self, place) or self.key.replace("_", "-"))
 
 
-@dataclass(frozen=True, eq=False)
-class Drawing(Generic[T]):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChapterDrawing(Generic[T]):
     """One drawing, the one sentence that it is there to show, and what stands under it on the page.
 
     ``key`` is its name in files and links. Title, sentence and tables are made of the ``figures`` of
@@ -52,7 +51,6 @@ class Drawing(Generic[T]):
     key: str
     title: str | Callable[[Numbers], str]
     draw: Callable[[T], Figure]
-    _: KW_ONLY
     sentence: Callable[[Numbers], str]
     tables: Callable[[Numbers], list[Table]] = nothing
     note: str = ""
@@ -92,8 +90,8 @@ class Chapter(Generic[T]):
     stream: int
     needs: tuple[Callable[[Study], Any], ...] = ()
     compute: Callable[..., T]
-    entries: tuple[Entry[T], ...]
-    drawings: tuple[Drawing[T], ...]
+    entries: tuple[ChapterEntry[T], ...]
+    drawings: tuple[ChapterDrawing[T], ...]
     result: Callable[[Numbers], Line] | None = None
     shortfalls: Callable[[Numbers], list[Line]] = nothing
 

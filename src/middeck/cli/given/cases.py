@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.cli.options import Case, typed
+from middeck.cli.options import TypedSetup, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.errors import MiddeckError
 from middeck.files.disk.kind_of_content import ARTICLE
@@ -69,14 +69,14 @@ def find_case(article: str, environment: str) -> tuple[Path, Path]:
     return body, find_document(environment, "environment", beside=body)
 
 
-def read_case(case: Case) -> tuple[Structure, Environment, Path, Path]:
+def read_case(case: TypedSetup) -> tuple[Structure, Environment, Path, Path]:
     """The article and the environment, under the load case, and the two files."""
     files = find_case(case.article, case.environment)
     return *apply_case(*load_setup(*files, case.overrides), case.load_case, *files), *files
 
 
 def solve_case(
-    case: Case, count: int | None = None, standstill: bool = False, top_hz: float | None = None
+    case: TypedSetup, count: int | None = None, standstill: bool = False, top_hz: float | None = None
 ) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare.
 

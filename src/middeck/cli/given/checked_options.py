@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import click
 from pydantic import Field
 
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.files.toml.form import Band, Form, Positive, whole, within
-from middeck.files.toml.overrides import Target, apply_overrides
+from middeck.files.toml.overrides import OverriddenDocument, apply_overrides
 from middeck.files.toml.source import Source, check, sound
 
 F = TypeVar("F", bound=Form)
@@ -91,12 +91,12 @@ def settle(form: type[F], options: Mapping[str, Any], overrides: Sequence[str]) 
         OPTIONS, {k: v for k, v in options.items() if v is not None}, lambda: {(k,): 0 for k in options}
     )
     listed = {k: list(v) if isinstance(v, tuple) else v for k, v in source.data.items()}
-    (data,), (changed,) = apply_overrides([Target(source.file, listed, form)], overrides)
+    (data,), (changed,) = apply_overrides([OverriddenDocument(source.file, listed, form)], overrides)
     checked = check(source, data, changed, form)
     return sound(replace(checked, faults=tuple(map(_named_as_typed, checked.faults))))
 
 
-def _named_as_typed(fault: Fault) -> Fault:
+def _named_as_typed(fault: DocumentFault) -> DocumentFault:
     """``fault`` under the option that gave the value, where no override did."""
     options = {p.name: p.opts[0] for p in click.get_current_context().command.params}
     key, *_ = fault.key.split(".")

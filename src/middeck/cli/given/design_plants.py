@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.errors import ConfigError
-from middeck.identification.model.channel_selection import Selection, select_channels
+from middeck.identification.model.channel_selection import ChannelSelection, select_channels
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz, path_delay, rank_of
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.plants.merged_delays import merge_delays
@@ -90,11 +90,11 @@ def model_plant(
     return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(said_of_path))
 
 
-def _path(model: MeasurementModel, u: Sequence[str], y: Sequence[str]) -> Selection:
+def _path(model: MeasurementModel, u: Sequence[str], y: Sequence[str]) -> ChannelSelection:
     """The model between some ports; all of it where a mode that does not decay would go with the rest, for
     a design has to refuse that and not to overlook it."""
     path = select_channels(model, inputs=u, outputs=y)
-    return path if _lasting(path.model) == _lasting(model) else Selection(model, ())
+    return path if _lasting(path.model) == _lasting(model) else ChannelSelection(model, ())
 
 
 def _lasting(model: MeasurementModel) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from middeck.cli.given.cases import solve_case
 from middeck.cli.given.design_plants import tell_warnings
-from middeck.cli.options import Case, Tried, typed
+from middeck.cli.options import TypedPlants, TypedSetup, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.law.compensator import Compensator
@@ -57,7 +57,7 @@ class Gathered:
     promises: tuple[PromisedPlants, ...]
 
 
-def gather_plants(tried: Tried, law: Law) -> Gathered:
+def gather_plants(tried: TypedPlants, law: Law) -> Gathered:
     """Each article in each environment (``lab`` by default), model and promised plant, all with the delay."""
     unused = [option for name in FOR_ARTICLES if (option := typed(name))]
     if unused and all(s.lower().endswith(".json") for s in tried.plants):
@@ -83,7 +83,7 @@ def gather_plants(tried: Tried, law: Law) -> Gathered:
             continue
         for environment in tried.environments or ("lab",):
             name = _new_name(source, taken, environment)
-            case = Case(source, environment, tried.overrides, tried.load_case)
+            case = TypedSetup(source, environment, tried.overrides, tried.load_case)
             modes, plant = _article(case, law, tried.count)
             found[name] = delay_plant(plant, tried.delay_s)
             dispersed[name] = dispersed_modes(modes, tried.count)
@@ -102,7 +102,7 @@ def _new_name(source: str, taken: set[str], environment: str = "") -> str:
     return name
 
 
-def _article(case: Case, law: Law, count: int) -> tuple[Modes, Plant]:
+def _article(case: TypedSetup, law: Law, count: int) -> tuple[Modes, Plant]:
     modes = solve_case(case, count, standstill=True)
     tell_warnings(modes)
     structure = modes.equilibrium.model.structure
@@ -260,7 +260,7 @@ def chosen_modes(plant: Plant, text: str) -> tuple[str, ...]:
     return within
 
 
-def all_plants(gathered: Gathered, law: Law, tried: Tried) -> dict[str, Plant]:
+def all_plants(gathered: Gathered, law: Law, tried: TypedPlants) -> dict[str, Plant]:
     """The plants as they are, with the shifts of ``--shift``, and in the cases of ``--sweep``.
 
     Raises `ConfigError` for ``--first-bending`` without a sweep.

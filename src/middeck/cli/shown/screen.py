@@ -14,7 +14,7 @@ WITHOUT = """
 may be off: estimated change of the frequency by the geometric stiffness that components lack"""
 
 
-class Table:
+class ScreenTable:
     """A titled table of texts; columns of numbers are set flush right."""
 
     def __init__(self, title: str, headers: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -35,7 +35,7 @@ def is_terminal(stream: TextIO) -> bool:
     return stream.isatty() and not plain
 
 
-def show(as_json: bool, document: Mapping[str, Any], *blocks: str | Table) -> None:
+def show(as_json: bool, document: Mapping[str, Any], *blocks: str | ScreenTable) -> None:
     """Print the result: ``document`` as JSON, or the ``blocks`` for people."""
     if as_json:
         from middeck.files.json.output import json_text
@@ -60,7 +60,7 @@ def _write(text: str) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def plain_table(table: Table) -> str:
+def plain_table(table: ScreenTable) -> str:
     """Aligned columns.
 
     >>> print(plain_table(Table("masses", ["node", "kg"], [["n1", "3.5"], ["n20", "12"]])))
@@ -81,7 +81,7 @@ def plain_table(table: Table) -> str:
     return "\n".join(["", table.title, *map(aligned, lines)])
 
 
-def _show_rich(blocks: Sequence[str | Table]) -> None:
+def _show_rich(blocks: Sequence[str | ScreenTable]) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table as RichTable
@@ -130,13 +130,13 @@ def rows_of(columns: Mapping[str, Any], *forms: str) -> list[list[str]]:
     return [cells(dict(zip(keys, row, strict=True)), *forms) for row in rows]
 
 
-def without_stiffness(table: Table, felt: Sequence[float]) -> Table:
+def without_stiffness(table: ScreenTable, felt: Sequence[float]) -> ScreenTable:
     """The table with a column of the relative change of each row's frequency, if any is felt (`WITHOUT`)."""
     if not any(felt):
         return table
     changes = [f"{100.0 * share:.2g} %" if share else "" for share in felt]
     rows = [[*row, change] for row, change in zip(table.rows, changes, strict=True)]
-    return Table(table.title, [*table.headers, "may be off"], rows)
+    return ScreenTable(table.title, [*table.headers, "may be off"], rows)
 
 
 def mode_rows(document: Mapping[str, Any]) -> list[list[str]]:

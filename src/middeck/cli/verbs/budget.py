@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.cli.shown.screen import ScreenTable, case_lines, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -27,7 +27,7 @@ EXAMPLES = """\
 @options.count
 @figures.figure
 @options.common
-def verb(case: options.Case, count: int, figure_file: str | None, as_json: bool) -> None:
+def verb(case: options.TypedSetup, count: int, figure_file: str | None, as_json: bool) -> None:
     """Frequency shift of each mode by each effect of gravity.
 
     Between orbit and an environment, three effects are switched on one at a time, in all six orders:
@@ -88,7 +88,7 @@ def describe(found: GravityBudget) -> dict[str, Any]:
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     spread = (document["range_hz"][:, :, 1] - document["range_hz"][:, :, 0]).max(axis=1)
     doubt = set(document["doubtful"])
     rows = [
@@ -103,7 +103,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     headers = ["", "0-g Hz", "1-g Hz", "shift", "susp.", "stiff.", "deform.", "order"]
     return [
         *case_lines(document),
-        Table("shares of the shift, Hz", headers, rows),
+        ScreenTable("shares of the shift, Hz", headers, rows),
         "\nsusp.: devices, springs to the ground; stiff.: internal forces, weight; deform.: sag."
         "\nShares are means over the six orders of switching and add up to the shift."
         "\norder: widest range of a share over the six orders",

@@ -9,7 +9,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def describe(refined: Refined, ranking: Ranking) -> dict[str, Any]:
     }
 
 
-def _blocks(document: dict[str, Any]) -> list[str | Table]:
+def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
     def percent(std: float) -> str:
         return f"{100.0 * std:.3g}"
 
@@ -105,12 +105,14 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     ]
     return [
         f"widest: {w['name']} in {w['where']}, {w['value']:.5g} {w['unit']} +- {percent(w['std'])} %",
-        Table(
+        ScreenTable(
             "candidates",
             ["", "test", "after +- [%]", "ratio", "median ratio", "widest after the test"],
             tests,
         ),
-        Table(f"promised, and after {best['name']}", ["in", "of", "value", "+- [%]", "after +- [%]"], rows),
+        ScreenTable(
+            f"promised, and after {best['name']}", ["in", "of", "value", "+- [%]", "after +- [%]"], rows
+        ),
     ]
 
 

@@ -59,7 +59,9 @@ def verb(
         structure, surroundings = load_structure(files[0], overrides), None
         structure, _ = apply_case(structure, md.Environment.orbit(), load_case, *files)
     else:
-        structure, surroundings, *files = read_case(options.Case(article, environment, overrides, load_case))
+        structure, surroundings, *files = read_case(
+            options.TypedSetup(article, environment, overrides, load_case)
+        )
     with reading(*files):
         summary = summarise(structure)
         check_links(mesh_structure(structure))

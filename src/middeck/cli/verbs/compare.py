@@ -9,7 +9,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import WITHOUT, Table, show, without_stiffness
+from middeck.cli.shown.screen import WITHOUT, ScreenTable, show, without_stiffness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +33,9 @@ environment have not quite unit modal mass: values slightly above 1 are possible
 @figures.shapes
 @figures.up
 @options.common
-def verb(case: options.Case, count: int, figure_file: str | None, up: str | None, as_json: bool) -> None:
+def verb(
+    case: options.TypedSetup, count: int, figure_file: str | None, up: str | None, as_json: bool
+) -> None:
     """Compare modes of ARTICLE in orbit and in an environment.
 
     Prints pairs of flexible modes with frequency ratio, cross-orthogonality and MAC, and the angles between
@@ -91,7 +93,7 @@ def _without_flexible(comparison: ModeComparison) -> Iterator[str]:
             yield f"none of the {len(lowest)} lowest modes in {title} is flexible: increase --count{budget}"
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     orbit, lab, environment = document["orbit"], document["lab"], document["environment"]
     cost = document["left_out_stiffness"]
     lists = [
@@ -114,7 +116,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     titles = ["orbit", "Hz", environment, "Hz", "ratio", "cross-orthogonality", "MAC", "name in orbit"]
     felt = [cost[j] for _, j in document["pairs"]]
     angles = ", ".join(f"{a:.3f}" for a in document["subspace_angle_deg"]) or "none"
-    tables = [*lists, without_stiffness(Table("pairs of flexible modes", titles, pairs), felt)]
+    tables = [*lists, without_stiffness(ScreenTable("pairs of flexible modes", titles, pairs), felt)]
     return [
         f"article      {document['article']}",
         f"compared     orbit: free, no gravity; {_held(document)}",
@@ -127,11 +129,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
 
 
-def _others(title: str, side: dict[str, Any], cost: Sequence[float]) -> Table:
+def _others(title: str, side: dict[str, Any], cost: Sequence[float]) -> ScreenTable:
     """The modes of one side that are not flexible, each with its number."""
     others = [i for i, kind in enumerate(side["kind"]) if kind != "flexible"]
     rows = [[f"{i}", f"{side['frequency_hz'][i]:.5f}", side["kind"][i], side["name"][i]] for i in others]
-    table = Table(title, ["", "frequency Hz", "kind", "name"], rows)
+    table = ScreenTable(title, ["", "frequency Hz", "kind", "name"], rows)
     return without_stiffness(table, [cost[i] for i in others])
 
 
@@ -146,7 +148,7 @@ def _held(document: dict[str, Any]) -> str:
     return f"{document['environment']}: {clamps}, {weight}{kept}"
 
 
-def _unpaired(document: dict[str, Any]) -> list[Table]:
+def _unpaired(document: dict[str, Any]) -> list[ScreenTable]:
     """Flexible modes of either side that no pair has."""
     rows = [
         [title, str(i), f"{document[side]['frequency_hz'][i]:.5f}", document[side]["name"][i]]
@@ -154,4 +156,4 @@ def _unpaired(document: dict[str, Any]) -> list[Table]:
         for i in document["unpaired"][side]
     ]
     title = "flexible modes without a partner among those compared"
-    return [Table(title, ["in", "mode", "frequency Hz", "name"], rows)] if rows else []
+    return [ScreenTable(title, ["in", "mode", "frequency Hz", "name"], rows)] if rows else []

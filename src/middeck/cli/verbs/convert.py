@@ -13,7 +13,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -272,8 +272,8 @@ def _written(
     return summary
 
 
-def _blocks(document: dict[str, Any]) -> list[str | Table]:
-    blocks: list[str | Table] = [
+def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
+    blocks: list[str | ScreenTable] = [
         f"deck         {document['deck']}, {document['cards']} cards",
         f"units        {document['units']['name']}",
         f"mass         {document['mass_formulation']} (of the members)",
@@ -281,10 +281,10 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         "damping      {flexible:.0%} of strain, {suspension:.0%} of suspension and weight: defaults, which "
         "[damping] of the article replaces".format(**document["damping"]),
         f"read         {', '.join(f'{n} {card}' for card, n in document['read'].items())}",
-        Table("converted", ["", "number"], [[c, str(n)] for c, n in document["converted"].items()]),
+        ScreenTable("converted", ["", "number"], [[c, str(n)] for c, n in document["converted"].items()]),
     ]
     rows = [[row["card"], str(row["count"]), row["why"]] for row in document["left_out"]]
-    blocks += [Table("left out", ["card", "number", "why"], rows)] if rows else []
+    blocks += [ScreenTable("left out", ["card", "number", "why"], rows)] if rows else []
     blocks += [f"\nnote: {note}" for note in document["notes"]]
     written = [file for file in (document["written"], document["environment"]) if file]
     blocks += [f"\nwrote {' and '.join(written)}" if written else "\nnothing written: no -o"]

@@ -10,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.cli.shown.screen import ScreenTable, case_lines, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -82,7 +82,7 @@ clamped nodes belongs to no mode, so that the sum is then below 100 %."""
 @figures.shapes
 @options.common
 def verb(
-    case: options.Case,
+    case: options.TypedSetup,
     test: str,
     profile: str,
     limits: tuple[tuple[str, float], ...],
@@ -257,7 +257,7 @@ def _judged(criterion: dict[str, Any], key: str) -> list[str]:
     return [f"{worst:.4f}", "yes" if met else "NO"]
 
 
-def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
+def _frequency_tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     keys = ("model_index", "test_index", "measured_hz", "frequency_hz", "frequency_error", "name")
     damping, cells = _damping_columns(document)
     rows = [
@@ -287,8 +287,8 @@ def _frequency_tables(document: dict[str, Any]) -> list[str | Table]:
         *_source(document),
         f"profile      {document['profile']}: {document['profile_title']}",
         f"verdict      {document['verdict']}{': see the warnings' * (document['verdict'] == 'open')}",
-        Table("pairs by frequency alone", headers, rows),
-        Table("criteria on frequencies", ["criterion", "limit", "worst", "met"], judged),
+        ScreenTable("pairs by frequency alone", headers, rows),
+        ScreenTable("criteria on frequencies", ["criterion", "limit", "worst", "met"], judged),
     ]
 
 
@@ -310,7 +310,7 @@ def _criterion(finding: Finding) -> dict[str, Any]:
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     from middeck.structure.model.connectivity import some_names
 
     overall = document["probability_of_a_correct_model"]
@@ -328,7 +328,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"a correct model would pass with probability {_interval(overall)} in {overall['runs']} runs",
         _pairs(document),
         PAIRS_NOTE,
-        Table(
+        ScreenTable(
             "criteria",
             ["criterion", "limit", "worst", "met", "P(correct model meets it)", "its worst, 5 to 95 %"],
             [_criterion_row(c) for c in criteria],
@@ -336,7 +336,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         *marks,
         _effective(document),
         EFFECTIVE_NOTE,
-        Table("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest]),
+        ScreenTable("lowest COMAC", ["channel", "COMAC"], [[name, f"{value:.4f}"] for name, value in lowest]),
         *([f"at rest, in the model and within the noise of the test: {some_names(at_rest)}"] * bool(at_rest)),
     ]
 
@@ -354,7 +354,7 @@ def _interval(p: dict[str, Any]) -> str:
     return f"{p['value']:.3f} ({p['low_95']:.3f} to {p['high_95']:.3f})"
 
 
-def _pairs(document: dict[str, Any]) -> Table:
+def _pairs(document: dict[str, Any]) -> ScreenTable:
     from middeck.structure.correlation.assurance import largest_other
 
     cross, themselves = document["cross_orthogonality"], document["self_orthogonality"]
@@ -378,7 +378,7 @@ def _pairs(document: dict[str, Any]) -> Table:
     ]
     headers = ["test", "model", "test Hz", "model Hz", "error %", *damping]
     headers += ["MAC", "cross", "off", "self off", "name"]
-    return Table("pairs", headers, rows)
+    return ScreenTable("pairs", headers, rows)
 
 
 def _criterion_row(c: dict[str, Any]) -> list[str]:
@@ -394,7 +394,7 @@ def _criterion_row(c: dict[str, Any]) -> list[str]:
     ]
 
 
-def _effective(document: dict[str, Any]) -> Table:
+def _effective(document: dict[str, Any]) -> ScreenTable:
     rows = [
         [name, *(f"{100.0 * part:.2f}" for part in parts)]
         for name, parts in zip(
@@ -403,4 +403,4 @@ def _effective(document: dict[str, Any]) -> Table:
             strict=True,
         )
     ]
-    return Table("effective mass, % of the rigid article", ["", "x", "y", "z", "rx", "ry", "rz"], rows)
+    return ScreenTable("effective mass, % of the rigid article", ["", "x", "y", "z", "rx", "ry", "rz"], rows)

@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, number, rows_of, show
+from middeck.cli.shown.screen import ScreenTable, number, rows_of, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def verb(
         from middeck.cli.given.cases import solve_case
         from middeck.cli.given.design_plants import article_plant
 
-        case = options.Case(sources[0], environment, overrides, load_case)
+        case = options.TypedSetup(sources[0], environment, overrides, load_case)
         modes = solve_case(case, count, standstill=True)
         with reading(sources[0]):
             plant, band_hz = article_plant(modes, count, wanted)
@@ -248,7 +248,7 @@ def _rigid_below(plant: md.Plant, low_hz: float) -> list[str]:
     ]
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     low, high = document["band_hz"]
     rows = [
         [name, *(number(document[k][name], ".4e") for k in ("rms_open", "rms_closed")), number(db, ".2f")]
@@ -261,6 +261,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"loop         {stable}, log10 authority {document['log10_authority']:g}",
         f"compensator  {document['order']} states, {law}, for a plant of {document['plant_order']}",
         f"from         {', '.join(document['measure'])} to {', '.join(document['control'])}",
-        Table(f"rms in {low:g}-{high:g} Hz", ["output", "open", "closed", "dB"], rows),
-        Table("poles of the loop", ["Hz", "damping"], rows_of(document, "frequency_hz:.5f", "damping:.5f")),
+        ScreenTable(f"rms in {low:g}-{high:g} Hz", ["output", "open", "closed", "dB"], rows),
+        ScreenTable(
+            "poles of the loop", ["Hz", "damping"], rows_of(document, "frequency_hz:.5f", "damping:.5f")
+        ),
     ]

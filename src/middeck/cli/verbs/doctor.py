@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def verb(
     show(as_json, document, *_blocks(report))
 
 
-def _blocks(report: TimingReport) -> list[str | Table]:
+def _blocks(report: TimingReport) -> list[str | ScreenTable]:
     late, step = (report.late_s, report.floor_late_s), (report.step_s, report.floor_step_s)
     rows = []
     for name, (found, floor) in (("late", late), ("step", step)):
@@ -82,7 +82,7 @@ def _blocks(report: TimingReport) -> list[str | Table]:
         + (f"; tripped: {', '.join(report.trips)}" if report.trips else ""),
         f"law          {report.operations} operations, {report.bytes / 1000:.1f} kB of numbers; "
         f"{rate:.2f} Gflop/s with reading, writing and the engine's tests",
-        Table("microseconds", ["", "50 %", "99 %", "99.9 %", "most"], rows),
+        ScreenTable("microseconds", ["", "50 %", "99 %", "99.9 %", "most"], rows),
     ]
 
 

@@ -10,13 +10,13 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.cli.given.checked_options import FitSettings
-    from middeck.identification.uncertainty.fit_drift import Drift
+    from middeck.identification.uncertainty.fit_drift import FitChanges
     from middeck.identification.uncertainty.response_drift import ResponseDrift
 
 EXAMPLES = """\
@@ -140,7 +140,7 @@ def _compare_lines(
 
 
 def describe(
-    before: str, after: str, found: Drift, lines: ResponseDrift | None, warnings: Any
+    before: str, after: str, found: FitChanges, lines: ResponseDrift | None, warnings: Any
 ) -> dict[str, Any]:
     """The JSON document; ``lines`` is None where nothing says how uncertain the responses are."""
     return {
@@ -160,7 +160,7 @@ def describe(
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     modes = [
         [
             *(f"{f:.5f}" for f in m.frequency_hz),
@@ -174,7 +174,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         for m in document["modes"]
     ]
     headers = ["Hz before", "after", "change", "+-", "damping", "after", "change", "+-"]
-    return [*_verdict(document), Table("modes", [*headers, "p pole", "p constants", ""], modes)]
+    return [*_verdict(document), ScreenTable("modes", [*headers, "p pole", "p constants", ""], modes)]
 
 
 def _verdict(document: dict[str, Any]) -> list[str]:

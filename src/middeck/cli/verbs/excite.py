@@ -8,7 +8,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, rows_of, show
+from middeck.cli.shown.screen import ScreenTable, rows_of, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -137,7 +137,7 @@ def _accuracy(expected: ExpectedAccuracy) -> dict[str, Any]:
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     unit = f"[{document['unit']}]"
     rows = [
         [str(i + 1), *(f"{document[key][i]:.4g}" for key in ("rms", "peak", "crest_factor", "slew"))]
@@ -146,10 +146,10 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     many = "" if document["periods"] == 1 else "s"
     head = f"{document['experiments']} x {document['periods']} period{many} of {document['period_s']:g} s: "
     head += f"{document['duration_s']:g} s"
-    blocks: list[str | Table] = [
+    blocks: list[str | ScreenTable] = [
         document["what"],
         head,
-        Table(
+        ScreenTable(
             "inputs", ["input", f"rms {unit}", f"peak {unit}", "crest", f"slew [{document['unit']}/s]"], rows
         ),
     ]
@@ -161,7 +161,9 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
             for name, error in expected["error"].items()
         ]
         blocks += [
-            Table("expected of a fit", ["mode Hz", "+- Hz", "damping", "+-"], rows_of(expected, *forms)),
-            Table("expected of outputs", ["output", "delay +- ms", "error of response"], outputs),
+            ScreenTable(
+                "expected of a fit", ["mode Hz", "+- Hz", "damping", "+-"], rows_of(expected, *forms)
+            ),
+            ScreenTable("expected of outputs", ["output", "delay +- ms", "error of response"], outputs),
         ]
     return blocks

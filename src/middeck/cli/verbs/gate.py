@@ -11,7 +11,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -125,7 +125,7 @@ EXAMPLES = """\
 @options.common
 def verb(
     package_file: str,
-    tried: options.Tried,
+    tried: options.TypedPlants,
     verdict_file: str | None,
     log_file: str | None,
     blacklist_file: str | None,
@@ -191,7 +191,9 @@ def _trials(given: dict[str, Any]) -> GateTrials | None:
 
 
 def _plants(
-    tried: options.Tried, packages: list[md.ControllerPackage], paths: tuple[tuple[str, str, float], ...]
+    tried: options.TypedPlants,
+    packages: list[md.ControllerPackage],
+    paths: tuple[tuple[str, str, float], ...],
 ) -> tuple[Gathered, dict[str, md.Plant]]:
     """What was named, and its plants, shifted ones too, none of which may have the loops that are closed."""
     from middeck.cli.given.plants_to_try import all_plants, also_held, gather_plants
@@ -293,12 +295,12 @@ def describe(verdict: GateVerdict, margins: Any, trials: Any) -> dict[str, Any]:
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     rows = [[step.name, "yes" if step.passed else "NO", step.said] for step in document["steps"]]
     left_out = [f"left out     {', '.join(document['left_out'])}"] if document["left_out"] else []
     return [
         f"package      {document['name']}, SHA-256 {document['package']}",
         f"verdict      {'passed' if document['passed'] else 'REFUSED'}, models: {len(document['models'])}",
         *left_out,
-        Table("steps", ["step", "passed", "what was found"], rows),
+        ScreenTable("steps", ["step", "passed", "what was found"], rows),
     ]

@@ -10,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, number, show
+from middeck.cli.shown.screen import ScreenTable, number, show
 from middeck.errors import ConfigError, DataError
 
 EXAMPLES = """\
@@ -41,7 +41,7 @@ def _each(flag: str, name: str, help: str) -> Any:
     "--output",
     "target",
     metavar="FILE.mdk|json|c|h",
-    cls=options.Target,
+    cls=options.OutputOption,
     callback=_writable,
     help="Write the package, its JSON twin, its C source with the header, or the header; may be repeated.",
 )
@@ -184,7 +184,7 @@ def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     stable = "UNSTABLE by itself, declared" if document["unstable"] else "stable"
     sees = "the torque really applied" if document["applied"] else "the torque asked for"
     ranges = zip(document["inputs"], document["input_range"], strict=True)
@@ -200,8 +200,10 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"tested by    {document['samples']} samples, to the last bit",
         *(["overflow     " + NONE] if document["error_bound"] is not None else []),
         *(["error bound  " + OWN] if document["error_bound_own"] else []),
-        Table("inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r, "g")] for p, r in ranges]),
-        Table(
+        ScreenTable(
+            "inputs", ["input", "unit", "range"], [[p.name, p.unit, number(r, "g")] for p, r in ranges]
+        ),
+        ScreenTable(
             "outputs",
             ["output", "unit", "from", "to", "slew a sample", "error of single"],
             [[p.name, p.unit, *(number(x, "g") for x in numbers)] for p, *numbers in outputs],

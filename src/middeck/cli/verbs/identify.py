@@ -9,7 +9,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, delay_cells, deviation_words, mode_rows, show
+from middeck.cli.shown.screen import ScreenTable, delay_cells, deviation_words, mode_rows, show
 from middeck.errors import NumericalError
 from middeck.study.words import fields
 
@@ -260,7 +260,7 @@ def _zeros(model: md.MeasurementModel) -> list[dict[str, Any]]:
     return found
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     held_out = document["held_out_nrmse"] or {}
     outputs = [
         [port.name, port.unit]
@@ -279,15 +279,15 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"{document['states']} states, {kind}, fitted to {fitted} in {low:g}-{high:g} Hz",
         f"order: {document['order_reason']}",
         *_hold(document["hold_s"]),
-        Table("poles", ["Hz", "+-", "damping", "+-", ""], mode_rows(document)),
+        ScreenTable("poles", ["Hz", "+-", "damping", "+-", ""], mode_rows(document)),
         *_no_modes(document),
         *_friction_table(document["friction"]),
-        Table("outputs", heads, outputs),
-        Table("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
+        ScreenTable("outputs", heads, outputs),
+        ScreenTable("zeros of the paths", ["output", "input", "Hz", ""], _zero_rows(document)),
     ]
 
 
-def _friction_table(found: dict[str, Any] | None) -> list[str | Table]:
+def _friction_table(found: dict[str, Any] | None) -> list[str | ScreenTable]:
     if found is None:
         return []
     keys = ("input", "slip_torque", "slip_torque_std", "slip_angle", "slip_angle_std")
@@ -296,7 +296,7 @@ def _friction_table(found: dict[str, Any] | None) -> list[str | Table]:
         for name, T, dT, a, da in zip(*(found[k] for k in keys), strict=True)
     ]
     return [
-        Table("friction, taken out", ["joint", "slips at N m", "+-", "gives rad", "+-"], rows),
+        ScreenTable("friction, taken out", ["joint", "slips at N m", "+-", "gives rad", "+-"], rows),
         f"experiments differ by {found['variance_before']:.3g} times the noise before and by "
         f"{found['variance_after']:.3g} after",
     ]

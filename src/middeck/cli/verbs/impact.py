@@ -9,7 +9,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, cells, delay_cells, mode_rows, show
+from middeck.cli.shown.screen import ScreenTable, cells, delay_cells, mode_rows, show
 
 if TYPE_CHECKING:
     from middeck.identification.impact.averaged_blows import ImpactTest
@@ -134,7 +134,7 @@ def describe(test: ImpactTest, fit: md.identification.FitResult) -> dict[str, An
     }
 
 
-def _blocks(document: dict[str, Any]) -> list[str | Table]:
+def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
     keys = ("experiment", "struck_s:.4g", "block_s:.3g", "peak:.4g", "rejected")
     blows = [cells(blow, *keys) for blow in document["blows"]]
     outputs = [
@@ -144,10 +144,10 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
     low, high = document["band_hz"]
     window = document["window_s"]
     return [
-        Table("blows", ["experiment", "s", "block s", "peak", "rejected"], blows),
+        ScreenTable("blows", ["experiment", "s", "block s", "peak", "rejected"], blows),
         f"band {low:.4g}-{high:.4g} Hz; exponential window of the average: "
         + ("none" if window is None else f"time constant {window:.4g} s"),
         f"order: {document['order_reason']}",
-        Table("modes", ["Hz", "+-", "damping", "+-", ""], mode_rows(document)),
-        Table("outputs", ["output", "coherence", "delay ms", "+-", "", "error of fit"], outputs),
+        ScreenTable("modes", ["Hz", "+-", "damping", "+-", ""], mode_rows(document)),
+        ScreenTable("outputs", ["output", "coherence", "delay ms", "+-", "", "error of fit"], outputs),
     ]

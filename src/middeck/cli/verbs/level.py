@@ -9,7 +9,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.cli.shown.screen import ScreenTable, case_lines, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ EXAMPLES = """\
 @figures.figure
 @options.common
 def verb(
-    case: options.Case,
+    case: options.TypedSetup,
     offsets: tuple[str, ...],
     about: tuple[str, ...],
     node: str | None,
@@ -122,7 +122,7 @@ def describe(found: Levelling, keys: dict[str, str]) -> dict[str, Any]:
     }
 
 
-def _blocks(document: dict[str, Any]) -> list[str | Table]:
+def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
     from middeck.cli.shown.mass_and_attitude import attitude_lines
 
     rows = [[name, f"{1e3 * by:+z.3f}"] for name, by in document["change_m"].items()]
@@ -131,7 +131,7 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         *case_lines(document),
         *attitude_lines(document["before"], "before"),
         *attitude_lines(document["after"], "after"),
-        Table("moved", ["attach point", "mm"], rows),
+        ScreenTable("moved", ["attach point", "mm"], rows),
         "",
         "new offsets, for the article's file or for --set",
         *keys,

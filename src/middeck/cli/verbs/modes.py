@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -9,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import WITHOUT, Table, case_lines, show, without_stiffness
+from middeck.cli.shown.screen import WITHOUT, ScreenTable, case_lines, show, without_stiffness
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -44,7 +45,7 @@ SETTLED = "nothing"  # a hinge, which is a sprung joint without stiffness
 )
 @options.common
 def verb(
-    case: options.Case,
+    case: options.TypedSetup,
     count: int,
     figure_file: str | None,
     up: str | None,
@@ -123,7 +124,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
         "left_out_stiffness": felt_stiffness(rest, modes.omega**2, modes.shapes)[:count],
         "mode_residual": modes.residual[:count],
         "equilibrium_residual": rest.residual,
-        "imbalance": rest_imbalance(rest)._asdict(),
+        "imbalance": dataclasses.asdict(rest_imbalance(rest)),
         "gravity_m_s2": float(np.linalg.norm(environment.gravity)),
         **rest_numbers(rest),
         "node_shift_m": node_shifts(rest),
@@ -183,9 +184,9 @@ def _damping(modes: md.Modes, count: int) -> tuple[list[float | None], tuple[str
     return found.zeta.tolist(), found.warnings
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     still = document.get("standstill", document)
-    blocks: list[str | Table] = [
+    blocks: list[str | ScreenTable] = [
         *case_lines(document),
         f"residual     {_imbalance(document)}",
         *_whirl_blocks(document),
@@ -199,7 +200,7 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         keys = ("reactions_n", "tension_n", "stiffness_n_per_m")
         rows = [[a, *(f"{document[k][a]:z.4f}" for k in keys)] for a in document["reactions_n"]]
         headers = ["device", "load N", "tension N", "stiffness N/m"]
-        blocks.append(Table("suspension", headers, rows))
+        blocks.append(ScreenTable("suspension", headers, rows))
     if document["support_reactions"]:
         rows = [
             [r["at"], *(f"{f:z.4f}" for f in (*r["force_n"], *r["moment_nm"]))]
@@ -222,8 +223,8 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
     return [
         *blocks,
-        *([Table("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
-        *([Table("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
+        *([ScreenTable("holding torque", ["joint", "N m", "held by"], torques)] if torques else []),
+        *([ScreenTable("holding force", ["slide", "N", "travel mm", "held by"], forces)] if forces else []),
         *_if_any(
             "displacement and rotation vector of the nodes at rest, world axes",
             ["node", "x mm", "y mm", "z mm", "x deg", "y deg", "z deg"],
@@ -233,20 +234,20 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
     ]
 
 
-def _if_any(title: str, headers: list[str], rows: list[list[str]], none: str) -> list[str | Table]:
+def _if_any(title: str, headers: list[str], rows: list[list[str]], none: str) -> list[str | ScreenTable]:
     """The table, or a sentence where all its numbers are zero."""
     some = any(float(cell) != 0.0 for row in rows for cell in row[1:])
-    return [Table(title, headers, rows) if some else f"\n{title}: {none}"]
+    return [ScreenTable(title, headers, rows) if some else f"\n{title}: {none}"]
 
 
-def _whirl_blocks(document: dict[str, Any]) -> list[str | Table]:
+def _whirl_blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
     """The modes at the wheels' speeds, if they spin."""
     if "standstill" not in document:
         return []
     headers, *rows = _whirl_rows(document)
     speeds = ", ".join(f"{name} {rpm:g}" for name, rpm in document["wheel_speed_rpm"].items())
     return [
-        Table(f"modes with the wheels at their speeds, in rpm: {speeds}", ["", *headers[1:]], rows),
+        ScreenTable(f"modes with the wheels at their speeds, in rpm: {speeds}", ["", *headers[1:]], rows),
         "\nwhirl: change of the frequency in per cent for 1 % more speed of all wheels;"
         "\nforward: with the spin. Below, the same article with its wheels at standstill",
     ]
@@ -261,24 +262,24 @@ def _whirl_rows(document: dict[str, Any]) -> list[list[str]]:
     )]  # fmt: skip
 
 
-def _modes_table(document: dict[str, Any]) -> Table:
+def _modes_table(document: dict[str, Any]) -> ScreenTable:
     keys = ("frequency_hz", "damping", "kind", "name", "rigid_share", "strain_share")
     rows = [
         [str(i), f"{f:.5f}", "" if z is None else f"{100.0 * z:.3f}", k, n, f"{r:.1%}", f"{s:.1%}"]
         for i, (f, z, k, n, r, s) in enumerate(zip(*(document[key] for key in keys), strict=True))
     ]
-    table = Table("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows)
+    table = ScreenTable("modes", ["", "frequency Hz", "damping %", "kind", "name", "rigid", "strain"], rows)
     return without_stiffness(table, document["left_out_stiffness"])
 
 
-def _parts_table(document: dict[str, Any]) -> Table:
+def _parts_table(document: dict[str, Any]) -> ScreenTable:
     """Apart from the modes: together they are too wide for a terminal."""
     rows = [
         [str(i), f"{f:.5f}", most["part"], f"{most['share']:.1%}"]
         for i, (f, most) in enumerate(zip(document["frequency_hz"], document["most_strained"], strict=True))
         if most is not None
     ]
-    return Table(
+    return ScreenTable(
         "largest share of the article's own strain energy", ["", "frequency Hz", "part", "share"], rows
     )
 

@@ -7,7 +7,7 @@ import click
 
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, cells, number, show
+from middeck.cli.shown.screen import ScreenTable, cells, number, show
 from middeck.errors import ConfigError
 
 EXAMPLES = """\
@@ -74,7 +74,7 @@ def _compare(
     show(as_json, document, *_blocks(document, target))
 
 
-def _scores(document: dict[str, Any]) -> list[str | Table]:
+def _scores(document: dict[str, Any]) -> list[str | ScreenTable]:
     scored = {**document["by_kind"], "all": document["score"]}
     rows = [
         [
@@ -87,10 +87,10 @@ def _scores(document: dict[str, Any]) -> list[str | Table]:
         for kind, s in scored.items()
     ]
     headers = ["quantity", "count", "inside [%]", "95 % interval", "Brier score", "pessimism [dB]", "lost"]
-    return [Table(f"score of {len(document['comparisons'])} comparisons", headers, rows)]
+    return [ScreenTable(f"score of {len(document['comparisons'])} comparisons", headers, rows)]
 
 
-def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
+def _blocks(document: dict[str, Any], target: str | None) -> list[str | ScreenTable]:
     rows = [
         [
             f"{v['name']}, {v['mode']}" if v["kind"] == "mode" else v["name"],
@@ -114,7 +114,12 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | Table]:
     remarks = (
         ["", "remarks", *(f"  {remark}" for remark in document["remarks"])] if document["remarks"] else []
     )
-    return [*said, Table("outcomes", headers, rows), *remarks, *(["", f"wrote {target}"] if target else [])]
+    return [
+        *said,
+        ScreenTable("outcomes", headers, rows),
+        *remarks,
+        *(["", f"wrote {target}"] if target else []),
+    ]
 
 
 def _pairing(verdict: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -49,7 +49,7 @@ RULES = ("kept", "retuned")  # as in structure/gravity/gravity_levels.py, which 
 @figures.figure
 @options.common
 def verb(
-    case: options.Case,
+    case: options.TypedSetup,
     count: int,
     through: tuple[str, ...] | None,
     tilt: tuple[float, ...] | None,
@@ -136,7 +136,7 @@ def describe(found: GravityPath) -> dict[str, Any]:
     }
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     stations = list(document["reached"])
     headers = [document["places"][k]["name"] for k in range(len(stations))]
     if stations and stations[-1] != len(document["s"]) - 1:
@@ -148,12 +148,12 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
          *(f"{document['frequency_hz'][p, b]:.5f}{'~' if exchanged[p, b] else ' '}" for p in stations)]
         for b, (name, kind) in enumerate(zip(document["name"], document["kind"], strict=True))
     ]  # fmt: skip
-    blocks: list[str | Table] = [
+    blocks: list[str | ScreenTable] = [
         f"article      {document['article']}",
         f"environment  {document['environment']}, devices: {document['devices']}",
     ]
     if rows:
-        blocks.append(Table("frequencies, Hz", ["branch", "kind", *headers], rows))
+        blocks.append(ScreenTable("frequencies, Hz", ["branch", "kind", *headers], rows))
         blocks += _notes(document, stations)
     events = [f"  {e['sentence']}" for e in document["events"]]
     return [

@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, number, show
+from middeck.cli.shown.screen import ScreenTable, number, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -167,8 +167,8 @@ def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
     return loads_document(refined, asked.environment_name, deflections, modes, files=files, date=day)
 
 
-def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
-    blocks: list[str | Table] = []
+def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | ScreenTable]:
+    blocks: list[str | ScreenTable] = []
     for place in document["environments"]:
         blocks += [_modes(place)] if place["modes"] else []
         blocks += [_removed(place)] if "removed" in place else []
@@ -180,7 +180,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
     return [*blocks, f"sha256 {document['sha256']}", *([f"wrote {target}"] if target else [])]
 
 
-def _modes(place: dict[str, Any]) -> Table:
+def _modes(place: dict[str, Any]) -> ScreenTable:
     rows = [
         [
             str(k),
@@ -196,10 +196,10 @@ def _modes(place: dict[str, Any]) -> Table:
     ]
     headers = ["", "mode", "frequency [Hz]", "95 % interval [Hz]", "damping [%]", "measured [%]",
                "on the ground [Hz]", "change from the ground [%]"]  # fmt: skip
-    return Table(f"promised in {place['name']}: modes", headers, rows)
+    return ScreenTable(f"promised in {place['name']}: modes", headers, rows)
 
 
-def _removed(place: dict[str, Any]) -> Table:
+def _removed(place: dict[str, Any]) -> ScreenTable:
     """Contributions of gravity to each frequency on the ground; * where they cannot be separated."""
     removed = place["removed"]
     rows = [
@@ -210,10 +210,10 @@ def _removed(place: dict[str, Any]) -> Table:
         for k, (mode, shares) in enumerate(zip(place["modes"], removed["share_hz"], strict=True), start=1)
     ]
     title = f"promised in {place['name']}: effects on the ground, in survey {removed['survey']} [Hz]"
-    return Table(title, ["mode", *removed["effects"], "together"], rows)
+    return ScreenTable(title, ["mode", *removed["effects"], "together"], rows)
 
 
-def _readings(place: dict[str, Any]) -> Table:
+def _readings(place: dict[str, Any]) -> ScreenTable:
     rows = [
         [
             case["name"],
@@ -227,10 +227,10 @@ def _readings(place: dict[str, Any]) -> Table:
         for r in case["readings"]
     ]
     headers = ["load case", "gauge", "reading", "95 % interval", "unit", "strained as in the tests [%]"]
-    return Table(f"promised in {place['name']}: readings", headers, rows)
+    return ScreenTable(f"promised in {place['name']}: readings", headers, rows)
 
 
-def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
+def _loops(place: dict[str, Any], document: dict[str, Any]) -> ScreenTable:
     at = {share: k for k, share in enumerate(document["shares"])}
 
     def level(db: Sequence[float | None], share: float) -> str:
@@ -254,10 +254,10 @@ def _loops(place: dict[str, Any], document: dict[str, Any]) -> Table:
     ]
     headers = ["compensator", "stable [%]", "at least", "median [dB]", "2.5 %", "97.5 %", "99 %",
                "worst above the bound [dB]", "unstable mode", "depends most on"]  # fmt: skip
-    return Table(f"promised in {place['name']}: {document['draws']} draws", headers, rows)
+    return ScreenTable(f"promised in {place['name']}: {document['draws']} draws", headers, rows)
 
 
-def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Table]:
+def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[ScreenTable]:
     """The cost of friction, where the plan states any."""
     if "friction" not in place:
         return []
@@ -273,10 +273,10 @@ def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Tabl
         rows.append([c["name"], *row, stable, moves])
     headers = ["compensator", "median [dB]", "without friction [dB]", "cost [dB]", "error of a draw [dB]",
                "stable while sticking [%]", "rms angle over slip angle"]  # fmt: skip
-    return [Table(f"promised in {place['name']}: friction of joints", headers, rows)]
+    return [ScreenTable(f"promised in {place['name']}: friction of joints", headers, rows)]
 
 
-def _sweep(place: dict[str, Any]) -> Table:
+def _sweep(place: dict[str, Any]) -> ScreenTable:
     """Which compensators hold the refined article with its modes shifted, and where they do not."""
     swept = place["sweep"]
     rows = [
@@ -288,7 +288,7 @@ def _sweep(place: dict[str, Any]) -> Table:
         f"promised in {place['name']}: sweep of {first:g} % on {', '.join(swept['first_bending']) or 'none'} "
         f"and {others:g} % on {len(swept['others'])} others"
     )
-    return Table(title, ["compensator", "stable", "unstable cases"], rows)
+    return ScreenTable(title, ["compensator", "stable", "unstable cases"], rows)
 
 
 def _few(lost: Sequence[str]) -> str:

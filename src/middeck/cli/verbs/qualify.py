@@ -10,7 +10,7 @@ import click
 
 import middeck as md
 from middeck.cli import figures, options
-from middeck.cli.shown.screen import Table, cells, show
+from middeck.cli.shown.screen import ScreenTable, cells, show
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ AT_MOST = ("db", "control_rms")
 @options.common
 def verb(
     law_file: str,
-    tried: options.Tried,
+    tried: options.TypedPlants,
     required: tuple[str, ...],
     figure_file: str | None,
     as_json: bool,
@@ -89,7 +89,7 @@ def verb(
 
 
 def _qualify(
-    law_file: str, tried: options.Tried, given: dict[str, Any]
+    law_file: str, tried: options.TypedPlants, given: dict[str, Any]
 ) -> tuple[Law, tuple[Qualified, ...], list[dict[str, Any]] | None, list[str]]:
     import numpy as np
 
@@ -194,7 +194,7 @@ def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
     return said
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     law, rows = document["law"], document["rows"]
     margins = ("gain_db:.2f", "phase_deg:.1f", "delay_ms:.3g")
     headers = ["plant", "setting", "stable", "pole Hz", "damping", "gain dB", "phase deg", "delay ms", "disk"]
@@ -221,13 +221,13 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
         f"compensator  {law['order']} states, {kind}{made}",
         f"from         {', '.join(law['reads'])} to {', '.join(law['drives'])}",
         f"stable       {document['stable']} of {len(rows)}",
-        Table("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], lines),
+        ScreenTable("least margins of the loops, and rms", [*headers, "rms dB", "rms", "control rms"], lines),
         *_limits(document["allowed_shift"]),
         *(["", *met, *failed] if document["requirements"] else []),
     ]
 
 
-def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
+def _limits(allowed: list[dict[str, Any]] | None) -> list[str | ScreenTable]:
     if allowed is None:
         return []
     keys = ("plant", "mode", "down_percent:.4g", "down_hz:.4g", "up_percent:.4g", "up_hz:.4g")
@@ -237,7 +237,7 @@ def _limits(allowed: list[dict[str, Any]] | None) -> list[str | Table]:
         if shift["down_percent"] is not None or shift["up_percent"] is not None
     ]
     rest = f"\n{len(allowed) - len(limited)} modes may shift by 20 % and more both ways, each alone"
-    table = Table(
+    table = ScreenTable(
         "shift of one mode at which the loop becomes unstable, and the frequency that then grows",
         ["plant", "mode", "down %", "at Hz", "up %", "at Hz"],
         limited,

@@ -12,14 +12,14 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, number, show
+from middeck.cli.shown.screen import ScreenTable, number, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
     from middeck.files.records import Columns
     from middeck.signals.excitation.recognition import Recognised
-    from middeck.signals.fault import Fault
+    from middeck.signals.fault import RecordFault
 
 EXAMPLES = """\
   middeck record data/cubespec-fsm/mirror-300mV-test.npz -o mirror.h5
@@ -98,7 +98,7 @@ def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | No
 
 def _read(
     files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
-) -> tuple[md.Record, Recognised | None, tuple[Fault, ...]]:
+) -> tuple[md.Record, Recognised | None, tuple[RecordFault, ...]]:
     from middeck.cli.work.fit_records import split_each
     from middeck.files.records import join_records, read_record
 
@@ -126,7 +126,7 @@ def _excitation(taken: md.Record) -> Recognised | None:
     return recognise_excitation(taken)
 
 
-def _transients(taken: md.Record, excitation: Recognised) -> tuple[Fault, ...]:
+def _transients(taken: md.Record, excitation: Recognised) -> tuple[RecordFault, ...]:
     """Transients of the periods that the inputs show, as --periods would judge them."""
     from middeck.signals.excitation.repetition import blocks_of
 
@@ -155,7 +155,9 @@ def _expected(reference: str, taken: md.Record) -> md.FrequencyResponse:
     return evaluate_model(model, lines)
 
 
-def describe(taken: md.Record, excitation: Recognised | None, faults: tuple[Fault, ...]) -> dict[str, Any]:
+def describe(
+    taken: md.Record, excitation: Recognised | None, faults: tuple[RecordFault, ...]
+) -> dict[str, Any]:
     """The JSON document."""
     experiments, periods, samples, _ = taken.u.shape
     sides = (("input", taken.inputs, taken.u), ("output", taken.outputs, taken.y))
@@ -215,8 +217,8 @@ def _runs(files: tuple[str, ...]) -> dict[str, Any]:
     return {"runs": [{"record": path, **fields(md.realtime.read_run(path), *keys)} for path in runs]}
 
 
-def _events(document: dict[str, Any]) -> list[str | Table]:
-    shown: list[str | Table] = []
+def _events(document: dict[str, Any]) -> list[str | ScreenTable]:
+    shown: list[str | ScreenTable] = []
     for run in document.get("runs", ()):
         rows = [
             [str(e.sample), "TRIP" if e.trips else "", e.kind, e.channel]
@@ -226,12 +228,12 @@ def _events(document: dict[str, Any]) -> list[str | Table]:
         clock = "real time" if run["real_time"] else "lockstep"
         shown += [
             f"{run['record']}: {clock}, started {run['start'] or 'at an unknown time'}",
-            Table("events", ["sample", "", "what", "channel", "value", "limit"], rows),
+            ScreenTable("events", ["sample", "", "what", "channel", "value", "limit"], rows),
         ]
     return shown
 
 
-def _blocks(document: dict[str, Any]) -> list[str | Table]:
+def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
     kind = "steady periods" if document["periodic"] else "run" if document["periods"] == 1 else "periods"
     size = f"{document['experiments']} x {document['periods']} {kind} of {document['samples']} samples"
     rows = [
@@ -247,13 +249,16 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         [f.severity, f.kind, f"{f.side} {f.channel}", number(f.experiment, "", ""), f.what]
         for f in document["faults"]
     ]
-    told = Table("faults", ["", "kind", "channel", "experiment", "what"], faults)
+    told = ScreenTable("faults", ["", "kind", "channel", "experiment", "what"], faults)
     hints = [f"  {h}" for h in dict.fromkeys(f"{f.kind}: {f.hint}" for f in document["faults"])]
     lines = [f"{size} at {document['sample_hz']:g} Hz, {document['duration_s']:.4g} s an experiment"]
     excitation = document["excitation"]
     if excitation is not None:
         lines.append(f"excited by: {excitation['what']}{_cut_by(excitation)}")
-    blocks: list[str | Table] = [*lines, Table("channels (rms and peak about the mean)", heads, rows)]
+    blocks: list[str | ScreenTable] = [
+        *lines,
+        ScreenTable("channels (rms and peak about the mean)", heads, rows),
+    ]
     blocks += _events(document)
     return [*blocks, told, "\n".join(["try:", *hints])] if faults else [*blocks, "no faults found"]
 

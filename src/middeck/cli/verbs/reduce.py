@@ -10,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 from middeck.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def describe(made: Reduced) -> dict[str, Any]:
     }
 
 
-def _blocks(document: dict[str, Any]) -> list[str | Table]:
+def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
     after = document["next_hz"]
     rows = [[str(i + 1), f"{f:.4f}"] for i, f in enumerate(document["fixed_hz"])]
     return [
@@ -135,6 +135,6 @@ def _blocks(document: dict[str, Any]) -> list[str | Table]:
         f"{document['residual_vectors']} residual vectors",
         f"omitted      modes from {after:.4f} Hz up" if after is not None else "omitted      nothing",
         f"mass         {document['mass_kg']:.6g} kg",
-        Table("modes with the boundary held", ["", "frequency Hz"], rows),
+        ScreenTable("modes with the boundary held", ["", "frequency Hz"], rows),
         *(f"wrote {file}" for file in document["written"]),
     ]

@@ -11,7 +11,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, cells, show
+from middeck.cli.shown.screen import ScreenTable, cells, show
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
@@ -155,10 +155,10 @@ def describe_choice(choice: Choice) -> dict[str, Any]:
     }
 
 
-def _choice_table(document: dict[str, Any]) -> Table:
+def _choice_table(document: dict[str, Any]) -> ScreenTable:
     rows = [cells(u, "name", "strength:.3g", "alignment:+.2f", "reason") for u in document["unknowns"]]
     headers = ["unknown", "moves by [deviations]", "with the error", "left out or merged?"]
-    return Table("what one prior deviation of each does to the surveys", headers, rows)
+    return ScreenTable("what one prior deviation of each does to the surveys", headers, rows)
 
 
 def _survey(refined: Refined, k: int) -> dict[str, Any]:
@@ -213,7 +213,7 @@ def _static(refined: Refined, k: int) -> dict[str, Any]:
     }
 
 
-def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Table]:
+def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | ScreenTable]:
     def change(u: dict[str, Any], x: float) -> str:
         return f"{x:+.4g}" if u["added"] else f"{100.0 * math.expm1(x):+.2f} %"
 
@@ -231,7 +231,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         for u in document["unknowns"]
     ]  # fmt: skip
     surveys = [
-        Table(
+        ScreenTable(
             f"survey {s['name']}",
             ["mode", "measured [Hz]", "error before [%]", "after [%]"],
             [
@@ -261,14 +261,14 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Tabl
         )
     ]
     return [
-        Table("unknowns", ["name", "before", "+-", "refined", "+-"], unknowns),
+        ScreenTable("unknowns", ["name", "before", "+-", "refined", "+-"], unknowns),
         "",
         *(block for table in surveys for block in (table, "")),
         *([_response_table(document["responses"]), ""] if document["responses"] else []),
         *(block for d in document["damping"] for block in (_damping_table(d), "")),
         *([_friction_table(document["friction"]), ""] if document["friction"] else []),
         *([_static_table(document["statics"]), ""] if document["statics"] else []),
-        Table(
+        ScreenTable(
             f"predicted in {document['environment']}",
             ["mode", "frequency [Hz]", "95 % interval [Hz]", "damping [%]", "seen on the ground [%]"],
             rows,
@@ -284,7 +284,7 @@ def _ratios(predicted: dict[str, Any]) -> list[str]:
     return found if known is None else [f"{z} +- {100.0 * s:.2f}" for z, s in zip(found, known, strict=True)]
 
 
-def _damping_table(damping: dict[str, Any]) -> Table:
+def _damping_table(damping: dict[str, Any]) -> ScreenTable:
     rows = [
         [name, *(f"{100.0 * ratio:.3f}" for ratio in ratios)]
         for name, *ratios in zip(
@@ -292,23 +292,23 @@ def _damping_table(damping: dict[str, Any]) -> Table:
         )
     ]
     headers = ["mode", "measured [%]", "+- [%]", "refined [%]"]
-    return Table(f"damping in survey {damping['survey']}", headers, rows)
+    return ScreenTable(f"damping in survey {damping['survey']}", headers, rows)
 
 
-def _friction_table(joints: Sequence[dict[str, Any]]) -> Table:
+def _friction_table(joints: Sequence[dict[str, Any]]) -> ScreenTable:
     keys = ("slip_torque_nm", "slip_torque_deviation_nm", "slip_angle_deg", "slip_angle_deviation_deg")
     rows = [cells(j, "joint", *(f"{key}:.3g" for key in keys)) for j in joints]
-    return Table("friction of joints", ["joint", "slips at [N m]", "+-", "after [deg]", "+-"], rows)
+    return ScreenTable("friction of joints", ["joint", "slips at [N m]", "+-", "after [deg]", "+-"], rows)
 
 
-def _response_table(responses: Sequence[dict[str, Any]]) -> Table:
+def _response_table(responses: Sequence[dict[str, Any]]) -> ScreenTable:
     keys = ("survey", "lines", "magnitude_db:.3g", "phase_deg:.3g", "miss:.2f")
     rows = [cells(r, *keys) for r in responses]
     headers = ["survey", "lines", "off by [dB rms]", "[deg rms]", "in deviations"]
-    return Table("responses of the refined article", headers, rows)
+    return ScreenTable("responses of the refined article", headers, rows)
 
 
-def _static_table(statics: Sequence[dict[str, Any]]) -> Table:
+def _static_table(statics: Sequence[dict[str, Any]]) -> ScreenTable:
     rows = [
         [t["name"], name, f"{seen:.5g} {unit}", f"{old:.5g}", f"{new:.5g}"]
         for t in statics
@@ -316,7 +316,7 @@ def _static_table(statics: Sequence[dict[str, Any]]) -> Table:
             t["gauge"], t["unit"], t["measured"], t["before"], t["value"], strict=True
         )
     ]
-    return Table("static tests", ["test", "gauge", "measured", "model before", "refined"], rows)
+    return ScreenTable("static tests", ["test", "gauge", "measured", "model before", "refined"], rows)
 
 
 def _without(document: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import figures, options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, case_lines, cells, show
+from middeck.cli.shown.screen import ScreenTable, case_lines, cells, show
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,7 +57,7 @@ EXAMPLES = """\
 @figures.figure
 @options.common
 def verb(
-    case: options.Case,
+    case: options.TypedSetup,
     inputs: tuple[str, ...],
     outputs: tuple[str, ...],
     frequency_hz: tuple[float, ...],
@@ -160,10 +160,10 @@ def _share(missing: float) -> str:
     return f"{missing:.1e}" if missing == missing else "-"
 
 
-def _tables(document: dict[str, Any]) -> list[str | Table]:
+def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
     import numpy as np
 
-    blocks: list[str | Table] = [*case_lines(document)]
+    blocks: list[str | ScreenTable] = [*case_lines(document)]
     for pair in document["responses"]:
         H = pair["re"] + 1j * pair["im"]
         rows = [
@@ -171,11 +171,11 @@ def _tables(document: dict[str, Any]) -> list[str | Table]:
             for f, h in zip(pair["frequency_hz"], H, strict=True)
         ]
         title = f"{pair['input']} to {pair['output']}, {pair['unit']}"
-        blocks.append(Table(title, ["Hz", "real", "imaginary", "magnitude", "phase deg"], rows))
+        blocks.append(ScreenTable(title, ["Hz", "real", "imaginary", "magnitude", "phase deg"], rows))
     if "static_gain" in document:
         gain = document["static_gain"]
         keys = ("input", "output", "full:.6e", "kept:.6e")
         rows = [[*cells(p, *keys), _share(p["missing"])] for p in gain["pairs"]]
         title = f"undamped gain at {gain['frequency_hz']:.3g} Hz, without and with the modes left out"
-        blocks.append(Table(title, ["from", "to", "all modes", "kept modes", "missing"], rows))
+        blocks.append(ScreenTable(title, ["from", "to", "all modes", "kept modes", "missing"], rows))
     return blocks

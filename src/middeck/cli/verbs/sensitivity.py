@@ -10,7 +10,7 @@ import click
 import middeck as md
 from middeck.cli import options
 from middeck.cli.shown.file_of_an_error import reading
-from middeck.cli.shown.screen import Table, case_lines, show
+from middeck.cli.shown.screen import ScreenTable, case_lines, show
 from middeck.errors import ConfigError
 from middeck.study.words import fields
 
@@ -52,7 +52,7 @@ SMALL = 5e-5  # of dlnf/dlnp: four decimals would say zero
 )
 @options.common
 def verb(
-    case: options.Case,
+    case: options.TypedSetup,
     patterns: tuple[str, ...],
     count: int,
     wanted: tuple[str, ...],
@@ -137,25 +137,25 @@ def describe(modes: md.Modes, found: FrequencySensitivities, rest: RestSensitivi
     }
 
 
-def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> list[str | Table]:
+def _tables(document: dict[str, Any], chosen: list[int], top: int | None) -> list[str | ScreenTable]:
     """All in one table; or one for each mode, its largest first, and the rest state by what is left."""
     every = range(len(document["parameters"]))
     modes = range(len(document["frequency_hz"]))
-    blocks: list[str | Table] = [*case_lines(document)]
+    blocks: list[str | ScreenTable] = [*case_lines(document)]
     if not any(f > 0.0 for f in document["frequency_hz"]):
         blocks.append("\nall modes shown are rigid: omega = 0 has no derivative; a larger --count shows more")
     if not chosen and top is None:
         idle = [p for p in every if all(_is_nothing(document, p, m) for m in modes)]
         busy = [p for p in every if p not in idle]
         rows = [_row(document, p, m) for p in busy for m in modes if _has_slope(document, p, m)]
-        blocks.append(Table("derivatives of the frequencies", FREQUENCIES, rows))
+        blocks.append(ScreenTable("derivatives of the frequencies", FREQUENCIES, rows))
         return [*blocks, *_idle_note(document, idle), *_rest_table(document, list(every))]
     left: set[int] = set()
     for m in chosen or modes:
         kept = [p for p in _largest_first(document, m) if _has_slope(document, p, m)][:top]
         left |= set(kept)
         title = f"derivatives of the frequency of mode {m}, {document['name'][m]}"
-        blocks.append(Table(title, FREQUENCIES, [_row(document, p, m) for p in kept]))
+        blocks.append(ScreenTable(title, FREQUENCIES, [_row(document, p, m) for p in kept]))
     return [*blocks, *_rest_table(document, sorted(left))]
 
 
@@ -214,7 +214,7 @@ def _share(share: float) -> str:
     return f"{share:+z.4f}" if abs(share) >= SMALL or abs(share) <= NOTHING else f"{share:+.0e}"
 
 
-def _rest_table(document: dict[str, Any], shown: list[int]) -> list[Table]:
+def _rest_table(document: dict[str, Any], shown: list[int]) -> list[ScreenTable]:
     """Tensions of devices and torques of joints, a row for each that a parameter changes."""
     kinds = (
         ("d_tension_n", "tension of", "N"),
@@ -229,4 +229,4 @@ def _rest_table(document: dict[str, Any], shown: list[int]) -> list[Table]:
         if d != 0.0
     ]
     headers = ["parameter", "of", "", "per unit"]
-    return [Table("derivatives of the rest state, where not zero", headers, rows)] if rows else []
+    return [ScreenTable("derivatives of the rest state, where not zero", headers, rows)] if rows else []

@@ -10,7 +10,7 @@ import click
 
 import middeck as md
 from middeck.cli import options
-from middeck.cli.shown.screen import Table, show
+from middeck.cli.shown.screen import ScreenTable, show
 
 if TYPE_CHECKING:
     from middeck.files.studies.documents import Study
@@ -45,7 +45,7 @@ def verb(study_file: str, out: Path, overrides: tuple[str, ...], as_json: bool) 
     files = sorted(p for p in out.rglob("*") if p.is_file())
     document = {"schema": "middeck.study/1", "study": path, "out": out, "time_s": times, "files": files}
     rows = [[name, f"{seconds:.1f}"] for name, seconds in (*times.items(), ("all", sum(times.values())))]
-    show(as_json, document, f"report  {out / 'report.html'}", Table("times", ["stage", "s"], rows))
+    show(as_json, document, f"report  {out / 'report.html'}", ScreenTable("times", ["stage", "s"], rows))
 
 
 def _run(study: Study, out: Path) -> dict[str, float]:

@@ -7,7 +7,8 @@ of any order Hyland and Bernstein 1984). Both equations share the Schur form of 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, cast
+from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +28,8 @@ class Law:
     C: Float[np.ndarray, "u law"]
 
 
-class LawCost(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawCost:
     """Cost of a model under a compensator, its gradient, and the scales of the compensator's coordinates.
 
     ``cost`` is ``inf`` and the rest None where the loop is unstable. ``covariance`` and ``worth`` are the

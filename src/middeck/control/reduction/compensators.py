@@ -19,7 +19,13 @@ from middeck.control.reduction.balanced_projection import in_sizes
 from middeck.control.reduction.method_search import Best, Tested, search_law
 from middeck.control.reduction.methods import Method
 from middeck.control.reduction.separation import Separation, separate_axis, subtract
-from middeck.control.reduction.weighted_loop import Loop, absorb, pose_loop, proper_law, response_in_loop
+from middeck.control.reduction.weighted_loop import (
+    WeightedLoop,
+    absorb,
+    pose_loop,
+    proper_law,
+    response_in_loop,
+)
 from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant
@@ -128,7 +134,7 @@ def _strictly_proper(compensator: Compensator) -> StateSpace:
 def _report(
     compensator: Compensator,
     plants: Sequence[Plant],
-    loops: Sequence[Loop],
+    loops: Sequence[WeightedLoop],
     parts: Separation,
     found: Tested,
 ) -> ReducedCompensator:
@@ -159,7 +165,7 @@ def _report(
 
 
 def _loop_errors(
-    whole: StateSpace, remainder: StateSpace, loops: Sequence[Loop]
+    whole: StateSpace, remainder: StateSpace, loops: Sequence[WeightedLoop]
 ) -> Float[np.ndarray, " plant"]:
     found: list[float] = []
     for loop in loops:
@@ -173,6 +179,8 @@ def _stable(law: Compensator, plants: Sequence[Plant]) -> Bool[np.ndarray, " pla
     return np.array([decide_loop(form_loop(plant, law)).stable for plant in plants], dtype=bool)
 
 
-def _cost_ratios(whole: StateSpace, law: StateSpace, loops: Sequence[Loop]) -> Float[np.ndarray, " plant"]:
+def _cost_ratios(
+    whole: StateSpace, law: StateSpace, loops: Sequence[WeightedLoop]
+) -> Float[np.ndarray, " plant"]:
     costs = [[evaluate_cost(loop.model, proper_law(k)).cost for loop in loops] for k in (law, whole)]
     return np.array(costs[0]) / np.array(costs[1])

@@ -11,7 +11,7 @@ import numpy as np
 from middeck.control.h2.closed_cost import Law, evaluate_cost
 from middeck.control.h2.generalized_plant import GeneralizedPlant
 from middeck.control.reduction.methods import Method, TruncatedLaw, find_candidate, find_start
-from middeck.control.reduction.weighted_loop import Loop, absorb, proper_law
+from middeck.control.reduction.weighted_loop import WeightedLoop, absorb, proper_law
 from middeck.control.robust.search.smooth_maximum import improve
 from middeck.control.robust.search.starting_laws import stabilises
 from middeck.errors import ConfigError, NumericalError
@@ -45,7 +45,7 @@ def search_law(
     system: StateSpace,
     order: int,
     method: Method | Best,
-    loops: Sequence[Loop],
+    loops: Sequence[WeightedLoop],
     *,
     homotopy: bool,
     polish: bool,
@@ -70,7 +70,12 @@ def search_law(
 
 
 def _try(
-    system: StateSpace, order: int, method: Method, loops: Sequence[Loop], homotopy: bool, polish: bool
+    system: StateSpace,
+    order: int,
+    method: Method,
+    loops: Sequence[WeightedLoop],
+    homotopy: bool,
+    polish: bool,
 ) -> Tested:
     candidate = find_candidate(system, order, method, loops)
     law = candidate.law
@@ -94,7 +99,9 @@ def _words(end: Withdrawal) -> str:
     return f"remainder withdrawn by a homotopy of {end.stops} stops, then the cost descended"
 
 
-def _withdraw(system: StateSpace, order: int, candidate: TruncatedLaw, loops: Sequence[Loop]) -> Withdrawal:
+def _withdraw(
+    system: StateSpace, order: int, candidate: TruncatedLaw, loops: Sequence[WeightedLoop]
+) -> Withdrawal:
     start = candidate if decays(candidate.remainder) else find_start(system, order, loops)
     if start is None:
         return Withdrawal(proper_law(candidate.law), 0.0, 0)
@@ -105,7 +112,7 @@ def _with_law(system: StateSpace, law: Law) -> StateSpace:
     return StateSpace(law.A, law.B, law.C, system.D)
 
 
-def _mean_cost(law: StateSpace, loops: Sequence[Loop]) -> float:
+def _mean_cost(law: StateSpace, loops: Sequence[WeightedLoop]) -> float:
     return float(np.mean([evaluate_cost(loop.model, proper_law(law)).cost for loop in loops]))
 
 

@@ -29,7 +29,7 @@ from middeck.control.reduction.balanced_projection import (
 )
 from middeck.control.reduction.gramian import GramianFactors, factor_gramians, restrict
 from middeck.control.reduction.separation import separate_unstable, subtract
-from middeck.control.reduction.weighted_loop import Loop, gramians_in_loop, proper_law, seen_at_y
+from middeck.control.reduction.weighted_loop import WeightedLoop, gramians_in_loop, proper_law, seen_at_y
 from middeck.control.riccati.continuous import solve_riccati
 from middeck.systems.state_space.statespace import StateSpace, add
 from middeck.values import record
@@ -50,7 +50,9 @@ class TruncatedLaw:
     bound: float | None
 
 
-def find_candidate(system: StateSpace, order: int, method: Method, loops: Sequence[Loop]) -> TruncatedLaw:
+def find_candidate(
+    system: StateSpace, order: int, method: Method, loops: Sequence[WeightedLoop]
+) -> TruncatedLaw:
     """The strictly proper ``system`` with ``order`` states or, where singular values coincide, fewer."""
     if method == "performance":
         return _in_loop(system, order, loops)
@@ -59,7 +61,7 @@ def find_candidate(system: StateSpace, order: int, method: Method, loops: Sequen
     return _of_what_decays(system, order, loops, weighted=method == "stability")
 
 
-def find_start(system: StateSpace, order: int, loops: Sequence[Loop]) -> TruncatedLaw | None:
+def find_start(system: StateSpace, order: int, loops: Sequence[WeightedLoop]) -> TruncatedLaw | None:
     """A truncation with a decaying remainder for any K, the start of a homotopy; None where no state may go.
 
     Poles of K that do not decay are kept, the rest is balanced in the loop; poles made unstable are mirrored
@@ -88,14 +90,16 @@ def _mirrored(system: StateSpace) -> StateSpace:
     return add(StateSpace(-grows.A - off_axis, grows.B, grows.C, grows.D), parts.rest)
 
 
-def _in_loop(system: StateSpace, order: int, loops: Sequence[Loop]) -> TruncatedLaw:
+def _in_loop(system: StateSpace, order: int, loops: Sequence[WeightedLoop]) -> TruncatedLaw:
     coordinates = balance(gramians_in_loop([loop.model for loop in loops], proper_law(system)))
     k = settle_order(coordinates.hankel, order)
     law = project(system, coordinates, k)
     return TruncatedLaw(law, subtract(system, law), coordinates.hankel, None)
 
 
-def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, weighted: bool) -> TruncatedLaw:
+def _of_what_decays(
+    system: StateSpace, order: int, loops: Sequence[WeightedLoop], *, weighted: bool
+) -> TruncatedLaw:
     sizes = loops[0].output_size, loops[0].input_size
     sized = in_sizes(system, *sizes)
     parts = separate_unstable(sized)
@@ -117,7 +121,7 @@ def _of_what_decays(system: StateSpace, order: int, loops: Sequence[Loop], *, we
     )
 
 
-def _by_factors(system: StateSpace, order: int, loop: Loop) -> TruncatedLaw:
+def _by_factors(system: StateSpace, order: int, loop: WeightedLoop) -> TruncatedLaw:
     """Reduce the normalised coprime factors of K = N M^-1 together; both have the states of K."""
     sizes = loop.output_size, loop.input_size
     sized = in_sizes(system, *sizes)

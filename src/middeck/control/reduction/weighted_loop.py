@@ -29,7 +29,7 @@ SENSOR_SHARE = 0.1
 
 
 @record
-class Loop:
+class WeightedLoop:
     """A plant with the compensator's direct term closed, its weights, and typical sizes of u and y."""
 
     model: GeneralizedPlant
@@ -37,7 +37,9 @@ class Loop:
     output_size: Float[np.ndarray, " y"]
 
 
-def pose_loop(plant: Plant, compensator: Compensator, weights: LQGWeights | None, authority: float) -> Loop:
+def pose_loop(
+    plant: Plant, compensator: Compensator, weights: LQGWeights | None, authority: float
+) -> WeightedLoop:
     """The loop of ``compensator`` and ``plant``; `ConfigError` if it is unstable or ports differ."""
     locate_ports(compensator, plant.inputs, plant.outputs)
     joined = dataclasses.replace(
@@ -54,7 +56,7 @@ def pose_loop(plant: Plant, compensator: Compensator, weights: LQGWeights | None
         weights, authority = _weights_of_loop(joined, model, law, direct, unit), 1.0
     model = absorb(generalize(joined, weights, authority), direct)
     _, y, u = _mean_squares(model, law, direct, len(weights.disturbed), len(joined.z))
-    return Loop(model, np.sqrt(_positive(u)), np.sqrt(_positive(y)))
+    return WeightedLoop(model, np.sqrt(_positive(u)), np.sqrt(_positive(y)))
 
 
 def proper_law(system: StateSpace) -> Law:

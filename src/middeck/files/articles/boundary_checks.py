@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from middeck.errors import ConfigError
 from middeck.files.articles.boundary_form import ClampForm, build_clamp
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.form import Form
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table
@@ -21,7 +21,7 @@ F = TypeVar("F", bound=Form)
 
 def clamp_findings(
     path: Path, items: Iterable[tuple[int, Table]], form: type[ClampForm]
-) -> Iterator[Finding]:
+) -> Iterator[PathFault]:
     """Clamps that hold nothing or what they cannot, and the second that holds a degree of freedom."""
     held: list[Clamp] = []
     for i, table in items:
@@ -39,7 +39,7 @@ def bushing_findings(
     items: Iterable[tuple[int, Table]],
     form: type[F],
     build: Callable[[F], Bushing | GroundBushing],
-) -> Iterator[Finding]:
+) -> Iterator[PathFault]:
     """Axes that make no plane, and stiffnesses that are not symmetric or indefinite."""
     for i, table in items:
         try:

@@ -18,7 +18,7 @@ from middeck.files.articles.member_section_checks import section_findings
 from middeck.files.articles.name_checks import AT_POINT, name_findings
 from middeck.files.articles.names import damped_names, joint_names
 from middeck.files.articles.unconnected import unconnected
-from middeck.files.toml.faults import Finding, finding, show
+from middeck.files.toml.faults import PathFault, finding, show
 from middeck.files.toml.form import inertia_matrix, keys_of
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, all_numbers, array_of, is_number, is_vector, table_of, tables
@@ -32,7 +32,7 @@ BODIES = (("node", "", ""), ("revolute", "", ""), ("gimbal", "stage_", "_x"), ("
 ROUNDING = 1e-9
 
 
-def article_findings(data: Table) -> list[Finding]:
+def article_findings(data: Table) -> list[PathFault]:
     """All faults of an article's content; ``data`` need not fit the form."""
     return [
         *section_findings(data),
@@ -51,7 +51,7 @@ def article_findings(data: Table) -> list[Finding]:
     ]
 
 
-def _boundaries(data: Table) -> Iterator[Finding]:
+def _boundaries(data: Table) -> Iterator[PathFault]:
     yield from link_findings(data, joint_names(data))
     yield from bushing_findings(("bushing",), tables(data, "bushing"), BushingForm, build_bushing)
     for i, case in tables(data, "load_case"):
@@ -63,7 +63,7 @@ def _boundaries(data: Table) -> Iterator[Finding]:
                 yield from _triangle(place, mass["inertia_kg_m2"], spins=False)
 
 
-def _geometry(data: Table) -> Iterator[Finding]:
+def _geometry(data: Table) -> Iterator[PathFault]:
     nodes = {t["name"]: t for _, t in tables(data, "node") if isinstance(t.get("name"), str)}
     for i, strut in tables(data, "strut"):
         a, b = nodes.get(str(strut.get("from"))), nodes.get(str(strut.get("to")))
@@ -79,7 +79,7 @@ def _geometry(data: Table) -> Iterator[Finding]:
         ends = f"{strut['from']} to {strut['to']}"
         if spacing == 0.0 or spacing <= taken:
             message = f"a member of no length: its ends are {spacing:g} m apart and take {taken:g} m of it"
-            yield Finding(
+            yield PathFault(
                 path=("strut", i, "to"),
                 message=message,
                 value=ends,
@@ -97,7 +97,7 @@ def _position(node: Table) -> np.ndarray | None:
     return np.array(xyz, dtype=float) if all_numbers(*xyz) else None
 
 
-def _bodies(data: Table) -> Iterator[Finding]:
+def _bodies(data: Table) -> Iterator[PathFault]:
     for table, prefix in (("node", ""), ("revolute", ""), ("gimbal", "stage_"), ("gimbal", "payload_")):
         for i, t in tables(data, table):
             key = f"{prefix}inertia_kg_m2"
@@ -112,7 +112,7 @@ def _bodies(data: Table) -> Iterator[Finding]:
             yield from _triangle((table, i, key), t[key], spins)
 
 
-def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
+def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[PathFault]:
     """The sum of two principal inertias is at least the third; not so without what ``spins`` in it."""
     try:
         moments = impossible_moments(np.array(inertia_matrix(inertia)))
@@ -126,7 +126,7 @@ def _triangle(path: Path, inertia: Any, spins: bool) -> Iterator[Finding]:
         yield finding(path, message, inertia, hint=advice + rotors)
 
 
-def _axes(data: Table) -> Iterator[Finding]:
+def _axes(data: Table) -> Iterator[PathFault]:
     """Spring and target keys belong to one state each; where an axis begins must lie within its travel."""
     for table, middles in (("gimbal", ("_x", "_z")), ("revolute", ("",))):
         for (i, t), middle in itertools.product(tables(data, table), middles):
@@ -138,7 +138,7 @@ def _axes(data: Table) -> Iterator[Finding]:
         yield from _travel(("proof_mass", i), t, "travel_m", "travel_m")
 
 
-def _travel(path: Path, t: Table, key: str, start: str) -> Iterator[Finding]:
+def _travel(path: Path, t: Table, key: str, start: str) -> Iterator[PathFault]:
     ends = array_of(t, key)
     if len(ends) != 2 or not all_numbers(*ends):  # the form has refused it, or there is none
         return
@@ -149,7 +149,7 @@ def _travel(path: Path, t: Table, key: str, start: str) -> Iterator[Finding]:
         yield finding(place, message, t.get(start, 0.0), hint="widen the travel or move the angle")
 
 
-def _proof_masses(data: Table) -> Iterator[Finding]:
+def _proof_masses(data: Table) -> Iterator[PathFault]:
     """One spring, by its stiffness or by its frequency."""
     for i, t in tables(data, "proof_mass"):
         given = [key for key in ("stiffness_n_per_m", "natural_hz") if key in t]
@@ -165,7 +165,7 @@ def _proof_masses(data: Table) -> Iterator[Finding]:
             )
 
 
-def _wheels(data: Table) -> Iterator[Finding]:
+def _wheels(data: Table) -> Iterator[PathFault]:
     """Across its axis a rotor has half of its inertia about it, or more: its frame's body has that too."""
     bodies = {f"{t.get('name')}{end}": t.get(f"{part}inertia_kg_m2") for table, part, end in BODIES
               for _, t in tables(data, table)}  # fmt: skip
@@ -190,7 +190,7 @@ def _wheels(data: Table) -> Iterator[Finding]:
             )
 
 
-def _ports(data: Table) -> Iterator[Finding]:
+def _ports(data: Table) -> Iterator[PathFault]:
     """A force, an accelerometer or a displacement has a point and an axis; a torque or an angle does not."""
     for table in ("actuator", "sensor"):
         for i, t in tables(data, table):
@@ -208,7 +208,7 @@ def _ports(data: Table) -> Iterator[Finding]:
                 yield finding((table, i, "axis_frame"), message, t["axis_frame"], hint="leave it out")
 
 
-def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
+def _axis_state(path: Path, t: Table, middle: str) -> Iterator[PathFault]:
     state = t.get(f"state{middle}", "free")
     stiffness = f"stiffness{middle}_nm_per_rad"
     if state == "sprung" and stiffness not in t:
@@ -222,7 +222,7 @@ def _axis_state(path: Path, t: Table, middle: str) -> Iterator[Finding]:
             )
 
 
-def _attach(data: Table) -> Iterator[Finding]:
+def _attach(data: Table) -> Iterator[PathFault]:
     suspension = table_of(data, "suspension")
     nodes, offsets = array_of(suspension, "nodes"), array_of(suspension, "offsets_m")
     if {"nodes", "offsets_m"} <= set(suspension) and len(nodes) != len(offsets):
@@ -233,7 +233,7 @@ def _attach(data: Table) -> Iterator[Finding]:
             yield finding(("spring", i, "to"), "a spring from an attach point to itself", t.get("to"))
 
 
-def _cycles(data: Table) -> Iterator[Finding]:
+def _cycles(data: Table) -> Iterator[PathFault]:
     """Every chain of joints must end at a node."""
     parents: dict[str, tuple[str, Path]] = {}
     for i, t in tables(data, "gimbal"):

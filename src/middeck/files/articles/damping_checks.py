@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
-from middeck.files.toml.faults import Finding, finding, nearest
+from middeck.files.toml.faults import PathFault, finding, nearest
 from middeck.files.toml.tables import Table, table_of, tables
 
 PLACES = ("joint", "spring", "attach")
@@ -11,13 +11,13 @@ KEY = {"joint": "c_joint_nms_per_rad", "spring": "c_ns_per_m", "attach": "c_ns_p
 WORDS = {"attach": "attach point"}
 
 
-def damping_findings(data: Table, known: Mapping[str, Sequence[str]]) -> list[Finding]:
+def damping_findings(data: Table, known: Mapping[str, Sequence[str]]) -> list[PathFault]:
     """Faults of ``[damping]`` in an article; ``known`` has the names of its parts by key."""
     damping = table_of(data, "damping")
     return [*_table(damping), *_loss_factors(damping, known), *_devices(damping, known)]
 
 
-def _table(damping: Table) -> Iterator[Finding]:
+def _table(damping: Table) -> Iterator[PathFault]:
     ratios_at = damping.get("table")
     if not isinstance(ratios_at, dict):
         return
@@ -33,13 +33,13 @@ def _table(damping: Table) -> Iterator[Finding]:
         yield finding(("damping", "table", "ratio"), message)
 
 
-def _loss_factors(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
+def _loss_factors(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[PathFault]:
     for key in ("material", "section"):
         for name in table_of(damping, key):
             yield from _unknown(("damping", key, name), name, key, known)
 
 
-def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Finding]:
+def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[PathFault]:
     for i, device in tables(damping, "device"):
         path = ("damping", "device", i)
         places = [p for p in PLACES if p in device]
@@ -58,7 +58,7 @@ def _devices(damping: Table, known: Mapping[str, Sequence[str]]) -> Iterator[Fin
 
 def _unknown(
     path: tuple[str | int, ...], name: Any, key: str, known: Mapping[str, Sequence[str]]
-) -> Iterator[Finding]:
+) -> Iterator[PathFault]:
     if isinstance(name, str) and name not in known[key]:
         word = WORDS.get(key, key)
         hint = nearest(name, known[key]) or f"define a {word} first"

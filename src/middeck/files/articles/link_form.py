@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError
 
 from middeck.errors import ConfigError
 from middeck.files.articles.boundary_form import ORIGIN, AxesForm, Held
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.form import Form, Name, Positive, Vector
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, tables
@@ -97,7 +97,7 @@ def build_link(form: LinkForm | InterpolationForm | EquationForm) -> AnyLink:
     )
 
 
-def link_findings(data: Table, joints: list[str]) -> Iterator[Finding]:
+def link_findings(data: Table, joints: list[str]) -> Iterator[PathFault]:
     """Links that tie nothing, axes that make no plane, weights and coefficients that cannot be."""
     for table, form in FORMS.items():
         for i, item in tables(data, table):

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 from middeck.files.articles.form import section_stiffness
 from middeck.files.articles.name_checks import unknown_name
 from middeck.files.articles.names import named_tables
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, all_numbers, array_of, tables
 from middeck.structure.model.section_and_bushing_checks import RIGID_IN_SHEAR, stiffness_faults
@@ -20,13 +20,13 @@ INERTIA_KEYS = ("rho_A_kg_per_m", "rho_I_y_kg_m", "rho_I_z_kg_m")
 GENERAL_KEYS = (*STIFFNESS_KEYS, *SHEAR_KEYS, *INERTIA_KEYS[1:])
 
 
-def section_findings(data: Table) -> Iterator[Finding]:
+def section_findings(data: Table) -> Iterator[PathFault]:
     """Sections of two kinds or of half a kind, and stations out of order."""
     yield from _sections(data)
     yield from _stations(data)
 
 
-def _sections(data: Table) -> Iterator[Finding]:
+def _sections(data: Table) -> Iterator[PathFault]:
     materials = named_tables(data, "material")
     for name, section in named_tables(data, "section").items():
         path = ("section", name)
@@ -53,7 +53,7 @@ def _sections(data: Table) -> Iterator[Finding]:
             yield finding((*path, "inner_diameter_m"), f"must be < outer_diameter_m = {outer:g} m", inner)
 
 
-def _matrix(path: Path, section: Table) -> Iterator[Finding]:
+def _matrix(path: Path, section: Table) -> Iterator[PathFault]:
     """Faults of a section by its stiffness matrix."""
     others = ("material", *TUBE_KEYS, *STIFFNESS_KEYS[:-1], *SHEAR_KEYS, "centroid_m")
     for key in (k for k in others if k in section):
@@ -67,7 +67,7 @@ def _matrix(path: Path, section: Table) -> Iterator[Finding]:
     yield from (finding((*path, "stiffness"), fault) for fault in stiffness_faults(matrix))
 
 
-def _stations(data: Table) -> Iterator[Finding]:
+def _stations(data: Table) -> Iterator[PathFault]:
     """Sections along tapered members: in order, up to the end, of one kind."""
     sections = named_tables(data, "section")
     for i, strut in tables(data, "strut"):

@@ -6,7 +6,7 @@ from typing import Any
 
 from middeck.files.articles.link_form import link_names, linked_frames
 from middeck.files.articles.names import attach_names, joint_names, named_tables, names_in
-from middeck.files.toml.faults import Finding, finding, nearest, show
+from middeck.files.toml.faults import PathFault, finding, nearest, show
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, array_of, table_of, tables
 
@@ -14,13 +14,13 @@ from middeck.files.toml.tables import Table, array_of, table_of, tables
 AT_POINT = {"force": "a force", "accelerometer": "an accelerometer", "displacement": "a displacement"}
 
 
-def name_findings(data: Table) -> Iterator[Finding]:
+def name_findings(data: Table) -> Iterator[PathFault]:
     """Names that stand twice, and names of what is not there."""
     yield from _names(data)
     yield from _references(data)
 
 
-def _names(data: Table) -> Iterator[Finding]:
+def _names(data: Table) -> Iterator[PathFault]:
     """Frames share one name space; attach points, members and either side of ports have theirs."""
     frames = _named(data, "node")
     for i, t in tables(data, "gimbal"):
@@ -58,12 +58,12 @@ def _default_ports(data: Table, kind: str) -> list[str]:
     return ports + [f"{t.get('name')}_rel" for _, t in slides_or_turns]
 
 
-def given_twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[Finding]:
+def given_twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[PathFault]:
     """Names, each with its path, that stand a second time."""
     return given_again(named, f"a second {kind} of this name", "give each its own name")
 
 
-def given_again(named: Sequence[tuple[Path, Any]], message: str, hint: str) -> Iterator[Finding]:
+def given_again(named: Sequence[tuple[Path, Any]], message: str, hint: str) -> Iterator[PathFault]:
     """Names that stand before in ``named``; what is no text, the form has refused."""
     seen: set[Any] = set()
     for path, name in named:
@@ -72,7 +72,7 @@ def given_again(named: Sequence[tuple[Path, Any]], message: str, hint: str) -> I
         seen.add(name if isinstance(name, str) else None)
 
 
-def _references(data: Table) -> Iterator[Finding]:
+def _references(data: Table) -> Iterator[PathFault]:
     nodes, joints = dict.fromkeys(names_in(data, "node")), dict.fromkeys(joint_names(data))
     frames, points = nodes | joints, dict.fromkeys(attach_names(data))
     sections = dict.fromkeys(named_tables(data, "section"))
@@ -120,8 +120,8 @@ def _references(data: Table) -> Iterator[Finding]:
 
 
 def _case_references(
-    data: Table, nodes: Collection[str], frames: Collection[str], unknown: Callable[..., Iterator[Finding]]
-) -> Iterator[Finding]:
+    data: Table, nodes: Collection[str], frames: Collection[str], unknown: Callable[..., Iterator[PathFault]]
+) -> Iterator[PathFault]:
     """Frames and nodes that load cases name."""
     wanted = (("load", "frame", frames), ("mass", "frame", frames), ("prescribed", "node", nodes))
     for i, case in tables(data, "load_case"):
@@ -132,7 +132,7 @@ def _case_references(
 
 def unknown_name(
     path: Path, name: Any, known: Collection[str], kind: str, carriers: Mapping[str, Any] | None = None
-) -> Iterator[Finding]:
+) -> Iterator[PathFault]:
     """A name that is not ``known``; ``carriers`` are the frames of attach points, which may be meant."""
     if isinstance(name, str) and name not in known:
         hint = nearest(name, known) or f"define a {kind} first"

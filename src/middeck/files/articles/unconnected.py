@@ -4,13 +4,13 @@ import itertools
 from collections.abc import Iterator
 
 from middeck.files.articles.link_form import linked_frames
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, array_of, table_of, tables
 from middeck.structure.model.connectivity import separate_parts, some_names
 
 
-def unconnected(data: Table) -> Iterator[Finding]:
+def unconnected(data: Table) -> Iterator[PathFault]:
     """Members, springs and components must join all nodes; what they leave out is named at its first node."""
     place = {t["name"]: i for i, t in tables(data, "node") if isinstance(t.get("name"), str)}
     for part in separate_parts(list(place), _joined(data, set(place)))[1:]:

@@ -9,12 +9,12 @@ from middeck.files.articles.boundary_checks import bushing_findings, clamp_findi
 from middeck.files.articles.boundary_form import ClampForm, GroundBushingForm, build_ground
 from middeck.files.articles.name_checks import given_again
 from middeck.files.environments.form import TUNED, default_name
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, is_number, table_of, tables
 
 
-def environment_findings(data: Table) -> list[Finding]:
+def environment_findings(data: Table) -> list[PathFault]:
     """Everything that is wrong with the environment ``data`` by itself."""
     gravity = table_of(data, "constants").get("gravity_m_s2", 0.0)
     weightless = gravity == 0.0
@@ -27,7 +27,7 @@ def environment_findings(data: Table) -> list[Finding]:
     return found
 
 
-def _gravity_findings(data: Table, gravity: Any) -> Iterator[Finding]:
+def _gravity_findings(data: Table, gravity: Any) -> Iterator[PathFault]:
     held = any(data.get(key) for key in ("suspension", "device", "spring", "clamp", "bushing"))
     if is_number(gravity) and gravity > 0.0 and not held:
         advice = "add [suspension], [[device]], [[spring]] or [[clamp]], or leave [constants] out for orbit"
@@ -35,7 +35,7 @@ def _gravity_findings(data: Table, gravity: Any) -> Iterator[Finding]:
         yield finding(path, "a missing suspension in gravity", gravity, hint=advice)
 
 
-def _suspension_findings(data: Table, gravity: Any) -> Iterator[Finding]:
+def _suspension_findings(data: Table, gravity: Any) -> Iterator[PathFault]:
     suspension = table_of(data, "suspension")
     path: Path = ("suspension",)
     yield from _friction_findings(path, suspension)
@@ -53,7 +53,7 @@ def _suspension_findings(data: Table, gravity: Any) -> Iterator[Finding]:
             yield finding((*path, "cable_length_m"), message, length, hint=advice)
 
 
-def _device_findings(path: Path, device: Table, weightless: bool) -> Iterator[Finding]:
+def _device_findings(path: Path, device: Table, weightless: bool) -> Iterator[PathFault]:
     for this, that in (("stiffness_n_per_m", "bounce_hz"), ("cable_length_m", "anchor_m")):
         if this in device and that in device:
             yield finding((*path, that), f"instead of {this!r}, not beside it", device[that])
@@ -73,7 +73,7 @@ def _device_findings(path: Path, device: Table, weightless: bool) -> Iterator[Fi
         yield finding((*path, key), "means nothing without gravity", hint=advice)
 
 
-def _friction_findings(path: Path, device: Table) -> Iterator[Finding]:
+def _friction_findings(path: Path, device: Table) -> Iterator[PathFault]:
     friction = device.get("friction_n", 0.0)
     if is_number(friction) and friction > 0.0 and "presliding_m" not in device:
         advice = "presliding_m, how far it gives before it slips: 1e-5 to 1e-3 is usual"
@@ -83,7 +83,7 @@ def _friction_findings(path: Path, device: Table) -> Iterator[Finding]:
         yield finding((*path, "presliding_m"), message, device["presliding_m"])
 
 
-def _name_findings(data: Table) -> list[Finding]:
+def _name_findings(data: Table) -> list[PathFault]:
     """Names that two devices or springs have, or two supports: results are listed by them."""
     held = table_of(table_of(data, "suspension"), "held")
     names: list[tuple[Path, Any]] = [(("suspension", "held", name), name) for name in held]

@@ -8,7 +8,7 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from middeck.files.articles.boundary_form import ClampForm, GroundBushingForm, build_clamp, build_ground
-from middeck.files.toml.faults import Finding, finding, nearest
+from middeck.files.toml.faults import PathFault, finding, nearest
 from middeck.files.toml.form import Direction, Finite, Form, Name, NotNegative, Positive, Vector, rule
 from middeck.joints.friction import Friction
 from middeck.structure.model.environment import (
@@ -111,7 +111,7 @@ class EnvironmentForm(Form):
 
 def joint_findings(
     form: EnvironmentForm, attach_points: list[str], nodes: list[str], wheels: list[str], article: str
-) -> list[Finding]:
+) -> list[PathFault]:
     """Names in the environment that the article does not have."""
     held = (form.suspension.held if form.suspension else None) or {}
     used = [(("suspension", "held", name), name) for name in held]

@@ -10,7 +10,6 @@ show what is missing; the header (151) says where the survey is from.
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from middeck.files.nastran.deck.coordinates import BASIC, System
 from middeck.files.records.uff_lines import AGAIN, fortran
 from middeck.files.records.uff_sets import HEADER, TextSet, few, require_stated, scan_texts
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes
+from middeck.values import record
 
 NODES, SHAPES, UNITS, SYSTEMS, LINES = (15, 2411), (55, 2414), 164, (18, 2420), 82
 NORMAL, COMPLEX = 2, (3, 7)  # analysis types that are modes; 3 and 7 state an eigenvalue
@@ -32,7 +32,8 @@ SAME = 1e-4
 LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8: 1e3, 10: 1e3}
 
 
-class Shape(NamedTuple):
+@record(kw_only=True)
+class Shape:
     """One mode: frequency [Hz], eigenvalue, damping ratio, complex motions by node number, what is odd."""
 
     hz: float

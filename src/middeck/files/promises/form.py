@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.form import Finite, Form, NotNegative, Positive, rule, within
 from middeck.structure.correlation.measured_modes import DIRECTIONS
 
@@ -96,7 +96,7 @@ class SaidForm(Said):
     environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
 
 
-def further_findings(form: SaidForm) -> Iterator[Finding]:
+def further_findings(form: SaidForm) -> Iterator[PathFault]:
     """Faults between keys."""
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):
@@ -106,7 +106,7 @@ def further_findings(form: SaidForm) -> Iterator[Finding]:
             yield from _of_shapes(place.shapes, len(place.modes), (*at, "shapes"))
 
 
-def _of_loops(form: SaidForm, place: SaidPlace, at: tuple[str | int, ...]) -> Iterator[Finding]:
+def _of_loops(form: SaidForm, place: SaidPlace, at: tuple[str | int, ...]) -> Iterator[PathFault]:
     if place.compensators and not set(STATED) <= set(form.shares):
         yield finding(("shares",), f"must hold {', '.join(map(str, STATED))}", list(form.shares))
     yield from _each_once((*at, "compensators"), [loop.name for loop in place.compensators])
@@ -122,7 +122,7 @@ def _of_loops(form: SaidForm, place: SaidPlace, at: tuple[str | int, ...]) -> It
                 yield finding((*at, "compensators", c, key), "must rise, null last", list(levels))
 
 
-def _of_shapes(shapes: SaidShapes, modes: int, at: tuple[str | int, ...]) -> Iterator[Finding]:
+def _of_shapes(shapes: SaidShapes, modes: int, at: tuple[str | int, ...]) -> Iterator[PathFault]:
     if not len(shapes.node) == len(shapes.direction) == len(shapes.shape):
         message = f"{len(shapes.node)} nodes, {len(shapes.direction)} directions and {len(shapes.shape)} rows"
         yield finding(at, message)
@@ -133,7 +133,7 @@ def _of_shapes(shapes: SaidShapes, modes: int, at: tuple[str | int, ...]) -> Ite
     yield from _each_once((*at, "node"), channels)
 
 
-def _each_once(at: tuple[str | int, ...], names: list[str]) -> Iterator[Finding]:
+def _each_once(at: tuple[str | int, ...], names: list[str]) -> Iterator[PathFault]:
     for name, count in Counter(names).items():
         if count > 1:
             yield finding(at, f"{name!r} stands there {count} times")

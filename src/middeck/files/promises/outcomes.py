@@ -13,13 +13,13 @@ from middeck.files.disk.kind_of_content import OUTCOME
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes
 from middeck.files.promises.documents import few, versions
-from middeck.files.toml.faults import Finding, finding, raise_faults
+from middeck.files.toml.faults import PathFault, finding, raise_faults
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import check, read_source, sound
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.updating.promise.outcome_pairs import (
     MeasuredMode,
-    Paired,
+    PairedMode,
     PromisedModes,
     pair_by_shape,
     pair_by_words,
@@ -126,7 +126,7 @@ def load_outcomes(path: str | Path) -> Came:
     )
 
 
-def _nameless(form: OutcomeForm) -> list[Finding]:
+def _nameless(form: OutcomeForm) -> list[PathFault]:
     return [
         finding(("mode", k), "has neither name nor number", hint="its name, as the promise has it")
         for k, mode in enumerate(form.mode)
@@ -247,8 +247,8 @@ def name_of(environment: str, *names: str) -> str:
     return ": ".join([environment, *names])
 
 
-def _pair(promised: Mapping[str, PromisedModes], came: Came) -> tuple[list[Paired], list[str]]:
-    paired: list[Paired] = []
+def _pair(promised: Mapping[str, PromisedModes], came: Came) -> tuple[list[PairedMode], list[str]]:
+    paired: list[PairedMode] = []
     remarks: list[str] = []
     for environment, measured in came.surveys:
         by_shape, said = pair_by_shape(_place(promised, environment), measured)
@@ -285,7 +285,7 @@ def _row(verdict: Verdict, said: Statement, came: Scored) -> dict[str, Any]:
     }
 
 
-def _pairing(paired: Paired) -> dict[str, Any]:
+def _pairing(paired: PairedMode) -> dict[str, Any]:
     return {
         "mode": paired.name,
         "paired_by": paired.by,

@@ -25,7 +25,7 @@ from middeck.files.records.experiments_and_periods import (
 )
 from middeck.files.records.formats import HDF5, RUN, SUFFIXES, UFF, reader_of, unknown_ending
 from middeck.files.records.raw import build_record
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record
 
@@ -56,7 +56,7 @@ class Reading:
     """A record as its file has it, NaN samples included, and the faults that the reader found."""
 
     record: Record
-    faults: tuple[Fault, ...]
+    faults: tuple[RecordFault, ...]
 
 
 def load_record(path: str | Path, columns: Columns | None = None) -> Record:

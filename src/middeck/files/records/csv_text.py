@@ -21,7 +21,7 @@ from middeck.files.json.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.decimals import refuse_thousands, separator_of, with_points
 from middeck.files.records.ending import cut_short
-from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
+from middeck.files.records.raw import SAME_RATE, ChannelHeader, Raw, channel_fault
 from middeck.files.records.stamps import (
     JITTER,
     SLOW,
@@ -33,7 +33,7 @@ from middeck.files.records.stamps import (
     rate_of,
     since_1970,
 )
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import RecordStream
 from middeck.values import record
@@ -73,7 +73,7 @@ class Opening:
     """
 
     line: int
-    heads: tuple[Head, ...]
+    heads: tuple[ChannelHeader, ...]
     timed: bool
     periods: int | None
     separator: str
@@ -217,7 +217,9 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     cells = [c.strip() for c in _unended(next(csv.reader([line], delimiter=separator)))]
     periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
     named = not all(map(_is_number, cells))
-    heads = [_head(cell, k, told, where) if named else Head("", None, "") for k, cell in enumerate(cells)]
+    heads = [
+        _head(cell, k, told, where) if named else ChannelHeader("", None, "") for k, cell in enumerate(cells)
+    ]
     times = TIMES.fullmatch(heads[0].name)
     timed = times is not None
     unit = heads[0].unit
@@ -237,7 +239,7 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     )
 
 
-def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
+def _said(file: Path, opening: Opening) -> tuple[RecordFault, ...]:
     """How numbers were read that others write otherwise: decimal commas, times that are not in seconds."""
     said: list[str] = []
     if any("," in cell for cells in _first_rows(file, opening) for cell in cells):
@@ -248,7 +250,7 @@ def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
     return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
 
 
-def _doubts_of_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[Fault, ...]:
+def _doubts_of_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[RecordFault, ...]:
     """Times at a rate that no structure is sampled at: a heading that says seconds may be wrong, too.
 
     A file that tells its samples is ours, and its times are seconds.
@@ -284,7 +286,7 @@ def _is_number(cell: str) -> bool:
     return re.fullmatch(r"[+-]?[\d.,]+([eEdD][+-]?\d+)?|[+-]?(nan|inf)", cell, re.IGNORECASE) is not None
 
 
-def _head(cell: str, k: int, told: dict[str, Any], where: str) -> Head:
+def _head(cell: str, k: int, told: dict[str, Any], where: str) -> ChannelHeader:
     found = HEADING.fullmatch(cell)
     letter, name, *units = found.groups() if found else ("u", "")
     unit = next((u for u in units if u is not None), None)
@@ -292,7 +294,7 @@ def _head(cell: str, k: int, told: dict[str, Any], where: str) -> Head:
         raise DataError(f"column {k + 1} is headed {cell!r}", where=where, hint=ADVICE)
     side: Side = "input" if letter == "u" else "output" if letter == "y" else ""
     channel = build_channel(told.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
-    return Head(name, None if unit is None else unit.strip(), side, channel)
+    return ChannelHeader(name, None if unit is None else unit.strip(), side, channel)
 
 
 def _tables(file: Path, opening: Opening, size: int) -> Iterator[tuple[int, np.ndarray]]:
@@ -363,8 +365,8 @@ def _last_digit(file: Path, opening: Opening) -> float:
 
 
 def _on_one_grid(
-    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...], digit: float
-) -> tuple[float, np.ndarray, tuple[Fault, ...]]:
+    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[ChannelHeader, ...], digit: float
+) -> tuple[float, np.ndarray, tuple[RecordFault, ...]]:
     """Rate [Hz] and the lines on an even grid; refuses stamps that are on none."""
     time = table[:, 0]
     if len(time) < 2:
@@ -386,8 +388,8 @@ def _sums(time: Float[np.ndarray, " line"], start: int, origin: float) -> tuple[
 
 
 def _with_gaps(
-    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[Head, ...], digit: float
-) -> tuple[float, np.ndarray, tuple[Fault, ...]]:
+    table: Float[np.ndarray, "line column"], file: Path, heads: tuple[ChannelHeader, ...], digit: float
+) -> tuple[float, np.ndarray, tuple[RecordFault, ...]]:
     """Lines spread over the grid of the usual step where stamps leap by whole steps."""
     time = table[:, 0]
     steps = np.diff(time)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from middeck.files.records.raw import Head, channel_fault
-from middeck.signals.fault import Fault
+from middeck.files.records.raw import ChannelHeader, channel_fault
+from middeck.signals.fault import RecordFault
 
 # Bytes at the end of a file that are looked at.
 TAIL = 1 << 18
@@ -25,7 +25,7 @@ RARE = 0.01
 NUMBER = re.compile(r"[+-]?\d*\.?(\d*)(?:[eEdD][+-]?(\d+))?")
 
 
-def cut_short(file: Path, heads: Sequence[Head], separator: str) -> tuple[Fault, ...]:
+def cut_short(file: Path, heads: Sequence[ChannelHeader], separator: str) -> tuple[RecordFault, ...]:
     """A fault where the last number is short of digits, and a note where the last line has no end."""
     with open(file, "rb") as content:
         size = content.seek(0, os.SEEK_END)

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.records.raw import Head, Raw, channel_fault
+from middeck.files.records.raw import ChannelHeader, Raw, channel_fault
 from middeck.realtime.engine.recording.run_file import Run, RunFault, read_run
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 
 
 def read_run_file(file: Path, variable: str) -> Raw:
@@ -22,13 +22,13 @@ def read_run_file(file: Path, variable: str) -> Raw:
         for k, port in enumerate(ports):
             samples = np.full(int(place[-1]) + 1, np.nan)
             samples[place] = run.records[field][:, k]
-            heads.append(Head(port.name, port.unit, "input" if side == "input" else "output"))
+            heads.append(ChannelHeader(port.name, port.unit, "input" if side == "input" else "output"))
             x.append(samples[None, None])
     faults = tuple(fault for one in run.faults for fault in _faults(run, one, heads, first))
     return Raw(sample_hz=1.0 / run.period_s, heads=tuple(heads), x=tuple(x), faults=faults, held=True)
 
 
-def _faults(run: Run, one: RunFault, heads: list[Head], first: int) -> list[Fault]:
+def _faults(run: Run, one: RunFault, heads: list[ChannelHeader], first: int) -> list[RecordFault]:
     """A gap for every channel; anything else once, at the first sensor."""
     kind, what, samples = one.kind, one.what, one.samples
     hint = "the pre-trigger records and the shared file, if they are still there"

@@ -15,9 +15,9 @@ from middeck.files.disk.atomic import replacing
 from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.own_layout import build_raw, contents_of, is_own
-from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault, raw_matrix
+from middeck.files.records.raw import SAME_RATE, ChannelHeader, Raw, channel_fault, raw_matrix
 from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, mean_step, open_share, rate_of
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.record import Record
 
 # Variables of a system in state space, as `write_mat` and other programs write it.
@@ -75,13 +75,13 @@ def _levels(stem: str) -> list[str]:
 
 def _sides(arrays: dict[str, np.ndarray], stem: str, file: Path) -> Raw:
     """One run in u and y [sample, channel], with the rate fs [Hz], the period Ts [s] or the times t [s]."""
-    heads: list[Head] = []
+    heads: list[ChannelHeader] = []
     columns: list[np.ndarray] = []
     for name, side in SIDES.items():
         value = arrays[f"{stem}{name}"]
         matrix = raw_matrix(value.reshape(-1, 1) if value.ndim == 2 and len(value) == 1 else value, file)
         width = len(matrix.x)
-        heads += [Head(name if width == 1 else f"{name}{k}", "", side) for k in range(1, width + 1)]
+        heads += [ChannelHeader(name if width == 1 else f"{name}{k}", "", side) for k in range(1, width + 1)]
         columns += matrix.x
     lengths = sorted({x.size for x in columns})
     if len(lengths) > 1:
@@ -92,8 +92,8 @@ def _sides(arrays: dict[str, np.ndarray], stem: str, file: Path) -> Raw:
 
 
 def _rate(
-    arrays: dict[str, np.ndarray], stem: str, samples: int, head: Head, file: Path
-) -> tuple[float | None, float, tuple[Fault, ...]]:
+    arrays: dict[str, np.ndarray], stem: str, samples: int, head: ChannelHeader, file: Path
+) -> tuple[float | None, float, tuple[RecordFault, ...]]:
     """The rate [Hz] of all that states one, None where nothing does; the share that it leaves open."""
     told = _told(arrays, stem)
     rates = _rates(told)
@@ -112,7 +112,7 @@ def _rate(
     return next(iter(rates.values()), None), share, faults or doubts
 
 
-def _doubts_of_told(told: dict[str, float], head: Head) -> tuple[Fault, ...]:
+def _doubts_of_told(told: dict[str, float], head: ChannelHeader) -> tuple[RecordFault, ...]:
     """A fault where a rate below 1 Hz is told: rather a period as fs, or a rate as Ts."""
     rates = _rates(told)
     slow = next((n for n in told if rates[n] < 1.0), None)

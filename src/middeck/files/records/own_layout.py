@@ -9,7 +9,7 @@ from middeck.errors import DataError
 from middeck.files.json.channels import KEYS, build_channel
 from middeck.files.records.columns import Side
 from middeck.files.records.commands import SCHEMA as COMMAND
-from middeck.files.records.raw import Head, Raw
+from middeck.files.records.raw import ChannelHeader, Raw
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 
@@ -104,7 +104,7 @@ def read_flag(arrays: Mapping[str, Any], key: str, where: str) -> bool:
     return bool(flag.ravel()[0])
 
 
-def read_heads(arrays: Mapping[str, Any], side: Side, channels: int, where: str) -> tuple[Head, ...]:
+def read_heads(arrays: Mapping[str, Any], side: Side, channels: int, where: str) -> tuple[ChannelHeader, ...]:
     """Names, units and transducers of one side."""
     names, units = np.asarray(arrays[f"{side}_names"]), np.asarray(arrays[f"{side}_units"])
     if names.size != channels or units.size != channels:
@@ -118,7 +118,7 @@ def read_heads(arrays: Mapping[str, Any], side: Side, channels: int, where: str)
         for n, name in enumerate(names.ravel())
     ]
     pairs = zip(names.ravel(), units.ravel(), known, strict=True)
-    return tuple(Head(str(name), str(unit), side, channel) for name, unit, channel in pairs)
+    return tuple(ChannelHeader(str(name), str(unit), side, channel) for name, unit, channel in pairs)
 
 
 def _values(arrays: Mapping[str, Any], key: str, channels: int, where: str) -> list[Any]:

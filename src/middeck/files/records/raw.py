@@ -7,7 +7,7 @@ import numpy as np
 
 from middeck.errors import DataError
 from middeck.files.records.columns import Columns, NamedColumn, Side
-from middeck.signals.fault import Fault, Severity
+from middeck.signals.fault import RecordFault, Severity
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 from middeck.values import record
@@ -17,7 +17,7 @@ SAME_RATE = 1e-5
 
 
 @record
-class Head:
+class ChannelHeader:
     """Name (empty if the file has none), unit (None: likewise) and side of a channel."""
 
     name: str
@@ -29,15 +29,15 @@ class Head:
 def channel_fault(
     kind: str,
     severity: Severity,
-    head: Head,
+    head: ChannelHeader,
     what: str,
     hint: str,
     *,
     experiment: int | None = 0,
     samples: tuple[tuple[int, int], ...] = (),
-) -> Fault:
+) -> RecordFault:
     """A fault of one channel that the reader of a file found; outputs are named where it has no side."""
-    return Fault(
+    return RecordFault(
         kind=kind,
         severity=severity,
         side=head.side or "output",
@@ -57,10 +57,10 @@ class Raw:
     """
 
     sample_hz: float | None
-    heads: tuple[Head, ...]
+    heads: tuple[ChannelHeader, ...]
     x: tuple[np.ndarray, ...]
     periodic: bool = False
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[RecordFault, ...] = ()
     rate_share: float = SAME_RATE
     held: bool | None = None
 
@@ -111,7 +111,7 @@ def sampling_rate(raw: Raw, columns: Columns | None, where: str) -> float:
     return stated if given is None else given
 
 
-def choose(heads: tuple[Head, ...], columns: Columns | None, where: str) -> Chosen:
+def choose(heads: tuple[ChannelHeader, ...], columns: Columns | None, where: str) -> Chosen:
     """Which channels of a file are inputs and outputs, in their order, and what they are called."""
     named = () if columns is None else columns.named
     if any(c.side for c in named):
@@ -141,7 +141,7 @@ def _by_number(name: str) -> str:
     return f"{name}=NAME" if name.isdigit() else f"2={name}"
 
 
-def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: str) -> int:
+def _position(heads: tuple[ChannelHeader, ...], column: NamedColumn, listed: int, where: str) -> int:
     """The channel meant: by number, else by name, else in a file without names by its place in the list."""
     names = [h.name for h in heads]
     if column.number is None and any(names):
@@ -168,7 +168,7 @@ def _position(heads: tuple[Head, ...], column: NamedColumn, listed: int, where: 
     return position
 
 
-def _port(head: Head, column: NamedColumn, where: str) -> Port:
+def _port(head: ChannelHeader, column: NamedColumn, where: str) -> Port:
     unit = head.unit if column.unit is None else column.unit
     if head.unit and unit != head.unit:
         raise DataError(
@@ -199,5 +199,5 @@ def raw_matrix(matrix: np.ndarray, file: Path) -> Raw:
             f"{rows} rows of {columns} columns: fewer samples than channels", where=str(file),
             hint="transpose it"
         )  # fmt: skip
-    heads = tuple(Head("", None, "") for _ in range(columns))
+    heads = tuple(ChannelHeader("", None, "") for _ in range(columns))
     return Raw(sample_hz=None, heads=heads, x=tuple(x[None, None].astype(float) for x in matrix.T))

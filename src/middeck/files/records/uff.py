@@ -13,12 +13,12 @@ from middeck.errors import DataError
 from middeck.files.disk.atomic import replacing
 from middeck.files.json.channels import build_channel
 from middeck.files.records.columns import Side
-from middeck.files.records.raw import SAME_RATE, Head, Raw, channel_fault
+from middeck.files.records.raw import SAME_RATE, ChannelHeader, Raw, channel_fault
 from middeck.files.records.uff58 import AXES, NONE, RESPONSE, TIME, Dataset, Place, read_values
 from middeck.files.records.uff58_write import Header, stated, write_58, write_count
 from middeck.files.records.uff_cut import doubts_of_whole
 from middeck.files.records.uff_sets import is_si, scan
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
@@ -42,14 +42,14 @@ NUMBERED = re.compile(r"[1-9][0-9]{0,9}", re.ASCII)
 class Experiment:
     """One experiment: a data set for each channel, the samples that they share, and their rate [Hz]."""
 
-    heads: tuple[Head, ...]
+    heads: tuple[ChannelHeader, ...]
     sets: tuple[Dataset, ...]
     skips: tuple[int, ...]  # samples by which a channel began before the last one
     samples: int
     sample_hz: float
     periods: int | None
     held: bool | None = None
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[RecordFault, ...] = ()
 
 
 def read_uff(file: Path, variable: str) -> Raw:
@@ -143,7 +143,7 @@ def _key(data: Dataset) -> tuple[object, ...]:
     return (data.response, data.quantity) if placed else (data.texts[0], data.quantity)
 
 
-def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[Head, ...]:
+def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[ChannelHeader, ...]:
     texts = [c[0].texts[0] for c in channels]
     # One text for all functions is a title, no name.
     named = len(set(texts)) == len(texts) and "" not in texts and NONE not in texts
@@ -153,13 +153,13 @@ def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[Head, ...
     return tuple(_head(name, c[0], file) for name, c in zip(names, channels, strict=True))
 
 
-def _head(name: str, data: Dataset, file: Path) -> Head:
+def _head(name: str, data: Dataset, file: Path) -> ChannelHeader:
     node, direction = data.response.node, _direction(data.response)
     told = _told_channel(data.texts[4]) if _is_ours(data) else {}
     table = told | {"node": node, "direction": direction}
     channel = build_channel(table, f"{file}:{data.line}, channel {name}")
     unit = data.unit if data.unit or _is_ours(data) else UNITS.get(data.quantity) if is_si(file) else None
-    return Head(name, unit, _side(data), channel)
+    return ChannelHeader(name, unit, _side(data), channel)
 
 
 def _told_channel(text: str) -> dict[str, Any]:
@@ -188,7 +188,7 @@ def _place_name(place: Place) -> str:
     return f"{place.node or '0'}{_direction(place)}"
 
 
-def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Experiment:
+def _run(heads: tuple[ChannelHeader, ...], sets: tuple[Dataset, ...], file: Path) -> Experiment:
     rates = [_sample_hz(d) for d in sets]
     for head, data, rate in zip(heads, sets, rates, strict=True):
         if abs(rate - rates[0]) > SAME_RATE * rates[0]:
@@ -226,10 +226,10 @@ def _run(heads: tuple[Head, ...], sets: tuple[Dataset, ...], file: Path) -> Expe
 
 
 def _cut_faults(
-    heads: tuple[Head, ...], sets: tuple[Dataset, ...], skips: tuple[int, ...], samples: int
-) -> tuple[Fault, ...]:
+    heads: tuple[ChannelHeader, ...], sets: tuple[Dataset, ...], skips: tuple[int, ...], samples: int
+) -> tuple[RecordFault, ...]:
     """A fault for each channel that lost samples which others lack."""
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for head, data, skip in zip(heads, sets, skips, strict=True):
         end = data.count - skip - samples
         if skip or end:

@@ -28,7 +28,7 @@ from middeck.files.refinements.loading_form import LoadingForm, case_of, survey_
 from middeck.files.refinements.response_form import AntiResonanceForm, ResponseForm, build_response
 from middeck.files.refinements.unknown_form import UnknownForm
 from middeck.files.setups import find_stated, load_setup, load_structure
-from middeck.files.toml.faults import Finding
+from middeck.files.toml.faults import PathFault
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import read_form, read_source
 from middeck.structure.correlation.measured_modes import MeasuredModes
@@ -135,7 +135,7 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
     )
 
 
-def _findings(data: Any) -> list[Finding]:
+def _findings(data: Any) -> list[PathFault]:
     return [*survey_load_findings(data), *static_findings(data), *friction_findings(data)]
 
 

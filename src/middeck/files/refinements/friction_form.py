@@ -7,7 +7,7 @@ import numpy as np
 
 from middeck.errors import ConfigError
 from middeck.files.articles.name_checks import given_again
-from middeck.files.toml.faults import Finding, finding, nearest
+from middeck.files.toml.faults import PathFault, finding, nearest
 from middeck.files.toml.form import Form, Positive, Positives
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, tables
@@ -48,7 +48,7 @@ def build_frictions(
     )
 
 
-def friction_findings(data: Any) -> Iterator[Finding]:
+def friction_findings(data: Any) -> Iterator[PathFault]:
     """Faults beyond the forms of friction: joints given twice, and amplitudes of joints without friction."""
     known: list[Any] = [f.get("joint") for _, f in tables(data, "friction")]
     yield from _twice((), "friction", data)
@@ -75,6 +75,6 @@ def refuse_slides(structure: Structure, joints: Collection[str], where: str) -> 
             )
 
 
-def _twice(path: Path, key: str, table: Table) -> Iterator[Finding]:
+def _twice(path: Path, key: str, table: Table) -> Iterator[PathFault]:
     joints = [((*path, key, i, "joint"), item.get("joint")) for i, item in tables(table, key)]
     return given_again(joints, "given twice", "one of a joint")

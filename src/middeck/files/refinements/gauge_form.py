@@ -9,7 +9,7 @@ from pydantic import Field
 from middeck.files.articles.boundary_form import ORIGIN
 from middeck.files.articles.name_checks import given_twice
 from middeck.files.refinements.loading_form import LoadingForm, case_of, loaded_twice, own_loads
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.form import Finite, Form, Positive, Vector
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import tables
@@ -107,7 +107,7 @@ def build_static(
     )
 
 
-def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[Finding]:
+def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[PathFault]:
     """Faults beyond the forms of static tests: keys of another unit, missing values, loads given twice.
 
     What their readings have ``stated`` is `VALUED`; of tests that may be made `PLANNED`.
@@ -115,7 +115,7 @@ def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[Finding
     return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, stated)]
 
 
-def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
+def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Iterator[PathFault]:
     own = own_loads(test)
     yield from loaded_twice(path, test)
     if test.get("since", "unloaded") == "unloaded" and not own and "load_case" not in test:
@@ -124,7 +124,7 @@ def _of_test(path: Path, test: dict[str, Any], stated: tuple[str, ...]) -> Itera
         yield from _of_reading((*path, "reading", k), reading, stated)
 
 
-def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) -> Iterator[Finding]:
+def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) -> Iterator[PathFault]:
     kind = str(reading.get("kind", "shift"))  # what is no text, the form has refused
     if kind not in ENDING:
         return
@@ -136,7 +136,7 @@ def _of_reading(path: Path, reading: dict[str, Any], stated: tuple[str, ...]) ->
 
 def _of_another_kind(
     path: Path, reading: dict[str, Any], kind: str, stated: tuple[str, ...]
-) -> Iterator[Finding]:
+) -> Iterator[PathFault]:
     for what in stated:
         wanted = f"{what}_{ENDING[kind]}"
         for other in (f"{what}_{ending}" for ending in UNIT):
@@ -144,7 +144,7 @@ def _of_another_kind(
                 yield finding((*path, other), f"of a {kind}", hint=f"{wanted}")
 
 
-def promised_findings(data: Any) -> list[Finding]:
+def promised_findings(data: Any) -> list[PathFault]:
     """Faults of promised loads beyond their forms.
 
     A deviation in the unit of another kind, a name given twice, by which no outcome could be compared, and
@@ -153,7 +153,7 @@ def promised_findings(data: Any) -> list[Finding]:
     return list(_of_promise(data))
 
 
-def _of_promise(data: Any) -> Iterator[Finding]:
+def _of_promise(data: Any) -> Iterator[PathFault]:
     for table in ("load_case", "gauge"):
         named = [((table, i, "name"), one.get("name")) for i, one in tables(data, table)]
         yield from given_twice(named, table.replace("_", " "))

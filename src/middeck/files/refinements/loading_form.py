@@ -12,7 +12,7 @@ from middeck.files.articles.boundary_form import (
     PrescribedForm,
     build_load_cases,
 )
-from middeck.files.toml.faults import Finding, finding
+from middeck.files.toml.faults import PathFault, finding
 from middeck.files.toml.form import Form
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import tables
@@ -39,7 +39,7 @@ def case_of(form: LoadingForm) -> LoadCase | str | None:
     return build_load_cases([own])[0]
 
 
-def survey_load_findings(data: Any) -> list[Finding]:
+def survey_load_findings(data: Any) -> list[PathFault]:
     """Surveys that name a load case beside loads of their own."""
     return [f for i, test in tables(data, "survey") for f in loaded_twice(("survey", i), test)]
 
@@ -49,7 +49,7 @@ def own_loads(test: dict[str, Any]) -> list[str]:
     return [key for key in ("load", "mass", "prescribed") if key in test]
 
 
-def loaded_twice(path: Path, test: dict[str, Any]) -> Iterator[Finding]:
+def loaded_twice(path: Path, test: dict[str, Any]) -> Iterator[PathFault]:
     """A load case by name beside loads of the test's own."""
     own = own_loads(test)
     if own and "load_case" in test:

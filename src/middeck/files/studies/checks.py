@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from middeck.files.studies.form import StudyForm
-from middeck.files.toml.faults import Finding, finding, nearest
+from middeck.files.toml.faults import PathFault, finding, nearest
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, array_of, is_number, table_of, tables
 from middeck.structure.model.article import JointState, Structure
@@ -14,7 +14,7 @@ from middeck.structure.model.article import JointState, Structure
 ROUNDING = 1e-9
 
 
-def signal_findings(data: Table) -> list[Finding]:
+def signal_findings(data: Table) -> list[PathFault]:
     """Faults between the tables of a study; tolerates a broken form."""
     return [*_metric(data), *_loops(data), *_hold(data), *_excitation(data)]
 
@@ -24,7 +24,7 @@ def _names(data: Table, *keys: str) -> list[str]:
     return [n for key in keys for n in array_of(table_of(data, "control"), key) if isinstance(n, str)]
 
 
-def _metric(data: Table) -> Iterator[Finding]:
+def _metric(data: Table) -> Iterator[PathFault]:
     known = _names(data, "angles", "pd_loops")
     for i, name in enumerate(_names(data, "metric")):
         if known and name not in known:
@@ -32,7 +32,7 @@ def _metric(data: Table) -> Iterator[Finding]:
             yield finding(("control", "metric", i), message, name, hint=nearest(name, known))
 
 
-def _loops(data: Table) -> Iterator[Finding]:
+def _loops(data: Table) -> Iterator[PathFault]:
     known = _names(data, "inputs", "disturbances")
     for i, name in enumerate(_names(data, "pd_loops")):
         if known and name not in known:
@@ -46,7 +46,7 @@ def _number(value: Any) -> float | None:
     return float(value) if is_number(value) and 0.0 <= value < math.inf else None
 
 
-def _hold(data: Table) -> Iterator[Finding]:
+def _hold(data: Table) -> Iterator[PathFault]:
     """A held command takes effect half a sample late in the mean, whatever else is late."""
     sample_hz, delay_s = (_number(table_of(data, "rig").get(key)) for key in ("sample_hz", "delay_s"))
     if sample_hz and delay_s is not None and delay_s < (1.0 - ROUNDING) * 0.5 / sample_hz:
@@ -54,7 +54,7 @@ def _hold(data: Table) -> Iterator[Finding]:
         yield finding(("rig", "delay_s"), message, delay_s, hint="a longer delay or a higher sample_hz")
 
 
-def _excitation(data: Table) -> Iterator[Finding]:
+def _excitation(data: Table) -> Iterator[PathFault]:
     """One period is a whole number of samples, and the band ends below half the rate."""
     siso = table_of(data, "siso")
     sample_hz, period_s = _number(table_of(data, "rig").get("sample_hz")), _number(siso.get("period_s"))
@@ -69,7 +69,7 @@ def _excitation(data: Table) -> Iterator[Finding]:
         yield finding(("siso", "band_hz", 1), message, last, hint="a narrower band or a higher sample_hz")
 
 
-def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table) -> Iterator[Finding]:
+def fixed_axes(form: StudyForm, article: str, structure: Structure, data: Table) -> Iterator[PathFault]:
     """Axes in the tables ``data`` of ``article`` that a port of the study drives and that do not turn."""
     joints = {j.name: j for j in structure.joints}
     turned = {a.name: joints[a.frame] for a in structure.actuators if a.axis is None}

@@ -18,9 +18,9 @@ from middeck.files.studies import form as study_form
 from middeck.files.studies.checks import fixed_axes, signal_findings
 from middeck.files.studies.promise import PromiseForm
 from middeck.files.studies.rig import build_loop_test, build_rig_settings
-from middeck.files.toml.faults import Fault, Finding, finding, raise_faults
+from middeck.files.toml.faults import DocumentFault, PathFault, finding, raise_faults
 from middeck.files.toml.lines import Path as KeyPath
-from middeck.files.toml.overrides import Target, apply_overrides
+from middeck.files.toml.overrides import OverriddenDocument, apply_overrides
 from middeck.files.toml.source import Checked, Kind, Source, place_in, read_source, read_sources
 from middeck.laboratory.rig_settings import LoopTest, RigSettings
 from middeck.structure.model.article import Structure
@@ -139,7 +139,8 @@ def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     source = read_source(path, STUDY)
     # The file names must be known, overridden or not, before the other documents can be overridden.
     (data,), (changed,) = apply_overrides(
-        [Target(source.file, source.data, study_form.StudyForm)], [o for o in overrides if _is_reference(o)]
+        [OverriddenDocument(source.file, source.data, study_form.StudyForm)],
+        [o for o in overrides if _is_reference(o)],
     )
     base = Path(path).parent
     _raise_missing(source, data, changed, base)
@@ -169,7 +170,7 @@ def _given(table: F | None, name: str) -> F:
     return table
 
 
-def study_rules(data: dict[str, Any]) -> list[Finding]:
+def study_rules(data: dict[str, Any]) -> list[PathFault]:
     """Faults of the tables of a study beyond the form of their keys."""
     return [*study_form.study_findings(data), *signal_findings(data)]
 
@@ -210,7 +211,7 @@ def _check(
     checked = overridden(parts, overrides)
     structures = dict(zip(articles, checked[1:], strict=False))
     surroundings = dict(zip(pairs, checked[1 + len(articles) :], strict=True))
-    faults: list[Fault] = [f for c in checked for f in c.faults]
+    faults: list[DocumentFault] = [f for c in checked for f in c.faults]
     for (a, _), c in surroundings.items():
         faults += join_findings([structures[a], c])
     faults += _joint_faults(checked[0], structures)
@@ -218,7 +219,7 @@ def _check(
     return checked[0], structures, surroundings
 
 
-def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> list[Fault]:
+def _joint_faults(study: Checked[Any], structures: dict[str, Checked[Any]]) -> list[DocumentFault]:
     """Ports and free axes that the study needs and its articles lack; none while any article is broken."""
     if study.form is None or any(c.faults for c in structures.values()):
         return []

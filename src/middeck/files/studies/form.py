@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from middeck.files.studies.promise import PromiseForm, States
-from middeck.files.toml.faults import Finding, finding, nearest
+from middeck.files.toml.faults import PathFault, finding, nearest
 from middeck.files.toml.form import (
     Band,
     Finite,
@@ -204,7 +204,7 @@ NEEDS = {"figure_6": ("rig", "siso"), "siso": ("rig",), "sito": ("siso",), "prom
 CHAPTERS = ("control", "figure_6", "siso", "sito", "promise", "mirror")
 
 
-def study_findings(data: Table) -> list[Finding]:
+def study_findings(data: Table) -> list[PathFault]:
     """Faults of a study beyond the form of its keys; tolerates a broken form."""
     control = table_of(data, "control")
     return [
@@ -226,7 +226,7 @@ def study_findings(data: Table) -> list[Finding]:
     ]
 
 
-def _one_each(settings: Table, names: str, keys: list[str], where: str = "control") -> Iterator[Finding]:
+def _one_each(settings: Table, names: str, keys: list[str], where: str = "control") -> Iterator[PathFault]:
     wanted = settings.get(names)
     for key in keys:
         given = settings.get(key)
@@ -237,7 +237,7 @@ def _one_each(settings: Table, names: str, keys: list[str], where: str = "contro
                 yield finding((where, key), message, given)
 
 
-def _tables(data: Table) -> Iterator[Finding]:
+def _tables(data: Table) -> Iterator[PathFault]:
     """Faults of a study without a chapter, or with one that lacks a table it needs."""
     if not any(key in data for key in CHAPTERS):
         known = ", ".join(f"[{key}]" for key in CHAPTERS)
@@ -248,14 +248,14 @@ def _tables(data: Table) -> Iterator[Finding]:
                 yield finding((other,), f"missing: [{key}] needs it")
 
 
-def _levels(control: Table) -> Iterator[Finding]:
+def _levels(control: Table) -> Iterator[PathFault]:
     first, last = control.get("log10_authority_first"), control.get("log10_authority_last")
     if isinstance(first, int | float) and isinstance(last, int | float) and not first < last:
         message = f"must be > log10_authority_first = {first:g}"
         yield finding(("control", "log10_authority_last"), message, last)
 
 
-def _two_sensors(data: Table) -> Iterator[Finding]:
+def _two_sensors(data: Table) -> Iterator[PathFault]:
     """Figures 10a and 10b show one sensor each, encoder and bus in the paper; the third is [siso]'s own."""
     performance, given = table_of(data, "siso").get("sensor"), table_of(data, "sito").get("sensors")
     match given:
@@ -268,7 +268,7 @@ def _two_sensors(data: Table) -> Iterator[Finding]:
             return
 
 
-def _rubs(data: Table) -> Iterator[Finding]:
+def _rubs(data: Table) -> Iterator[PathFault]:
     """Friction slips once it has given: without that distance, or a torque to slip at, there is none."""
     rig = table_of(data, "rig")
     coulomb, viscous = rig.get("gimbal_friction_nm"), rig.get("gimbal_viscous_nms_per_rad")
@@ -285,7 +285,7 @@ def _is_positive(value: Any) -> bool:
     return isinstance(value, int | float) and value > 0
 
 
-def _gap(data: Table) -> Iterator[Finding]:
+def _gap(data: Table) -> Iterator[PathFault]:
     """A gap has flanks and flanks have a gap between them."""
     rig, pair = table_of(data, "rig"), ("gimbal_deadband_deg", "gimbal_flank_nm_per_rad")
     for key, other in (pair, pair[::-1]):
@@ -293,7 +293,7 @@ def _gap(data: Table) -> Iterator[Finding]:
             yield finding(("rig", key), f"given without {other}", rig[key], hint="give both or neither")
 
 
-def _documents(data: Table) -> Iterator[Finding]:
+def _documents(data: Table) -> Iterator[PathFault]:
     """Settings name articles and environments of the study."""
     wanted = [("control", "article"), ("figure_6", "article"), ("siso", "article"), ("siso", "environment")]
     wanted += [("promise", "article"), ("promise", "environment")]
@@ -306,7 +306,7 @@ def _documents(data: Table) -> Iterator[Finding]:
             yield finding(("environment", key), "missing: the path of an environment file")
 
 
-def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
+def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[PathFault]:
     """Ports that an article of the study lacks, or that are named twice.
 
     ``ports`` gives actuators and sensors by article; of one that the study does not have nothing is said.

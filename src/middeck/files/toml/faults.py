@@ -42,7 +42,7 @@ MOST_PLACES = 3  # tables that are named as those of which a key may be
 
 
 @record(kw_only=True)
-class Fault:
+class DocumentFault:
     """One thing wrong: where (``file``, ``line``, ``key``), what, the ``value`` and what to try.
 
     ``file`` is ``--set`` and ``line`` zero for a value that an override has set.
@@ -72,7 +72,7 @@ class Fault:
 
 
 @record(kw_only=True)
-class Finding:
+class PathFault:
     """A fault before it is known in which file and on which line it lies."""
 
     path: Path
@@ -82,13 +82,15 @@ class Finding:
     expected: str = ""  # the key that an unknown one stands for
 
 
-def finding(path: Path, message: str, value: Any = ABSENT, *, hint: str = "", expected: str = "") -> Finding:
+def finding(
+    path: Path, message: str, value: Any = ABSENT, *, hint: str = "", expected: str = ""
+) -> PathFault:
     """A finding at ``path``, with its ``value``, if there is one, as TOML would write it."""
     shown = "" if value is ABSENT else show(value)
-    return Finding(path=path, message=message, value=shown, hint=hint, expected=expected)
+    return PathFault(path=path, message=message, value=shown, hint=hint, expected=expected)
 
 
-def raise_faults(faults: Sequence[Fault]) -> None:
+def raise_faults(faults: Sequence[DocumentFault]) -> None:
     """Raise one `ConfigError` with all ``faults`` (its ``data["faults"]``); nothing if there are none."""
     if not faults:
         return
@@ -98,7 +100,7 @@ def raise_faults(faults: Sequence[Fault]) -> None:
     raise ConfigError(f"{len(faults)} errors in the configuration\n{lines}", faults=tuple(faults))
 
 
-def raise_fault(fault: Fault) -> NoReturn:
+def raise_fault(fault: DocumentFault) -> NoReturn:
     """Raise a `ConfigError` with this one fault, in place of whatever it stands for."""
     raise ConfigError(fault.what, where=fault.place, hint=fault.hint, faults=(fault,)) from None
 
@@ -123,7 +125,7 @@ def show(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
+def form_findings(error: ValidationError, form: type[Form]) -> list[PathFault]:
     """The errors of pydantic in our words."""
     items = error.errors(include_url=False)
     found = [_finding(item, form) for item in items if not _is_echo(item, items)]
@@ -133,7 +135,7 @@ def form_findings(error: ValidationError, form: type[Form]) -> list[Finding]:
     return [_for_the_missing(f, found) for f in found]
 
 
-def _for_the_missing(fault: Finding, found: Sequence[Finding]) -> Finding:
+def _for_the_missing(fault: PathFault, found: Sequence[PathFault]) -> PathFault:
     """``fault``, told the key that its table lacks where it is the only unknown one there, and that too."""
     beside = [f for f in found if f.path[:-1] == fault.path[:-1]]
     lacking = [f.path[-1] for f in beside if f.message.startswith(MISSING)]
@@ -151,7 +153,7 @@ def _is_echo(item: Any, items: Sequence[Any]) -> bool:
     )
 
 
-def _finding(item: Any, form: type[Form]) -> Finding:
+def _finding(item: Any, form: type[Form]) -> PathFault:
     path: Path = tuple(item["loc"])
     named = [p for p in path if isinstance(p, str)]
     key = named[-1] if named else ""
@@ -197,7 +199,7 @@ def _as_array(key: str, value: Any, form: type[Form], path: Path) -> str:
     return f"{key} = [{show(value)}]" if isinstance(value, str | int | float) and key else ""
 
 
-def _wrong_length(path: Path, item: Any) -> Finding:
+def _wrong_length(path: Path, item: Any) -> PathFault:
     """An array of too many or too few; with decimal commas it has twice as many."""
     limits, value = item["ctx"], item["input"]
     wanted = limits.get("max_length", limits.get("min_length"))
@@ -206,7 +208,7 @@ def _wrong_length(path: Path, item: Any) -> Finding:
     return finding(path, f"has {len(value)} items; must be {wanted}", value, hint=advice)
 
 
-def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
+def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> PathFault:
     table = form_at(form, path[:-1])
     known = [f.alias or name for name, f in table.model_fields.items()] if table else []
     same = next((k for k in known if k.lower() == key.lower()), "")

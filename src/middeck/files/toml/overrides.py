@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, cast, get_args, get_origin
 
-from middeck.files.toml.faults import Fault, nearest, raise_fault, raise_faults
+from middeck.files.toml.faults import DocumentFault, nearest, raise_fault, raise_faults
 from middeck.files.toml.form import Form, bare, child, is_form, keys_of, sheet_name
 from middeck.files.toml.lines import Path
 from middeck.values import record
@@ -76,8 +76,8 @@ def _parse_value(key: str, written: str) -> Any:
     return parsed["value"]
 
 
-def _fault(key: str, message: str, hint: str) -> Fault:
-    return Fault(file="--set", line=0, key=key, message=message, hint=hint)
+def _fault(key: str, message: str, hint: str) -> DocumentFault:
+    return DocumentFault(file="--set", line=0, key=key, message=message, hint=hint)
 
 
 def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[KeyState, Path]:
@@ -151,7 +151,7 @@ def _has(data: Any, key: str | int) -> bool:
 
 
 @record
-class Target:
+class OverriddenDocument:
     """A document that overrides may change: parsed data, its form and the article it belongs to, if any."""
 
     name: str
@@ -161,7 +161,7 @@ class Target:
 
 
 def apply_overrides(
-    targets: Sequence[Target], overrides: Sequence[str]
+    targets: Sequence[OverriddenDocument], overrides: Sequence[str]
 ) -> tuple[list[dict[str, Any]], list[dict[Path, str]]]:
     """The documents with all ``overrides`` applied, and for each the paths set with the key that set them.
 
@@ -170,7 +170,7 @@ def apply_overrides(
     """
     documents = [copy.deepcopy(t.data) for t in targets]
     changed: list[dict[Path, str]] = [{} for _ in targets]
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     waiting = [parse_override(text) for text in overrides]
     again = len(waiting)  # one whose table is not there waits for the others, which may make it
     for turn, override in enumerate(waiting):
@@ -201,14 +201,18 @@ def _put(data: Any, path: Path, value: Any) -> None:
     data[path[-1]] = copy.deepcopy(value)
 
 
-def _no_effect(override: Override, targets: Sequence[Target], found: Sequence[tuple[KeyState, Path]]) -> str:
+def _no_effect(
+    override: Override, targets: Sequence[OverriddenDocument], found: Sequence[tuple[KeyState, Path]]
+) -> str:
     files = ", ".join(t.name for t, (how, _) in zip(targets, found, strict=True) if how is KeyState.ABSENT)
     return (
         f"--set {override.text} has no effect: its table is not in {files}; write the table there to set it"
     )
 
 
-def _unknown(override: Override, documents: Sequence[Any], targets: Sequence[Target]) -> Fault:
+def _unknown(
+    override: Override, documents: Sequence[Any], targets: Sequence[OverriddenDocument]
+) -> DocumentFault:
     key = ".".join(override.segments)
     names = [p for d, t in zip(documents, targets, strict=True) for p in leaf_names(d, t.form)]
     read = ", ".join(dict.fromkeys(t.name for t in targets))

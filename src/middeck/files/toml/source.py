@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from middeck.errors import ConfigError
 from middeck.files.disk import kind_of_content
-from middeck.files.toml.faults import Fault, Finding, form_findings, raise_fault, raise_faults
+from middeck.files.toml.faults import DocumentFault, PathFault, form_findings, raise_fault, raise_faults
 from middeck.files.toml.form import Form
 from middeck.files.toml.lines import Path as KeyPath
 from middeck.files.toml.lines import key_lines, line_of
@@ -44,8 +44,8 @@ class Checked(Generic[F]):
     file: str
     form: F | None
     data: Any
-    faults: tuple[Fault, ...]
-    place: Callable[[Finding], Fault]
+    faults: tuple[DocumentFault, ...]
+    place: Callable[[PathFault], DocumentFault]
 
 
 def read_source(path: str | Path, wanted: str = kind_of_content.CHANNELS) -> Source:
@@ -90,13 +90,13 @@ def read_source(path: str | Path, wanted: str = kind_of_content.CHANNELS) -> Sou
 
 def refuse(file: str, message: str, hint: str, *, line: int = 0) -> NoReturn:
     """Raise the one fault of a file as a `ConfigError`."""
-    raise_fault(Fault(file=file, line=line, key="", message=message, hint=hint))
+    raise_fault(DocumentFault(file=file, line=line, key="", message=message, hint=hint))
 
 
 def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Source]:
     """`read_source` of each path; the errors of all are raised together."""
     sources: list[Source] = []
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     for path, kind in zip(paths, kinds, strict=True):
         try:
             sources.append(read_source(path, WANTED[kind]))
@@ -106,14 +106,16 @@ def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Sou
     return sources
 
 
-def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
+def place_in(source: Source, changed: Mapping[KeyPath, str], finding: PathFault) -> DocumentFault:
     """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
     file, line = source.file, line_of(source.lines(), finding.path)
     for end in range(1, len(finding.path) + 1):
         if setter := changed.get(finding.path[:end]):
             file, line = f"--set {setter}", 0
     key, value = ".".join(map(str, finding.path)), finding.value
-    return Fault(file=file, line=line, key=key, message=finding.message, value=value, hint=finding.hint)
+    return DocumentFault(
+        file=file, line=line, key=key, message=finding.message, value=value, hint=finding.hint
+    )
 
 
 def check(
@@ -121,7 +123,7 @@ def check(
     data: Any,
     changed: dict[KeyPath, str],
     form: type[F],
-    more: Callable[[Any], list[Finding]] = lambda _: [],
+    more: Callable[[Any], list[PathFault]] = lambda _: [],
 ) -> Checked[F]:
     """Check ``data`` (the source with overrides) against its form and its further rules."""
 
@@ -145,7 +147,7 @@ def sound(checked: Checked[F]) -> F:
 
 
 def read_form(
-    path: str | Path, wanted: str, form: type[F], more: Callable[[Any], list[Finding]] = lambda _: []
+    path: str | Path, wanted: str, form: type[F], more: Callable[[Any], list[PathFault]] = lambda _: []
 ) -> F:
     """The document in a TOML file of its own; raises `ConfigError` with all its faults."""
     source = read_source(path, wanted)

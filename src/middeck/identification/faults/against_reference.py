@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import DataError
-from middeck.identification.faults.equal_runs import Found, fault
-from middeck.signals.fault import Fault
+from middeck.identification.faults.equal_runs import FaultDraft, fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 
@@ -22,7 +22,7 @@ LATE = 0.5
 LEFT, LESS = 0.01, 0.1
 
 
-def compare_with_reference(record: Record, reference: FrequencyResponse) -> list[Fault]:
+def compare_with_reference(record: Record, reference: FrequencyResponse) -> list[RecordFault]:
     """Contradictions of ``reference``, a response or a model's, with the same ports.
 
     Each output's lines are explained by what the reference makes of each input times a real gain, least
@@ -98,8 +98,8 @@ def _fit(
     return best
 
 
-def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.ndarray) -> list[Fault]:
-    names, found = [p.name for p in record.outputs], list[Fault]()
+def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.ndarray) -> list[RecordFault]:
+    names, found = [p.name for p in record.outputs], list[RecordFault]()
     own = np.array([gains[o, o] for o in range(len(names))])  # output input
     swapped = set()
     for o in range(len(names)):
@@ -118,7 +118,7 @@ def _judge(record: Record, gains: np.ndarray, explained: np.ndarray, delay: np.n
         what = "has the wrong sign against the reference, in all outputs"
         found.append(fault("sign", what, "turn its sign").at("input", record.inputs[i]))
     for o in known:
-        here: list[Found] = []
+        here: list[FaultDraft] = []
         gain = own[o] * np.where(np.isin(np.arange(own.shape[1]), turned), -1.0, 1.0)
         if np.mean(gain) < 0.0:
             here.append(fault("sign", "has the wrong sign against the reference", "turn its sign"))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.faults.equal_runs import Found, fault
-from middeck.signals.fault import Fault
+from middeck.identification.faults.equal_runs import FaultDraft, fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Channel, Port
 from middeck.signals.record import Record
 
@@ -31,13 +31,13 @@ POWER = -0.5
 FORCES = ("N", "N m", "Nm")
 
 
-def find_pair_faults(record: Record) -> list[Fault]:
+def find_pair_faults(record: Record) -> list[RecordFault]:
     """Duplicated outputs, and signs and delays of collocated channels."""
     inputs, outputs = (
         [(port, x[..., k].reshape(len(x), -1)) for k, port in enumerate(ports)]
         for ports, x in ((record.inputs, record.u), (record.outputs, record.y))
     )
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for k, (port, y) in enumerate(outputs):
         for other, z in outputs[:k]:
             same = _duplicate(y, z, other)
@@ -61,7 +61,7 @@ def _correlation(a: Runs, b: Runs) -> float:
     return float(np.sum(a * b)) / size if size else 0.0
 
 
-def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
+def _duplicate(y: Runs, z: Runs, other: Port) -> list[FaultDraft]:
     alike = _correlation(y, z)
     if abs(alike) < 1.0 - ONE_SIGNAL:
         return []
@@ -69,7 +69,7 @@ def _duplicate(y: Runs, z: Runs, other: Port) -> list[Found]:
     return [fault("duplicate", f"{how} {other.name}", "check the wiring; leave one of them out")]
 
 
-def _unsure(same: Found) -> Found:
+def _unsure(same: FaultDraft) -> FaultDraft:
     """Of outputs without noise: two sensors of one mode are equal as well."""
     what = f"{same.what}; no noise tells whether both are one signal or one mode"
     return replace(same, what=what, severity="note")
@@ -94,7 +94,7 @@ def _noise_of_either(y: Run, z: Run, inputs: list[Run]) -> float | None:
     return float(np.std(rest)) / noise if noise > NOISELESS * float(np.std(y)) else None
 
 
-def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[Found]:
+def _collocated(record: Record, port: Port, y: Runs, other: Port, z: Runs) -> list[FaultDraft]:
     """Two sensors of one quantity at one point along one axis."""
     sign = _same_place(port.channel, other.channel)
     if sign == 0 or port.unit != other.unit:
@@ -135,7 +135,7 @@ def _lag(y: Runs, z: Runs) -> tuple[float, float]:
     return k - most + float(shift), float(near[k] / size) if size else 0.0
 
 
-def _driven(port: Port, y: Runs, at: Port, u: Runs) -> list[Found]:
+def _driven(port: Port, y: Runs, at: Port, u: Runs) -> list[FaultDraft]:
     """A force and the motion where it acts: the article takes power in."""
     sign = _same_place(port.channel, at.channel)
     derivative = {"m": 1, "rad": 1, "m/s": 0, "rad/s": 0, "m/s^2": -1, "rad/s^2": -1}.get(port.unit)

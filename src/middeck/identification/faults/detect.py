@@ -8,7 +8,7 @@ import numpy as np
 from middeck.errors import DataError
 from middeck.identification.faults.against_reference import compare_with_reference
 from middeck.identification.faults.collocated_channels import find_pair_faults
-from middeck.identification.faults.equal_runs import Found, Runs, Signal, fault, levels_of
+from middeck.identification.faults.equal_runs import FaultDraft, Runs, Signal, fault, levels_of
 from middeck.identification.faults.gaps_clipping_and_dropouts import (
     find_clipping,
     find_dropouts,
@@ -30,7 +30,7 @@ from middeck.identification.faults.random_drift import find_random_drift
 from middeck.identification.faults.spikes import find_spikes, is_impact, spike_runs
 from middeck.identification.faults.stuck_and_gain_drift import find_gain_drift, find_stuck
 from middeck.identification.faults.unlike_experiments import find_unlike_experiments
-from middeck.signals.fault import Fault, Side
+from middeck.signals.fault import RecordFault, Side
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
@@ -49,7 +49,7 @@ SEVERITIES = ("unusable", "serious", "note")
 LEAST, MOST = 1e-100, 1e100
 
 
-def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[Fault, ...]:
+def detect_faults(record: Record, reference: FrequencyResponse | None = None) -> tuple[RecordFault, ...]:
     """Faults of ``record``, worst first; empty for a clean one.
 
     Args:
@@ -76,7 +76,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     [('tip', 'spike', ((200, 201),))]
     """
     _check_size(record)
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     struck = any(is_impact(_filled(x)) for x in _channels(record.u) if not is_dead(_filled(x)))
     driven = [] if struck else [_driven(u) for u in record.u]
     sides: tuple[tuple[Side, tuple[Port, ...], np.ndarray], ...] = (
@@ -108,7 +108,7 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
 
 
-def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[Fault]:
+def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[RecordFault]:
     """The faults that bias an estimate as a whole: no scatter shows them.
 
     Of channels of which much is ``wrong`` also spikes and dropouts: as noise in all lines they hide there.
@@ -116,7 +116,7 @@ def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[Fault]:
     return [f for f in detect_faults(record) if f.kind in BIASING or (f.kind in BRIEF and f.channel in wrong)]
 
 
-def _without(record: Record, found: Sequence[Fault], kinds: Sequence[str]) -> Record | None:
+def _without(record: Record, found: Sequence[RecordFault], kinds: Sequence[str]) -> Record | None:
     """Leave out outputs with such faults, and inputs that are dead, which move nothing.
 
     None where another input has such a fault, which all outputs answer, or where a side has no channel left.
@@ -161,7 +161,7 @@ def _filled(x: Signal) -> Signal:
 
 def _channel_faults(
     periods: np.ndarray, port: Port, *, side: Side, periodic: bool, driven: Runs | None
-) -> list[Found]:
+) -> list[FaultDraft]:
     """``driven`` are spikes of the inputs; None where inputs are impacts, which have no others."""
     period, is_input = periods.shape[1], side == "input"
     gaps, x = find_gaps(periods.ravel()), _filled(periods.ravel())

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.signals.fault import MOST_RUNS, Fault, Severity, Side
+from middeck.signals.fault import MOST_RUNS, RecordFault, Severity, Side
 from middeck.signals.ports import Port
 from middeck.values import record
 
@@ -69,8 +69,8 @@ def levels_of(x: Signal) -> Levels:
 
 
 @record(kw_only=True)
-class Found:
-    """Kind, what, hint, severity and runs of samples of a `Fault`."""
+class FaultDraft:
+    """Kind, what, hint, severity and runs of samples of a `RecordFault`."""
 
     kind: str
     what: str
@@ -78,10 +78,10 @@ class Found:
     severity: Severity = "serious"
     samples: tuple[tuple[int, int], ...] = ()
 
-    def at(self, side: Side, port: Port, experiment: int | None = None) -> Fault:
+    def at(self, side: Side, port: Port, experiment: int | None = None) -> RecordFault:
         """The finding as a fault of a channel."""
         runs = self.samples[:MOST_RUNS]
-        return Fault(
+        return RecordFault(
             kind=self.kind,
             severity=self.severity,
             side=side,
@@ -93,6 +93,8 @@ class Found:
         )
 
 
-def fault(kind: str, what: str, hint: str, *, severity: Severity = "serious", samples: Spans = ()) -> Found:
+def fault(
+    kind: str, what: str, hint: str, *, severity: Severity = "serious", samples: Spans = ()
+) -> FaultDraft:
     """A finding of a channel, with the runs of samples where it shows."""
-    return Found(kind=kind, what=what, hint=hint, severity=severity, samples=tuple(samples))
+    return FaultDraft(kind=kind, what=what, hint=hint, severity=severity, samples=tuple(samples))

@@ -4,7 +4,7 @@ import numpy as np
 
 from middeck.identification.faults.equal_runs import (
     ROUNDING,
-    Found,
+    FaultDraft,
     Levels,
     Runs,
     Signal,
@@ -43,7 +43,7 @@ HELD = 0.3
 REST = 0.05
 
 
-def find_gaps(x: Signal) -> list[Found]:
+def find_gaps(x: Signal) -> list[FaultDraft]:
     """Samples that are not finite numbers."""
     runs = runs_of(~np.isfinite(x))
     if not runs:
@@ -59,7 +59,7 @@ def is_dead(x: Signal) -> bool:
     return bool(np.ptp(x) <= ROUNDING * np.abs(x).max())
 
 
-def find_clipping(x: Signal, levels: Levels) -> list[Found]:
+def find_clipping(x: Signal, levels: Levels) -> list[FaultDraft]:
     """Runs at the largest or smallest value, and samples that crowd below a limit blurred by noise."""
     if levels.count <= 3:  # a switched signal
         return []
@@ -133,7 +133,7 @@ def _blurred_limits(x: Signal, step: float) -> Runs:
     return sorted(runs) if count < SWITCHED * len(x) else []
 
 
-def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> list[Found]:
+def find_dropouts(x: Signal, levels: Levels, *, period: int, is_input: bool) -> list[FaultDraft]:
     """Runs of one value that the signal enters or leaves with a jump."""
     low, high = x.min(), x.max()
     if np.mean(np.diff(x) == 0.0) > HELD and len(equal_runs(x, 2)) > 5 * len(equal_runs(x, STUCK)):

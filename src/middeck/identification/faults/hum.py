@@ -9,7 +9,7 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Complex, Float
 
-from middeck.identification.faults.equal_runs import Found, fault
+from middeck.identification.faults.equal_runs import FaultDraft, fault
 from middeck.signals.excitation.repetition import find_repetition
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -37,7 +37,7 @@ FEWEST_SAMPLES = 512
 MAINS_HZ, MAINS_WITHIN = (50.0, 60.0), 0.005
 
 
-def find_hum(record: Record) -> list[tuple[Found, Port, int]]:
+def find_hum(record: Record) -> list[tuple[FaultDraft, Port, int]]:
     """Sines of each output and experiment, but for harmonics of excitation that repeats."""
     inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
     samples = inputs.shape[1]
@@ -47,7 +47,7 @@ def find_hum(record: Record) -> list[tuple[Found, Port, int]]:
     period = record.u.shape[2] if record.periodic else samples if again is None else again.period
     middle = np.abs(np.arange(samples // 2 + 1) % (samples / period) - 0.5 * samples / period)
     free = middle < 0.5 * samples / period - LOBE - 2 if period < samples else middle >= 0.0
-    found: list[tuple[Found, Port, int]] = []
+    found: list[tuple[FaultDraft, Port, int]] = []
     for e, u in enumerate(inputs):
         driven = np.max([_above(np.abs(spectrum_of(x)) ** 2) for x in u.T], axis=0)
         # Lines near a harmonic are not free; what the input has there tells nothing of those beside.
@@ -95,7 +95,7 @@ def _unlike_and_fall(spectrum: Complex[np.ndarray, " line"], k: int) -> tuple[fl
 
 def _sines(
     spectrum: Complex[np.ndarray, " line"], driven: Float[np.ndarray, " line"], step_hz: float
-) -> Found | None:
+) -> FaultDraft | None:
     power, lines = np.abs(spectrum) ** 2, np.arange(len(spectrum))
     above = _above(power)
     sine = (power == scipy.ndimage.maximum_filter1d(power, 2 * LOBE + 1)) & (above > ABOVE)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from middeck.identification.faults.equal_runs import Found, Signal, fault
+from middeck.identification.faults.equal_runs import FaultDraft, Signal, fault
 
 # Samples that may be lost, parts of a period, and by how much what a period leaves of the others differs
 # between two parts before shifts are tried: noise has as much in all.
@@ -33,7 +33,7 @@ AS_GOOD = 1.5
 SURE, FEWEST = 7.0, 8
 
 
-def find_lost_in_period(x: Signal, period: int) -> list[Found]:
+def find_lost_in_period(x: Signal, period: int) -> list[FaultDraft]:
     """The period that answers later or earlier than the others from one of its samples on; of two, both."""
     rows = x.reshape(-1, period)
     if len(rows) < 2 or period < 2 * PARTS:

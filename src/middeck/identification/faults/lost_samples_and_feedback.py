@@ -11,9 +11,9 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy.fft import next_fast_len
 
-from middeck.identification.faults.equal_runs import Found, fault
+from middeck.identification.faults.equal_runs import FaultDraft, fault
 from middeck.signals.excitation.repetition import find_repetition
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -54,9 +54,9 @@ ANSWERED = 7.0
 LONG, LONG_SHARE = 32, 0.02
 
 
-def find_relation_faults(record: Record) -> list[Fault]:
+def find_relation_faults(record: Record) -> list[RecordFault]:
     """Shifts within the record, feedback and long delays, of each experiment."""
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for e in range(len(record.u)):
         u, y = (x[e].reshape(-1, x.shape[3]).T for x in (record.u, record.y))
         if u.shape[1] < FEWEST_SAMPLES:
@@ -69,7 +69,7 @@ def find_relation_faults(record: Record) -> list[Fault]:
     return found
 
 
-Place = tuple[Found, Port]
+Place = tuple[FaultDraft, Port]
 
 
 def whitened(x: Signal) -> Signal:
@@ -121,7 +121,7 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
     return found
 
 
-def _lost(record: Record, near: int, shift: int) -> Found:
+def _lost(record: Record, near: int, shift: int) -> FaultDraft:
     here, there, way = ("lost", "repeated", "earlier") if shift < 0 else ("repeated", "lost", "later")
     what = (
         f"answers {abs(shift)} samples {way} from near sample {near} ({near / record.sample_hz:.6g} s) on: "
@@ -264,7 +264,7 @@ def _alone(left: Signal) -> int | None:
     return first + int(np.argmax(size[first : at + 1] > limit)) if size[at] > limit else None
 
 
-def _joined(record: Record, at: int) -> Found:
+def _joined(record: Record, at: int) -> FaultDraft:
     what = (
         f"does not go on at sample {at} ({at / record.sample_hz:.6g} s) as it was: samples of all channels "
         "were lost there, or two runs joined"
@@ -273,7 +273,7 @@ def _joined(record: Record, at: int) -> Found:
     return fault("joint", what, hint, samples=((at, at + 1),))
 
 
-def _stands_out(record: Record, at: int) -> Found:
+def _stands_out(record: Record, at: int) -> FaultDraft:
     what = f"1 spike at {at} ({at / record.sample_hz:.6g} s), which neither its past nor the inputs foretell"
     hint = "check for loose contacts and switching nearby; repair the sample, or leave the period out"
     return fault("spike", what, hint, samples=((at, at + 1),))
@@ -306,7 +306,7 @@ def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool
     return False
 
 
-def _fed_back(share: float) -> Found:
+def _fed_back(share: float) -> FaultDraft:
     what = (
         f"sends its noise back into the inputs: they tell, later, {share:.0%} of what its past leaves. There "
         "is feedback in the record, or the inputs were recorded late, or with noise, which makes gains too "

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from middeck.identification.faults.equal_runs import Found, Levels, Signal, fault
+from middeck.identification.faults.equal_runs import FaultDraft, Levels, Signal, fault
 
 # Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).
@@ -21,7 +21,7 @@ TRANSIENT, SERIOUS, DIES = 0.01, 0.1, 4.0
 REPEATS = 0.5
 
 
-def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
+def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[FaultDraft]:
     """A mean that is large relative to the signal's rms."""
     level, swing = float(x.mean()), float(x.std())
     if abs(level) <= (OFFSET_INPUT if is_input else OFFSET_OUTPUT) * swing:
@@ -35,7 +35,7 @@ def find_offset(x: Signal, unit: str, *, is_input: bool) -> list[Found]:
     return [fault("offset", what, hint, severity="note")]
 
 
-def find_drift(x: Signal, unit: str, *, period: int | None) -> list[Found]:
+def find_drift(x: Signal, unit: str, *, period: int | None) -> list[FaultDraft]:
     """A trend that the signal's own slow motion does not explain."""
     swing, periods = float(x.std()), 1 if period is None else len(x) // period
     change, sure = _trend(x, periods)
@@ -67,7 +67,7 @@ def _trend(x: Signal, periods: int) -> tuple[float, float]:
     return change, abs(change) / max(scatter / np.sqrt(LINES), 1e-300)
 
 
-def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
+def find_coarse_steps(x: Signal, levels: Levels) -> list[FaultDraft]:
     """Quantisation steps that are a large part of the signal."""
     step, swing = levels.step, float(x.std())
     noise = step / np.sqrt(12.0) / swing
@@ -78,7 +78,7 @@ def find_coarse_steps(x: Signal, levels: Levels) -> list[Found]:
     return [fault("quantisation", what, hint, severity="serious" if noise > TOO_COARSE else "note")]
 
 
-def find_held(x: Signal) -> list[Found]:
+def find_held(x: Signal) -> list[FaultDraft]:
     """A channel that changes at every n-th sample only."""
     moves = np.flatnonzero(np.diff(x))
     if len(moves) < 20:
@@ -92,7 +92,7 @@ def find_held(x: Signal) -> list[Found]:
     return [fault("held", what, hint)]
 
 
-def find_transient(x: Signal, period: int) -> list[Found]:
+def find_transient(x: Signal, period: int) -> list[FaultDraft]:
     """A first period that differs from the last by a decaying transient."""
     rows = x.reshape(-1, period)
     if len(rows) < 2:
@@ -121,7 +121,7 @@ def _dies_over_periods(rows: np.ndarray) -> bool:
     return bool(change[0] > DIES * change[-1])
 
 
-def find_unsteady_input(u: Signal, period: int) -> list[Found]:
+def find_unsteady_input(u: Signal, period: int) -> list[FaultDraft]:
     """An input declared periodic that does not repeat."""
     rows = u.reshape(-1, period)
     if len(rows) < 2:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from middeck.identification.faults.equal_runs import Found, fault
+from middeck.identification.faults.equal_runs import FaultDraft, fault
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -28,9 +28,9 @@ EULER = 0.5772
 RANK = 1e-8
 
 
-def find_random_drift(record: Record) -> list[tuple[Found, Port, int]]:
+def find_random_drift(record: Record) -> list[tuple[FaultDraft, Port, int]]:
     """Outputs of each experiment that wander at random, besides what the inputs make of them."""
-    found: list[tuple[Found, Port, int]] = []
+    found: list[tuple[FaultDraft, Port, int]] = []
     for e in range(len(record.u)):
         u, y = (x[e].reshape(-1, x.shape[3]) for x in (record.u, record.y))
         half = BESIDE + FOR_EACH * u.shape[1]
@@ -88,7 +88,7 @@ def _share(power: Float[np.ndarray, " line"]) -> float | None:
     return share if walks and share > TOLD else None
 
 
-def _wanders(share: float) -> Found:
+def _wanders(share: float) -> FaultDraft:
     what = f"drifts at random, about {min(share, 1.0):.0%} of its rms: no input makes its slow motion"
     hint = "let sensors warm up, or check what else moves the article slowly; fit a band above it"
     return fault("drift", what, hint, severity="serious" if share > SERIOUS else "note")

@@ -9,7 +9,15 @@ import scipy.linalg
 import scipy.ndimage
 from jaxtyping import Bool
 
-from middeck.identification.faults.equal_runs import ROUNDING, Found, Levels, Runs, Signal, fault, runs_of
+from middeck.identification.faults.equal_runs import (
+    ROUNDING,
+    FaultDraft,
+    Levels,
+    Runs,
+    Signal,
+    fault,
+    runs_of,
+)
 
 # Spikes: samples on each side that a spike is compared with, the nearest left out, and by how many times
 # their span it leaves it. Of Gaussian samples one in 1e9 does.
@@ -34,7 +42,7 @@ DECAYS = 0.2
 FALLS = 1.5
 
 
-def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[Found]:
+def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[FaultDraft]:
     """One to nine samples far outside of all that is beside them, of the signal's tail and of any answer.
 
     ``driven`` are spikes of the inputs, which an output may answer.

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.faults.equal_runs import Found, Signal, equal_runs, fault
+from middeck.identification.faults.equal_runs import FaultDraft, Signal, equal_runs, fault
 from middeck.identification.faults.lost_samples_and_feedback import ENOUGH, FEWEST_SAMPLES, beside
-from middeck.signals.fault import Fault, Side
+from middeck.signals.fault import RecordFault, Side
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.values import record as value
@@ -84,9 +84,9 @@ class _Regression:
         return gram + FLOOR * np.trace(gram) / len(gram) * np.eye(len(gram))
 
 
-def find_stuck(record: Record) -> list[Fault]:
+def find_stuck(record: Record) -> list[RecordFault]:
     """Inputs that stand still while the outputs show that they move, and outputs that begin to live late."""
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for e, (u, y) in enumerate(_experiments(record)):
         at_inputs = [
             (i, run) for i, x in enumerate(u) if (run := _rest(x)) is not None and _others(u, i, run)
@@ -105,12 +105,12 @@ def find_stuck(record: Record) -> list[Fault]:
     return found
 
 
-def find_gain_drift(record: Record) -> list[Fault]:
+def find_gain_drift(record: Record) -> list[RecordFault]:
     """Outputs whose gain to the inputs, or whose delay, changes from the beginning of the record to its end.
 
     Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces tell.
     """
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for e, (u, y) in enumerate(_experiments(record)):
         if not all(_is_even(x) for x in u):
             continue
@@ -192,7 +192,7 @@ def _is_late(u: Float[np.ndarray, "input sample"], y: Signal, start: int) -> boo
     return float(np.sum(late**2)) < TELLS_MORE * float(np.sum(at_once[-len(late) :] ** 2))
 
 
-def _stuck(record: Record, run: tuple[int, int]) -> Found:
+def _stuck(record: Record, run: tuple[int, int]) -> FaultDraft:
     a, b = run
     when = f"from sample {a} to {b - 1} ({a / record.sample_hz:.6g} to {(b - 1) / record.sample_hz:.6g} s)"
     what = f"stands still {when}, while inputs and outputs say that it moves"
@@ -261,7 +261,7 @@ def _pieces(x: Float[np.ndarray, "channel sample"], size: int) -> Complex[np.nda
     return np.fft.rfft(np.array([x[:, k : k + size] for k in starts]) * np.hanning(size), axis=2)
 
 
-def _slipping(seconds: float) -> Found:
+def _slipping(seconds: float) -> FaultDraft:
     way = "later" if seconds > 0.0 else "earlier"
     what = (
         f"answers the inputs ever {way}, by some {1e3 * abs(seconds):.2g} ms from the beginning of the "
@@ -271,7 +271,7 @@ def _slipping(seconds: float) -> Found:
     return fault("unlike", what, hint)
 
 
-def _drifting(change: float) -> Found:
+def _drifting(change: float) -> FaultDraft:
     what = (
         f"has a gain to the inputs that changes by {change:+.1%} from the beginning of the record to its end"
     )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from middeck.identification.faults.equal_runs import Found, fault
+from middeck.identification.faults.equal_runs import FaultDraft, fault
 from middeck.identification.faults.lost_samples_and_feedback import (
     ANSWER,
     FEWEST_SAMPLES,
     correlation,
     whitened,
 )
-from middeck.signals.fault import Fault
+from middeck.signals.fault import RecordFault
 from middeck.signals.record import Record
 
 # Correlation of two answers from which they are one (or, negative, one turned round), and by how much another
@@ -30,14 +30,14 @@ CLEAR, FEWEST_LINES = 30.0, 20
 HEAVIEST = 10.0
 
 
-def find_unlike_experiments(record: Record) -> list[Fault]:
+def find_unlike_experiments(record: Record) -> list[RecordFault]:
     """Outputs that answer the inputs in one experiment otherwise than in the first."""
     experiments, periods, samples, _ = record.u.shape
     if experiments < 2 or periods * samples < FEWEST_SAMPLES:
         return []
     inputs, outputs = _white(record.u), _white(record.y)
     a = np.stack([correlation(*each, 0, ANSWER) for each in zip(inputs, outputs, strict=True)])
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for e in range(1, experiments):
         apart = _apart(inputs[0], inputs[e])[:, None]
         alike = np.array([[_cosine(y * apart, z * apart) for z in a[e]] for y in a[0]])
@@ -72,7 +72,7 @@ def _cosine(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sum(a * b) / np.sqrt(np.prod(power))) if power.min() > HEARD * a.size else 0.0
 
 
-def _swapped(record: Record, alike: Float[np.ndarray, "output output"], o: int) -> Found | None:
+def _swapped(record: Record, alike: Float[np.ndarray, "output output"], o: int) -> FaultDraft | None:
     for p, port in enumerate(record.outputs):
         other = min(abs(alike[o, p]), abs(alike[p, o]))
         if p != o and other > ALIKE and other > max(abs(alike[o, o]), abs(alike[p, p])) + BETTER:
@@ -81,7 +81,7 @@ def _swapped(record: Record, alike: Float[np.ndarray, "output output"], o: int) 
     return None
 
 
-def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> Found | None:
+def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> FaultDraft | None:
     """The input whose answer has the other sign; ``first`` and ``here`` are answers [input, lag]."""
     inputs = [p.name for p, a, b in zip(record.inputs, first, here, strict=True) if _cosine(a, b) < -ALIKE]
     if not inputs:
@@ -90,7 +90,7 @@ def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> Found | None
     return fault("unlike", what, "turn the sign in one of the two: this sensor's, or the input's if all do")
 
 
-def _gains(record: Record) -> list[Fault]:
+def _gains(record: Record) -> list[RecordFault]:
     """Other gains of outputs in repeated records of one input, where each experiment tells a response."""
     experiments, periods, _, inputs = record.u.shape
     if periods < 2 or inputs > 1:
@@ -100,7 +100,7 @@ def _gains(record: Record) -> list[Fault]:
     driven = power_u[..., 0] > 1e-3 * power_u[..., 0].max(axis=1, keepdims=True)
     clear = (power_y > CLEAR * noise) & driven[:, :, None]
     G = np.divide(power_y, power_u, out=np.ones_like(power_y), where=clear)
-    found: list[Fault] = []
+    found: list[RecordFault] = []
     for e in range(1, experiments):
         for o, port in enumerate(record.outputs):
             use = clear[0, :, o] & clear[e, :, o]

@@ -54,7 +54,7 @@ from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.excess_variance import (
     INDEPENDENT,
-    Spread,
+    ExcessVariance,
     by_output,
     excess_share,
     line_degrees,
@@ -63,7 +63,7 @@ from middeck.identification.spectra.excess_variance import (
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.identification.uncertainty.lacking_terms import NOTHING, Lacking, response_lacks
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
-from middeck.identification.uncertainty.parameter_deviations import Uncertainty, uncertainty_of
+from middeck.identification.uncertainty.parameter_deviations import ParameterDeviations, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
 from middeck.values import record
@@ -108,7 +108,7 @@ class FitResult:
     cost: float
     error: Float[np.ndarray, " output"]
     excess: Float[np.ndarray, " output"]
-    uncertainty: Uncertainty
+    uncertainty: ParameterDeviations
     covariance: ModelCovariance
     history: Float[np.ndarray, " step"]
     order_reason: str
@@ -242,8 +242,8 @@ class _Searched:
     measured: FrequencyResponse
     data: Data
     best: Polished
-    spread: Spread
-    followed: Spread
+    spread: ExcessVariance
+    followed: ExcessVariance
     reason: str
     cost: Cost
 
@@ -301,7 +301,7 @@ def _searched(
 def _shorter(
     measured: FrequencyResponse,
     data: Data,
-    spread: Spread,
+    spread: ExcessVariance,
     options: FitOptions,
     asked: FitOptions,
     one: tuple[Polished, str],
@@ -315,7 +315,7 @@ def _shorter(
     return one
 
 
-def _of_order(data: Data, near: Polished | None, spread: Spread, options: FitOptions) -> Polished:
+def _of_order(data: Data, near: Polished | None, spread: ExcessVariance, options: FitOptions) -> Polished:
     """The likeliest end of a race; from a fit that is ``near`` on, where that leaves noise or is likelier.
 
     Where more than noise is left, a mode may stand for distortion in several places, and rounding decides to
@@ -426,7 +426,7 @@ def _pairs_for_a_delay(
     covariance: ModelCovariance,
     residual: Complex[np.ndarray, "line output input"],
     best: Polished,
-    followed: Spread,
+    followed: ExcessVariance,
 ) -> tuple[Int[np.ndarray, " mode"], float]:
     """Pairs that stand for a delay in a model without delays."""
     if covariance.structure.with_delay:
@@ -441,7 +441,7 @@ def _poles_for_a_delay(
     measured: FrequencyResponse,
     data: Data,
     best: Polished,
-    followed: Spread,
+    followed: ExcessVariance,
     covariance: ModelCovariance,
     standing: tuple[Standing, ...],
 ) -> PolesInstead | None:

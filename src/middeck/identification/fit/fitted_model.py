@@ -7,12 +7,12 @@ import numpy as np
 from middeck.identification.model.measurement_model import RANK, MeasurementModel
 from middeck.identification.problem.terms import constant_terms, shapes
 from middeck.identification.problem.unknowns_layout import Layout
-from middeck.identification.search.refine_and_reweigh import Run
+from middeck.identification.search.refine_and_reweigh import SearchedModel
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.signals.ports import Port
 
 
-def model_of(run: Run, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> MeasurementModel:
+def model_of(run: SearchedModel, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> MeasurementModel:
     """The model at the end of a search, without transients; its delays may be negative."""
     layout, point = run.layout, run.start.point
     linear = run.refined.step.linear[:, : layout.columns]

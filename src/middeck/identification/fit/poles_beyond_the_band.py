@@ -21,7 +21,7 @@ from middeck.identification.order.order_choice import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.refine_and_reweigh import Polished, polish
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.start.start import start_at, upper_half
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
@@ -71,7 +71,7 @@ def poles_instead(
     measured: FrequencyResponse,
     data: Data,
     best: Polished,
-    spread: Spread,
+    spread: ExcessVariance,
     true: Sequence[Complex[np.ndarray, " mode"]],
 ) -> PolesInstead | None:
     """What describes ``measured`` as well as ``best`` does, with one set of its ``true`` poles; None where
@@ -102,6 +102,6 @@ def instead_of(own: float, others: Sequence[tuple[float, int]]) -> PolesInstead 
     return PolesInstead(states, length < own - UNDECIDED) if length <= own + UNDECIDED else None
 
 
-def _length(data: Data, run: Polished, spread: Spread) -> float:
+def _length(data: Data, run: Polished, spread: ExcessVariance) -> float:
     likelihood = run.likelihood if np.isfinite(run.likelihood) else np.inf
     return description_length(likelihood, run.layout.unknowns, 2 * data.H.size, spread.alike)

@@ -14,8 +14,8 @@ from middeck.identification.order.best_start import leaves_noise
 from middeck.identification.order.order_choice import description_length
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Point, Start, pack
-from middeck.identification.search.refine_and_reweigh import Polished, Run, polish
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.search.refine_and_reweigh import Polished, SearchedModel, polish
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.systems.plants.response import FrequencyResponse
 
@@ -38,7 +38,7 @@ BEYOND = 10.0
 CLEARLY = 25.0
 
 
-def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spread) -> Polished:
+def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: ExcessVariance) -> Polished:
     """``best`` without modes whose residue may be noise, as long as that shortens the description."""
     return shed(
         best,
@@ -47,7 +47,7 @@ def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Spre
     )
 
 
-def parted(data: Data, best: Polished, spread: Spread) -> Polished:
+def parted(data: Data, best: Polished, spread: ExcessVariance) -> Polished:
     """``best`` with each mode that is two so described.
 
     Two modes closer than their width are one to a subspace. They are taken for two where that shortens the
@@ -56,7 +56,7 @@ def parted(data: Data, best: Polished, spread: Spread) -> Polished:
     return split(best, pairs_of, lambda run, m: _in_two(data, run, m, spread))
 
 
-def pairs_of(run: Run) -> Complex[np.ndarray, " pair"]:
+def pairs_of(run: SearchedModel) -> Complex[np.ndarray, " pair"]:
     """Its oscillating poles [rad/s]."""
     return run.start.point.poles[: run.layout.pairs]
 
@@ -81,7 +81,7 @@ def stay_near(found: Complex[np.ndarray, " pair"], poles: Complex[np.ndarray, " 
     return bool(np.all(np.abs(found[m : m + 2] - poles[m]) < NEAR * abs(poles[m].real)))
 
 
-def _in_two(data: Data, run: Polished, m: int, spread: Spread) -> Polished | None:
+def _in_two(data: Data, run: Polished, m: int, spread: ExcessVariance) -> Polished | None:
     own = own_lines(data, pairs_of(run)[m])
     left = np.abs(run.residual(data)[:, own]) ** 2 / spread.at(run.share)[:, own]
     if np.sum(left - 1.0) < BEYOND:
@@ -128,7 +128,9 @@ def shed(
     return state
 
 
-def _significance(measured: FrequencyResponse, best: Polished, spread: Spread) -> Float[np.ndarray, " mode"]:
+def _significance(
+    measured: FrequencyResponse, best: Polished, spread: ExcessVariance
+) -> Float[np.ndarray, " mode"]:
     model = model_of(best, measured.inputs, measured.outputs)
     covariance = estimate_covariance(
         model, structure_of(best.layout), measured, assumed=spread.at(best.share), noise=spread.variance
@@ -138,7 +140,7 @@ def _significance(measured: FrequencyResponse, best: Polished, spread: Spread) -
 
 
 def _without(
-    data: Data, best: Polished, spread: Spread, dropped: Bool[np.ndarray, " mode"]
+    data: Data, best: Polished, spread: ExcessVariance, dropped: Bool[np.ndarray, " mode"]
 ) -> Polished | None:
     """Refined without some modes, if its description is no longer."""
     start = without_modes(best.start, dropped)
@@ -148,7 +150,7 @@ def _without(
     return fewer
 
 
-def length_of(data: Data, run: Polished, spread: Spread) -> float:
+def length_of(data: Data, run: Polished, spread: ExcessVariance) -> float:
     """Description length of a response by a run."""
     return description_length(run.likelihood, run.layout.unknowns, 2 * data.H.size, spread.alike)
 

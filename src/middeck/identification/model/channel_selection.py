@@ -17,7 +17,7 @@ UNREACHED = 1e-12
 
 
 @record
-class Selection:
+class ChannelSelection:
     """A model of some channels, and the names of the modes that are on no path between them."""
 
     model: MeasurementModel
@@ -26,7 +26,7 @@ class Selection:
 
 def select_channels(
     model: MeasurementModel, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
-) -> Selection:
+) -> ChannelSelection:
     """The model between some of its inputs and outputs, in the order given; None for all.
 
     Modes that no chosen input moves or no chosen output sees, but for rounding, are left out and named. The
@@ -57,7 +57,7 @@ def select_channels(
         inputs=tuple(model.inputs[i] for i in columns),
         outputs=tuple(model.outputs[o] for o in rows),
     )
-    return Selection(chosen, tuple(f"pole at {hz:.4g} Hz" for hz in natural_hz(model)[~keep]))
+    return ChannelSelection(chosen, tuple(f"pole at {hz:.4g} Hz" for hz in natural_hz(model)[~keep]))
 
 
 def _part(whole: np.ndarray | None, entries: tuple[np.ndarray, ...]) -> np.ndarray | None:

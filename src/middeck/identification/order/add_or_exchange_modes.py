@@ -17,7 +17,7 @@ from middeck.identification.problem.residual_and_slopes import build_terms
 from middeck.identification.problem.transient_projection import as_real
 from middeck.identification.problem.unknowns_layout import Point, Start
 from middeck.identification.search.refine_and_reweigh import Polished
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.start.start import start_at, start_from_point
 
 # Lines over which the residual's peak is looked for, as a share of the frequency: a mode of 1 % is so wide.
@@ -29,7 +29,7 @@ HEAVIEST = 0.05
 
 
 def exchanges(
-    data: Data, options: FitOptions, best: Polished, spread: Spread, *, at_any_rate: bool
+    data: Data, options: FitOptions, best: Polished, spread: ExcessVariance, *, at_any_rate: bool
 ) -> Iterator[Start]:
     """Starts with one pair (or two real poles) of ``best`` replaced by the pair that improves the fit most.
 
@@ -50,13 +50,13 @@ def exchanges(
             yield _with(at_best, options, best, kept, peak)
 
 
-def grown(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start:
+def grown(data: Data, options: FitOptions, best: Polished, spread: ExcessVariance) -> Start:
     """``best`` with one pair more, where it tells most."""
     at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))
     return _with(at_best, options, best, np.arange(len(best.layout.pair)), _found_pole(at_best, best))
 
 
-def shrunk(data: Data, options: FitOptions, best: Polished, spread: Spread) -> Start | None:
+def shrunk(data: Data, options: FitOptions, best: Polished, spread: ExcessVariance) -> Start | None:
     """``best`` without the pair that is missed least; None where it has no two."""
     layout = best.layout
     if layout.pairs < 2:

@@ -10,7 +10,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.least_squares_costs import least_cost
 from middeck.identification.search.refine_and_reweigh import Polished, polish
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.start.start import starts
 
 # Steps of all starts, of the best few of them, of the best, and of modes exchanged.
@@ -24,7 +24,7 @@ EXPLAINED, BY_CHANCE = 0.1, 2.5
 EXCHANGE_GAIN = 1.0
 
 
-def race(data: Data, spread: Spread, options: FitOptions) -> Polished:
+def race(data: Data, spread: ExcessVariance, options: FitOptions) -> Polished:
     """The likeliest of the starts, refined on some of the lines, then its exchanges.
 
     Successive halving: all starts take a few steps, the best of them a few more, and the best of those goes
@@ -44,7 +44,7 @@ def race(data: Data, spread: Spread, options: FitOptions) -> Polished:
     return _exchange(part, followed, options, best)
 
 
-def spread_to_follow(best: Polished, spread: Spread) -> Spread:
+def spread_to_follow(best: Polished, spread: ExcessVariance) -> ExcessVariance:
     """The spread itself for a model that explains its data, the even one for a model that leaves more."""
     return spread if leaves_noise(best, spread) else spread.even
 
@@ -56,7 +56,7 @@ def hopeful(part: Data, started: list[Start]) -> list[Start]:
     return [start for start, cost in zip(started, costs, strict=True) if cost <= HOPELESS * min(costs)]
 
 
-def heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]]) -> Polished | None:
+def heats(part: Data, spread: ExcessVariance, started: list[tuple[Start, float | None]]) -> Polished | None:
     """The likeliest of several starts (each with the share of its weights, if known) after a few steps."""
     runs = [polish(part, start, spread, steps=HEAT, rounds=1, share=share) for start, share in started]
     ranked = sorted((run for run in runs if run is not None), key=_negative_likelihood)
@@ -64,7 +64,7 @@ def heats(part: Data, spread: Spread, started: list[tuple[Start, float | None]])
     return min(few, key=_negative_likelihood, default=None)
 
 
-def further(part: Data, spread: Spread, run: Polished, steps: int) -> Polished:
+def further(part: Data, spread: ExcessVariance, run: Polished, steps: int) -> Polished:
     """A run refined by so many steps more; itself where none leads on."""
     return polish(part, run.start, spread, steps=steps, rounds=1, share=run.share) or run
 
@@ -74,7 +74,7 @@ def _negative_likelihood(run: Polished) -> float:
     return run.likelihood if np.isfinite(run.likelihood) else np.inf
 
 
-def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -> Polished:
+def _exchange(part: Data, spread: ExcessVariance, options: FitOptions, best: Polished) -> Polished:
     """Exchange modes as long as that pays; where no excess is left, only as far as it promises to."""
     while True:
         large = not leaves_noise(best, spread)
@@ -91,18 +91,18 @@ def _exchange(part: Data, spread: Spread, options: FitOptions, best: Polished) -
         best = found
 
 
-def model_error(best: Polished, spread: Spread) -> float:
+def model_error(best: Polished, spread: ExcessVariance) -> float:
     """Part of the variance behind the weights that is not the measured one."""
     return float(best.share * np.mean(spread.size / spread.at(best.share)))
 
 
-def leaves_noise(best: Polished, spread: Spread) -> bool:
+def leaves_noise(best: Polished, spread: ExcessVariance) -> bool:
     """Whether what a model leaves may be noise alone; no where none was measured."""
     most = spread.mean * (1.0 + BY_CHANCE * spread.chance)
     return model_error(best, spread) <= max(EXPLAINED, 1.0 - 1.0 / most)
 
 
-def some_lines(data: Data, spread: Spread, options: FitOptions) -> tuple[Data, Spread]:
+def some_lines(data: Data, spread: ExcessVariance, options: FitOptions) -> tuple[Data, ExcessVariance]:
     """As many of the lines as models of this order need."""
     outputs, _, inputs = data.H.shape
     return take_lines(data, spread, thin_lines(data, spread, options.moving * (outputs + inputs)))

@@ -25,7 +25,7 @@ WORSE = 1.25
 
 
 @record
-class Tried:
+class TriedOrder:
     """An order, its description length and its relative error on lines that it was not fitted to.
 
     ``noise``: what it leaves may be noise alone. Only where some order does so do lengths tell: elsewhere
@@ -50,7 +50,7 @@ class OrderChoice:
 
     states: int
     reason: str
-    tried: tuple[Tried, ...]
+    tried: tuple[TriedOrder, ...]
 
 
 def sizes() -> Iterator[int]:
@@ -82,11 +82,11 @@ def is_settled(length: Sequence[float]) -> bool:
     return len(length) - 1 - int(np.argmin(length)) >= PATIENCE
 
 
-def has_met(tried: Sequence[Tried]) -> bool:
+def has_met(tried: Sequence[TriedOrder]) -> bool:
     """Whether lines kept out ask for no more states, where the description would never end.
 
     >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1), (12, 0.2), (14, 0.1)]
-    >>> has_met([Tried(n, -n, e, False) for n, e in rows]), has_met([Tried(2, 0.0, 0.5, False)])
+    >>> has_met([TriedOrder(n, -n, e, False) for n, e in rows]), has_met([TriedOrder(2, 0.0, 0.5, False)])
     (True, False)
     """
     if any(t.noise for t in tried):
@@ -94,7 +94,7 @@ def has_met(tried: Sequence[Tried]) -> bool:
     return len(tried) - 1 - tried.index(_first_to_meet(tried)) >= FURTHER
 
 
-def choose(tried: Sequence[Tried]) -> OrderChoice:
+def choose(tried: Sequence[TriedOrder]) -> OrderChoice:
     """One order, with its reason and what lines kept out of the fit say of it.
 
     Where some order leaves noise alone: that of the minimum description length (MDL), or the smallest of
@@ -125,7 +125,7 @@ def choose(tried: Sequence[Tried]) -> OrderChoice:
     return OrderChoice(found.states, f"{reason}; {opinion}", tuple(tried))
 
 
-def _by_lines_kept_out(tried: Sequence[Tried]) -> OrderChoice:
+def _by_lines_kept_out(tried: Sequence[TriedOrder]) -> OrderChoice:
     found = _first_to_meet(tried)
     others = [t for t in tried if t.states > found.states and t.held_out <= (1.0 + EQUAL) * found.held_out]
     reason = (
@@ -135,7 +135,7 @@ def _by_lines_kept_out(tried: Sequence[Tried]) -> OrderChoice:
     return OrderChoice(found.states, reason, tuple(tried))
 
 
-def _first_to_meet(tried: Sequence[Tried]) -> Tried:
+def _first_to_meet(tried: Sequence[TriedOrder]) -> TriedOrder:
     """The smallest order that none of the `FURTHER` next ones betters by more than `EQUAL`."""
     return next(
         t
@@ -144,10 +144,10 @@ def _first_to_meet(tried: Sequence[Tried]) -> Tried:
     )
 
 
-def _span(tried: Sequence[Tried]) -> str:
+def _span(tried: Sequence[TriedOrder]) -> str:
     return f"of {len(tried)} orders from {tried[0].states} to {tried[-1].states}"
 
 
-def _as_well(others: Sequence[Tried]) -> str:
+def _as_well(others: Sequence[TriedOrder]) -> str:
     """Larger orders that the data do not tell from the one taken."""
     return f"; {', '.join(str(t.states) for t in others)} do as well" if others else ""

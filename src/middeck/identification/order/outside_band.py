@@ -17,17 +17,17 @@ import numpy as np
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.order.best_start import race
-from middeck.identification.order.order_choice import WORSE, OrderChoice, Tried
+from middeck.identification.order.order_choice import WORSE, OrderChoice, TriedOrder
 from middeck.identification.order.recommended_order import recommend_states
 from middeck.identification.problem.data import Data
 from middeck.identification.search.fit_warnings import LEFT
 from middeck.identification.search.refine_and_reweigh import Polished
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.systems.plants.response import FrequencyResponse
 
 
 def choose_order(
-    measured: FrequencyResponse, data: Data, spread: Spread, options: FitOptions, asked: FitOptions
+    measured: FrequencyResponse, data: Data, spread: ExcessVariance, options: FitOptions, asked: FitOptions
 ) -> tuple[Polished, str]:
     """The model of the recommended order, and the reason for that."""
     choice = recommend_states(measured, data, spread, options)
@@ -54,7 +54,9 @@ class _Rival(NamedTuple):
     best: Polished | None
 
 
-def _take(data: Data, spread: Spread, rivals: Sequence[_Rival]) -> tuple[OrderChoice, FitOptions, Polished]:
+def _take(
+    data: Data, spread: ExcessVariance, rivals: Sequence[_Rival]
+) -> tuple[OrderChoice, FitOptions, Polished]:
     """The MDL choice; if it leads, the next that does not and meets lines kept out as well."""
     shortest: tuple[OrderChoice, FitOptions, Polished] | None = None
     for choice, options, best in sorted(rivals, key=lambda rival: _judged(rival.choice).length):
@@ -89,5 +91,5 @@ def _with_terms(options: FitOptions, asked: FitOptions) -> Iterator[FitOptions]:
         yield dataclasses.replace(options, direct=True, residuals=True)
 
 
-def _judged(choice: OrderChoice) -> Tried:
+def _judged(choice: OrderChoice) -> TriedOrder:
     return next(t for t in choice.tried if t.states == choice.states)

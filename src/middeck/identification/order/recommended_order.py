@@ -18,7 +18,7 @@ from middeck.identification.order.best_start import (
 )
 from middeck.identification.order.order_choice import (
     OrderChoice,
-    Tried,
+    TriedOrder,
     choose,
     description_length,
     has_met,
@@ -29,7 +29,7 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.unknowns_layout import Start
 from middeck.identification.search.leverage import leverage
 from middeck.identification.search.refine_and_reweigh import Polished, polish
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.start.start import few_starts, starts
 from middeck.identification.uncertainty.covariance import MOST_LEVERAGE
 from middeck.systems.plants.response import FrequencyResponse
@@ -41,7 +41,7 @@ LACKING = 0.2
 
 
 def recommend_states(
-    measured: FrequencyResponse, data: Data, spread: Spread, options: FitOptions
+    measured: FrequencyResponse, data: Data, spread: ExcessVariance, options: FitOptions
 ) -> OrderChoice:
     """The order that `choose` takes, each from the best of a few starts and of the order before.
 
@@ -49,9 +49,9 @@ def recommend_states(
     sizes do not find is no sign that there is nothing more.
     """
     part, some = some_lines(data, spread, options)
-    runs: dict[int, tuple[Tried, Polished]] = {}
+    runs: dict[int, tuple[TriedOrder, Polished]] = {}
 
-    def judge(run: Polished) -> Tried:
+    def judge(run: Polished) -> TriedOrder:
         states = run.layout.states
         # Terms for modes outside the band are the same at each order, and dearer than poles there otherwise.
         sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
@@ -60,7 +60,7 @@ def recommend_states(
         # Without a measured variance nothing tells noise from what the model lacks.
         noise = measured.variance is None or leaves_noise(run, some)
         runs[states] = (
-            Tried(states, length, _held_out(data, spread, part, some, run), noise),
+            TriedOrder(states, length, _held_out(data, spread, part, some, run), noise),
             run,
         )
         return runs[states][0]
@@ -114,7 +114,7 @@ def _no_order(measured: FrequencyResponse, part: Data, options: FitOptions) -> D
 
 
 def _started(
-    part: Data, some: Spread, options: FitOptions, best: Polished | None, first: Iterable[Start]
+    part: Data, some: ExcessVariance, options: FitOptions, best: Polished | None, first: Iterable[Start]
 ) -> list[tuple[Start, float | None]]:
     """Starts of an order: the hopeful of the first ones, and the order before grown."""
     started: list[tuple[Start, float | None]] = []
@@ -124,7 +124,7 @@ def _started(
     return started
 
 
-def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
+def _as_long_as_it_tells(part: Data, spread: ExcessVariance, run: Polished) -> Polished:
     """Refined until some steps more gain no more than one unknown costs in the description."""
     for _ in range(MOST_TURNS):
         before, run = run, further(part, spread, run, FEW_STEPS)
@@ -133,7 +133,9 @@ def _as_long_as_it_tells(part: Data, spread: Spread, run: Polished) -> Polished:
     return run
 
 
-def _grown(part: Data, spread: Spread, options: FitOptions, best: Polished) -> tuple[Start, float] | None:
+def _grown(
+    part: Data, spread: ExcessVariance, options: FitOptions, best: Polished
+) -> tuple[Start, float] | None:
     """A start from the order before, a pair added at each peak of the residual."""
     while (left := options.moving - best.layout.states) > 0:
         start = grown(part, options.sized(best.layout.states + 2), best, spread)
@@ -146,7 +148,7 @@ def _grown(part: Data, spread: Spread, options: FitOptions, best: Polished) -> t
     return None
 
 
-def _held_out(data: Data, spread: Spread, part: Data, some: Spread, best: Polished) -> float:
+def _held_out(data: Data, spread: ExcessVariance, part: Data, some: ExcessVariance, best: Polished) -> float:
     """Error on lines that the model has not seen, over the size that the fit weighs by and their noise.
 
     Those that were left out; where none were, on each line that of the model without it. A refit to every

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Complex, Int
 
 from middeck.identification.problem.data import Data
-from middeck.identification.spectra.excess_variance import Spread
+from middeck.identification.spectra.excess_variance import ExcessVariance
 
 # Numbers that are enough for a race, and for each unknown of it.
 RACE_NUMBERS = 3000
@@ -27,7 +27,7 @@ WIDEST_GAP = 0.02
 NARROWER = 0.7
 
 
-def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray, " kept"]:
+def thin_lines(data: Data, spread: ExcessVariance, unknowns: int = 0) -> Int[np.ndarray, " kept"]:
     """Which lines to keep for a race of models of so many unknowns."""
     lines = len(data.s)
     wanted = max(RACE_NUMBERS, NUMBERS_PER_UNKNOWN * unknowns) * lines / data.H.size
@@ -45,7 +45,9 @@ def thin_lines(data: Data, spread: Spread, unknowns: int = 0) -> Int[np.ndarray,
     return even
 
 
-def take_lines(data: Data, spread: Spread, kept: Int[np.ndarray, " kept"]) -> tuple[Data, Spread]:
+def take_lines(
+    data: Data, spread: ExcessVariance, kept: Int[np.ndarray, " kept"]
+) -> tuple[Data, ExcessVariance]:
     """Data and spread on some lines."""
     drive = None if data.drive is None else data.drive[kept]
     part = Data(
@@ -63,7 +65,7 @@ def _apart(omega: np.ndarray, gap: float) -> Int[np.ndarray, " kept"]:
     return np.unique(np.floor(np.log(omega / omega[0]) / gap), return_index=True)[1]
 
 
-def _restores(data: Data, spread: Spread, kept: np.ndarray) -> bool:
+def _restores(data: Data, spread: ExcessVariance, kept: np.ndarray) -> bool:
     omega = data.omega
     right = np.clip(np.searchsorted(omega[kept], omega, side="right"), 1, len(kept) - 1)
     left, right = kept[right - 1], kept[right]

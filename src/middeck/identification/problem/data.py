@@ -8,7 +8,7 @@ import functools
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from middeck.identification.spectra.excess_variance import Spread, by_output
+from middeck.identification.spectra.excess_variance import ExcessVariance, by_output
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
@@ -154,7 +154,7 @@ class Data:
         return self.transient.period_s
 
 
-def data_of(measured: FrequencyResponse, spread: Spread) -> Data:
+def data_of(measured: FrequencyResponse, spread: ExcessVariance) -> Data:
     """A response to be fitted, in the weights of a start."""
     weight = 1.0 / np.sqrt(spread.at(FIRST_EXCESS**2))
     return Data(s=2j * np.pi * measured.frequency_hz, H=by_output(measured.H), weight=weight)

@@ -11,6 +11,7 @@ Residues of relative degree two add up to zero on each path: a linear constraint
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,7 +84,8 @@ CORRECTIONS, ORTHOGONAL, SKEW, OF_DATA = 3, 1e-11, 1e-8, 1e-15
 ROUNDING = 1e-14
 
 
-class Solved(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solved:
     """Some outputs: linear unknowns, cost, gradient and Gram matrix by theta; their weighted residual.
 
     ``rounding``: of the residual, in its units, which are deviations where weights are one over them.
@@ -121,7 +123,9 @@ def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None
     gradient, gram = _added(layout, slopes.shape[1] + late_place, *by_theta)
     terms_of = solved.x.reshape(len(solved.x), -1) * solve.lengths if not layout.options.zero_sum else 0.0
     rounding = np.finfo(float).eps * np.hypot(np.linalg.norm(terms_of), np.linalg.norm(of.y))
-    return Solved(each, cost, gradient, gram, solved.left, float(rounding))
+    return Solved(
+        linear=each, cost=cost, gradient=gradient, gram=gram, left=solved.left, rounding=float(rounding)
+    )
 
 
 class _Linear(NamedTuple):

@@ -13,7 +13,7 @@ from middeck.identification.record_fit.residual_tests import signals
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import (
     Lacking,
-    Term,
+    LackingTerm,
     TermRows,
     lacking_of,
     term_scores,
@@ -25,7 +25,7 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
     """The kind of term that is most clearly lacking."""
     model, structure = covariance.model, covariance.structure
     terms = terms_of(*model.direct.shape, structure)
-    drifts = [Term("drift", o) for o in range(len(data.H))]
+    drifts = [LackingTerm("drift", o) for o in range(len(data.H))]
     each, residual = Rows(run, data, model, structure), run.residual(data)
     H = model_response(model, data.omega / (2.0 * np.pi))
     _, lines, columns = residual.shape
@@ -41,7 +41,7 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
             lacking[len(terms) + o] = _drifting(data.H[o] - left, data)
             parts = (J[place], lacking, left[None])
             slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
-            yield TermRows(place, slopes, by_terms, rest, line)
+            yield TermRows(place=place, slopes=slopes, terms=by_terms, left=rest, line=line)
 
     return lacking_of([*terms, *drifts], term_scores(rows, covariance), model)
 

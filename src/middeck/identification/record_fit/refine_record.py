@@ -22,7 +22,7 @@ from middeck.identification.record_fit.sensor_or_force_noise import (
     noise_variance,
 )
 from middeck.identification.search.least_squares_costs import least_cost, weighted
-from middeck.identification.search.refine_and_reweigh import Run
+from middeck.identification.search.refine_and_reweigh import SearchedModel
 from middeck.values import record
 
 # "flat": one variance for each output, of driven and of silent lines, so that the least is the error of the
@@ -40,7 +40,7 @@ HEAT, ROUNDS = 3, 2
 
 
 @record(kw_only=True)
-class RecordRun(Run):
+class RecordRun(SearchedModel):
     """A model refined on a record; its ``variance`` is, by the weighting, from what it leaves."""
 
     weighting: Weighting

@@ -54,7 +54,7 @@ def chance_of_no_second(run: RecordRun, data: Data, covariance: ModelCovariance,
             lacking = np.zeros((count * outputs, *left.shape), complex)
             lacking[count * o : count * (o + 1)] = np.concatenate([driven[:, o], free])
             slopes, terms, (rest,) = (own.removed(part) for part in (J[place], lacking, left[None]))
-            yield TermRows(place, slopes, terms, rest, line)
+            yield TermRows(place=place, slopes=slopes, terms=terms, left=rest, line=line)
 
     return float(scipy.stats.chi2.sf(joint_score(rows, covariance), count * outputs))
 

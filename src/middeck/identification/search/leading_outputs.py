@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.errors import FitError
 from middeck.identification.model.measurement_model import MeasurementModel, model_response
 from middeck.identification.search.fit_warnings import LEFT, is_narrow
-from middeck.identification.uncertainty.parameter_deviations import Uncertainty
+from middeck.identification.uncertainty.parameter_deviations import ParameterDeviations
 from middeck.systems.plants.response import FrequencyResponse
 
 # Deviations by which the fit of an output that is not delayed may lead by chance: once in 700 fits.
@@ -33,7 +33,9 @@ def causal_delay(measured: FrequencyResponse, delay_s: np.ndarray) -> np.ndarray
     return np.maximum(delay_s, 0.0)
 
 
-def doubts_of_leads(measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: Uncertainty) -> list[str]:
+def doubts_of_leads(
+    measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: ParameterDeviations
+) -> list[str]:
     """Warnings for advances beyond chance, that `causal_delay` sets to zero."""
     return [
         f"output {port.name}: the fit leads by {-tau * 1e3:.3g} ms (+-{deviation * 1e3:.2g});"

@@ -12,7 +12,8 @@ all unknowns are searched together.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -130,7 +131,8 @@ def by_normal_equations(layout: Layout, data: Data) -> bool:
     return data.transient is None and numbers * (layout.columns + layout.size) ** 2 > SMALL
 
 
-class _ByColumns(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _ByColumns:
     """Linear unknowns of one output, and what is left of it beside its columns ``A``, of the basis ``Q``."""
 
     output: int
@@ -153,7 +155,7 @@ class _ByColumns(NamedTuple):
         if isinstance(gained, np.ndarray):
             G[: len(gained)] += gained
         J = G - (G @ self.Q) @ self.Q.T
-        return Solved(self.linear[None], self.cost, -J @ self.residual, J @ J.T)
+        return Solved(linear=self.linear[None], cost=self.cost, gradient=-J @ self.residual, gram=J @ J.T)
 
 
 def _by_columns(terms: Terms, output: int) -> _ByColumns | None:
@@ -173,7 +175,16 @@ def _by_columns(terms: Terms, output: int) -> _ByColumns | None:
     on_columns = Q.T @ target
     x = tied.whole(np.asarray(scipy.linalg.solve_triangular(R, on_columns, check_finite=False)) / size)
     t = own.unknowns(data.H[output] - np.tensordot(x, X, axes=1))
-    return _ByColumns(output, own, tied, A, Q, x, np.concatenate([x, t.ravel()]), target - Q @ on_columns)
+    return _ByColumns(
+        output=output,
+        own=own,
+        tied=tied,
+        A=A,
+        Q=Q,
+        x=x,
+        linear=np.concatenate([x, t.ravel()]),
+        residual=target - Q @ on_columns,
+    )
 
 
 def logarithmic(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"]) -> Step | None:

@@ -9,14 +9,14 @@ from middeck.identification.problem.data import Data
 from middeck.identification.problem.normal_equations import ZeroSum
 from middeck.identification.problem.residual_and_slopes import Terms
 from middeck.identification.problem.transient_projection import as_real
-from middeck.identification.search.refine_and_reweigh import Run
+from middeck.identification.search.refine_and_reweigh import SearchedModel
 
 # Directions in which unknowns of like effect change a response by a smaller share than this follow nothing.
 WEAK = 1e-5
 
 
 def leverage(
-    data: Data, run: Run, variance: Float[np.ndarray, "output line column"]
+    data: Data, run: SearchedModel, variance: Float[np.ndarray, "output line column"]
 ) -> Float[np.ndarray, "output line column"]:
     """Diagonal of the hat matrix of a model of a response, mean of real and imaginary part.
 

@@ -8,13 +8,13 @@ import functools
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.levenberg_marquardt import Refined, search
+from middeck.identification.levenberg_marquardt import LeastSquaresResult, search
 from middeck.identification.problem.data import Data
 from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.problem.unknowns_layout import Layout, Start
 from middeck.identification.search.least_squares_costs import by_normal_equations, logarithmic, weighted
 from middeck.identification.search.pole_bounds import bound_theta, bounded
-from middeck.identification.spectra.excess_variance import Spread, excess_share
+from middeck.identification.spectra.excess_variance import ExcessVariance, excess_share
 from middeck.values import record
 
 # The weights have settled when the variance moves by less than this share on average.
@@ -31,7 +31,7 @@ FIRST_STEPS = 3
 
 
 @record(kw_only=True)
-class Run:
+class SearchedModel:
     """A model at the end of a search.
 
     Attributes:
@@ -39,7 +39,7 @@ class Run:
     """
 
     layout: Layout
-    refined: Refined
+    refined: LeastSquaresResult
     likelihood: float
 
     @functools.cached_property
@@ -53,14 +53,14 @@ class Run:
 
 
 @record(kw_only=True)
-class Polished(Run):
+class Polished(SearchedModel):
     """A fit of a response; ``share`` of the response's size is the variance beyond the measured one."""
 
     share: float
 
 
 def polish(
-    data: Data, start: Start, spread: Spread, *, steps: int, rounds: int, share: float | None = None
+    data: Data, start: Start, spread: ExcessVariance, *, steps: int, rounds: int, share: float | None = None
 ) -> Polished | None:
     """Refine on the weights of a share until that settles; without a share, first on those of ``data``.
 
@@ -85,7 +85,7 @@ def polish(
     return None if found is None else _polished(layout, data, found, spread, share)
 
 
-def settle(data: Data, start: Polished, spread: Spread) -> Polished:
+def settle(data: Data, start: Polished, spread: ExcessVariance) -> Polished:
     """A polished start refined until nothing is gained that noise, or what the model lacks, leaves."""
     best = start
     for _ in range(MOST_CHUNKS):
@@ -103,7 +103,9 @@ def settle(data: Data, start: Polished, spread: Spread) -> Polished:
     return best
 
 
-def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int) -> Refined | None:
+def _search(
+    layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], steps: int
+) -> LeastSquaresResult | None:
     """A search with poles where they may be."""
     by_lines = bounded(layout, data, functools.partial(weighted, layout, data, from_sums=False))
     exactly = by_lines if by_normal_equations(layout, data) else None
@@ -112,13 +114,13 @@ def _search(layout: Layout, data: Data, theta: Float[np.ndarray, " unknown"], st
     return None if found is None else dataclasses.replace(found, theta=bound_theta(layout, data, found.theta))
 
 
-def _left(layout: Layout, data: Data, found: Refined) -> Complex[np.ndarray, "output line column"]:
+def _left(layout: Layout, data: Data, found: LeastSquaresResult) -> Complex[np.ndarray, "output line column"]:
     """H - E at the end of a search."""
     r = found.step.residual
     return residual_of(layout, data, found.theta, found.step.linear) if r is None else r
 
 
-def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
+def logarithmic_polish(data: Data, start: Polished, spread: ExcessVariance) -> Polished:
     """The same for the logarithmic cost, from a fit of the other.
 
     log H has the variance v / |E|^2. The model E, not H, stands there: where H is noise, its own size says
@@ -129,7 +131,7 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     shared = len(start.refined.theta)
     E = data.H - start.residual(data)
     size = np.maximum(np.abs(E) ** 2, np.finfo(float).tiny)
-    of_log = Spread(variance=spread.variance / size, size=np.ones(size.shape))
+    of_log = ExcessVariance(variance=spread.variance / size, size=np.ones(size.shape))
     again = Data(
         s=data.s, H=data.H, weight=1.0 / np.sqrt(of_log.at(excess_share(np.log(data.H / E), of_log)))
     )
@@ -137,11 +139,13 @@ def logarithmic_polish(data: Data, start: Polished, spread: Spread) -> Polished:
     if found is None:
         return start
     found = dataclasses.replace(found, theta=bound_theta(layout, again, found.theta))
-    shorter = Refined(found.theta[:shared], found.step, found.history, found.converged)
+    shorter = LeastSquaresResult(found.theta[:shared], found.step, found.history, found.converged)
     return _polished(layout, data, shorter, spread, start.share)
 
 
-def _polished(layout: Layout, data: Data, found: Refined, spread: Spread, share: float) -> Polished:
+def _polished(
+    layout: Layout, data: Data, found: LeastSquaresResult, spread: ExcessVariance, share: float
+) -> Polished:
     r, v = _left(layout, data, found), spread.at(share)
     likelihood = float(np.sum(np.log(v) + np.abs(r) ** 2 / v))
     return Polished(layout=layout, refined=found, share=share, likelihood=likelihood)

@@ -13,7 +13,7 @@ output and then weigh it less), solved from
 
 P is the mean square response of the output, or for the logarithmic cost |H|^2 of each line, which gives peaks
 and antiresonances equal weight. Where the excess is large, the measured variance counts for a tenth only
-(`Spread.even`), so that a line of mostly noise still weighs less.
+(`ExcessVariance.even`), so that a line of mostly noise still weighs less.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ ROUNDING = 1e-22
 
 
 @record(kw_only=True)
-class Spread:
+class ExcessVariance:
     """What a residual may come from: measured variance v, and the size P of what a model must follow.
 
     ``relative``: P is the size of each line, not of the output. Of a residual that is noise alone, |r|^2 / v
@@ -67,7 +67,7 @@ class Spread:
         return self.variance + share * self.size
 
     @property
-    def even(self) -> Spread:
+    def even(self) -> ExcessVariance:
         """The same with most of the variance left out: for a model that does not reach it.
 
         A relative spread stays: without its variance, lines that are all noise would weigh most.
@@ -100,7 +100,7 @@ def averaged_covariance(
     return more[:, :, None] * found * more[:, None, :]
 
 
-def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
+def spread_of(measured: FrequencyResponse, *, relative: bool) -> ExcessVariance:
     """Variance averaged over neighbouring lines, and the size of the output or (relative) of the line."""
     H = by_output(measured.H)
     power = np.broadcast_to(np.mean(np.abs(H) ** 2, axis=(1, 2), keepdims=True), H.shape)
@@ -115,7 +115,7 @@ def spread_of(measured: FrequencyResponse, *, relative: bool) -> Spread:
     chance = np.sqrt((1.0 + 1.0 / degrees) * alike / H.size)
     size = np.abs(H) ** 2 if relative else power
     mean = inverse_bias(averaged_degrees(measured))
-    return Spread(
+    return ExcessVariance(
         variance=variance, size=size, relative=relative, chance=float(chance), mean=mean, alike=alike
     )
 
@@ -182,7 +182,7 @@ def inverse_bias(degrees: float) -> float:
     return 1.0 if np.isinf(degrees) else degrees / max(degrees - 1.0, 1.0)
 
 
-def excess_share(residual: Complex[np.ndarray, "output line input"], spread: Spread) -> float:
+def excess_share(residual: Complex[np.ndarray, "output line input"], spread: ExcessVariance) -> float:
     """The share e that the model leaves beyond the variance; zero where nothing is left."""
     power = np.abs(residual) ** 2
     if np.mean(power / spread.variance) <= 1.0:

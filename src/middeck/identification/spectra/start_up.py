@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Complex, Float
 
-from middeck.identification.levenberg_marquardt import Refined, Step, search
+from middeck.identification.levenberg_marquardt import LeastSquaresResult, Step, search
 from middeck.identification.spectra.period_length import length_of_period
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
@@ -270,7 +270,7 @@ def _refined(theta: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     """The poles at which least is left, counted in units of that."""
     for _ in range(2):
         unit = float(np.sqrt(np.mean(_rest(theta, target) ** 2))) + np.finfo(float).tiny
-        found: Refined | None = search(
+        found: LeastSquaresResult | None = search(
             lambda x, below, unit=unit: _step(x, target / unit, below), theta, STEPS
         )
         if found is None:

@@ -15,7 +15,7 @@ from middeck.identification.tracking.loss_and_restart import (
     first_recovery,
     is_trusted,
 )
-from middeck.identification.uncertainty.parameter_deviations import Uncertainty
+from middeck.identification.uncertainty.parameter_deviations import ParameterDeviations
 from middeck.values import record
 
 # Motion before the first sample, as a multiple of what white inputs of the stated rms would keep up: a signal
@@ -28,7 +28,7 @@ FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 
 
 @record(kw_only=True)
-class Drift:
+class RandomWalk:
     """How parameters are thought to move.
 
     Attributes:
@@ -75,7 +75,7 @@ class Followed:
     whole: Int[np.ndarray, " delay"]
     part: Float[np.ndarray, " delay"]
     noise_rms: Float[np.ndarray, " output"]
-    drift: Drift
+    drift: RandomWalk
 
 
 @record(kw_only=True)
@@ -174,8 +174,8 @@ def start_tracking(
     sample_hz: float,
     noise_rms: Float[np.ndarray, " output"] | float,
     input_rms: Float[np.ndarray, " input"] | float,
-    known: Uncertainty | None = None,
-    drift: Drift | None = None,
+    known: ParameterDeviations | None = None,
+    drift: RandomWalk | None = None,
 ) -> Tracking:
     """The state before the first sample.
 
@@ -198,7 +198,7 @@ def start_tracking(
     noise = np.broadcast_to(np.asarray(noise_rms, dtype=float), (len(model.outputs),))
     rms = np.broadcast_to(np.asarray(input_rms, dtype=float), (len(model.inputs),))
     _check(model, sample_hz, noise, rms)
-    followed = _followed(model, sample_hz, noise, drift or Drift())
+    followed = _followed(model, sample_hz, noise, drift or RandomWalk())
     modes, outputs, groups = len(model.poles), len(model.outputs), len(followed.whole)
     moving = motion_deviation(followed, rms**2)
     known_by = _parameter_deviation(model, known)
@@ -231,7 +231,7 @@ def motion_deviation(followed: Followed, loudness: Float[np.ndarray, " input"]) 
 
 
 def _parameter_deviation(
-    model: MeasurementModel, known: Uncertainty | None
+    model: MeasurementModel, known: ParameterDeviations | None
 ) -> Float[np.ndarray, " parameter"]:
     """Standard deviations of log frequency, log damping and gains at the start."""
     modes = len(model.poles)
@@ -241,7 +241,7 @@ def _parameter_deviation(
     return np.concatenate([*each, np.full(len(model.outputs) * modes, FIRST_GAIN)])
 
 
-def _followed(model: MeasurementModel, sample_hz: float, noise: np.ndarray, drift: Drift) -> Followed:
+def _followed(model: MeasurementModel, sample_hz: float, noise: np.ndarray, drift: RandomWalk) -> Followed:
     T = 1.0 / sample_hz
     delay = model.delay_s + (0.0 if model.path_delay_s is None else model.path_delay_s[:, 0])
     # Where nothing is known of a hold the inputs were held, and half a sample of hold is in the delays.

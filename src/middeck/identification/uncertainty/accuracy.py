@@ -24,7 +24,7 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, places_of
 from middeck.identification.uncertainty.orthogonal import canonical_root, factor_of, inverse_root
 from middeck.identification.uncertainty.parameter_deviations import (
-    Uncertainty,
+    ParameterDeviations,
     modal_constant,
     uncertainty_of,
 )
@@ -55,7 +55,7 @@ class ExpectedAccuracy:
     """
 
     covariance: ModelCovariance
-    uncertainty: Uncertainty
+    uncertainty: ParameterDeviations
     gain: Float[np.ndarray, "output mode input"]
     error: Float[np.ndarray, " output"]
     periods: int

@@ -29,7 +29,7 @@ from middeck.identification.uncertainty import orthogonal
 from middeck.identification.uncertainty.common_noise import common_noise, common_scores
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
-    Places,
+    UnknownPlaces,
     places_of,
     ties,
     unknowns_of,
@@ -78,7 +78,7 @@ class ModelCovariance:
     loose: int = 0
 
     @functools.cached_property
-    def at(self) -> Places:
+    def at(self) -> UnknownPlaces:
         """Where each kind of unknown stands."""
         return places_of(self.model, self.structure)
 

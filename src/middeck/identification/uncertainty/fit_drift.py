@@ -83,7 +83,7 @@ class DelayChange:
 
 
 @record(kw_only=True)
-class Drift:
+class FitChanges:
     """Changes between two fits.
 
     Attributes:
@@ -130,7 +130,7 @@ def _deviations(change: float, deviation: float) -> str:
     return f"{abs(change) / deviation:.1f} deviations" if deviation > 0.0 else "exact"
 
 
-def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: float = 0.05) -> Drift:
+def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: float = 0.05) -> FitChanges:
     """Test every mode and every delay of two fits for a change.
 
     Modes are matched by frequency, shape and size, all at once (the assignment of least total cost). A
@@ -149,7 +149,7 @@ def compare_fits(before: ModelCovariance, after: ModelCovariance, *, level: floa
     compared = _compare(before, after, pairs)
     counts = holm(compared.p, level)
     modes = len(pairs)
-    return Drift(
+    return FitChanges(
         modes=tuple(
             _mode_change(before, after, compared, (k, modes + k), pair, counts)
             for k, pair in enumerate(pairs)

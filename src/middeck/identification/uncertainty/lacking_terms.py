@@ -8,6 +8,7 @@ with the deviation of the noise.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -52,7 +53,7 @@ SAID = {
 }
 
 
-class Term(NamedTuple):
+class LackingTerm(NamedTuple):
     """A delay of an input, of a path or of an output, or a power of s of an output's filter.
 
     A gain of an output that drifts is a term of records alone: their samples tell when it answers.
@@ -73,7 +74,7 @@ class Term(NamedTuple):
         return -some * (s * (abs(s[-1]) ** (1 - self.power) * s ** (self.power - 1)))[:, None]
 
 
-def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]:
+def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[LackingTerm]:
     """The terms to test.
 
     Without delays, what is left may well be one (`fit.missing_delay`); terms for what is beyond the band
@@ -81,16 +82,17 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
+    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
     if structure.common_delay:
-        found += [Term("output", o) for o in range(outputs)]
+        found += [LackingTerm("output", o) for o in range(outputs)]
     if inputs > 1:
-        found += [Term("input", input=i) for i in range(inputs)]
-        found += [Term("path", o, i) for o in range(outputs) for i in range(inputs)]
+        found += [LackingTerm("input", input=i) for i in range(inputs)]
+        found += [LackingTerm("path", o, i) for o in range(outputs) for i in range(inputs)]
     return found
 
 
-class TermRows(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TermRows:
     """Real numbers of one output or entry over their deviations.
 
     ``place`` tells which unknowns ``slopes`` are of, ``line`` the line of each number. ``left`` is what the
@@ -203,7 +205,7 @@ def _factor(r: TermRows, size: int) -> Float[np.ndarray, "few column"]:
     return found
 
 
-def lacking_of(terms: list[Term], found: TermScores, model: MeasurementModel) -> Lacking:
+def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementModel) -> Lacking:
     """The kind of term that is most clearly lacking: what is left follows others, too."""
     z = np.where(found.moves > MOVED, np.abs(found.z), 0.0)
     order = sorted(range(len(z)), key=lambda k: (-round(z[k], 6), found.value[k]))
@@ -248,6 +250,7 @@ def response_lacks(
             part[:, i, 0] = entry.H
             each = np.stack([term.of(o, part, s)[:, 0] for term in terms])
             left = measured.H[:, o, i] - entry.H
-            yield TermRows(entry.place, *((x / size).view(float) for x in (entry.by, each, left)), line)
+            slopes, own, rest = ((x / size).view(float) for x in (entry.by, each, left))
+            yield TermRows(place=entry.place, slopes=slopes, terms=own, left=rest, line=line)
 
     return lacking_of(terms, term_scores(rows, covariance), model)

@@ -41,7 +41,7 @@ class ModelStructure:
 
 
 @record(kw_only=True)
-class Places:
+class UnknownPlaces:
     """Where each kind of unknown stands in the vector; -1 where it is not free.
 
     Modes of one pole (a residue of full rank, whose input vectors are held) share their place, and so do
@@ -61,7 +61,7 @@ class Places:
     size: int
 
 
-def places_of(model: MeasurementModel, structure: ModelStructure) -> Places:
+def places_of(model: MeasurementModel, structure: ModelStructure) -> UnknownPlaces:
     """The order of the unknowns; last axis of ``b`` and ``c``: real and imaginary part."""
     pair = model.is_pair
     modes, (outputs, inputs) = len(pair), model.direct.shape
@@ -94,7 +94,7 @@ def places_of(model: MeasurementModel, structure: ModelStructure) -> Places:
         found.append(place)
     sigma, omega, b, c, rigid, integral, lower, direct, delay, path = found
     delay = delay[:1].repeat(outputs) if structure.common_delay else delay
-    return Places(
+    return UnknownPlaces(
         sigma=sigma[first],
         omega=omega[first],
         b=b,

@@ -11,14 +11,14 @@ from jaxtyping import Complex, Float
 from middeck.errors import ConfigError
 from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio, natural_hz
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.model_unknowns import Places
+from middeck.identification.uncertainty.model_unknowns import UnknownPlaces
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.ports import port_indices
 from middeck.values import record
 
 
 @record
-class Uncertainty:
+class ParameterDeviations:
     """Standard deviations; see `ModelCovariance` for what they cover.
 
     Attributes:
@@ -107,7 +107,7 @@ def check_level(level: float) -> None:
         raise ConfigError(f"a level of {level} is no probability", hint="between 0 and 1, such as 0.95")
 
 
-def uncertainty_of(covariance: ModelCovariance) -> Uncertainty:
+def uncertainty_of(covariance: ModelCovariance) -> ParameterDeviations:
     """Standard deviations of frequencies, damping and delays."""
     model = covariance.model
     f, zeta = natural_hz(model), damping_ratio(model)
@@ -115,7 +115,7 @@ def uncertainty_of(covariance: ModelCovariance) -> Uncertainty:
     at = covariance.at
     delay = np.where(at.delay >= 0, covariance.deviation()[at.delay], 0.0)
     frequency = _determined(frequency, f)
-    return Uncertainty(
+    return ParameterDeviations(
         frequency,
         np.where(np.isinf(frequency), np.inf, _determined(damping, np.abs(zeta))),
         _determined(delay, 1.0 / f.min(initial=np.inf) if len(f) else np.inf),
@@ -211,7 +211,7 @@ def residue_slopes(
 
 
 def modal_constant(
-    covariance: ModelCovariance, at: Places, m: int, o: int, i: int
+    covariance: ModelCovariance, at: UnknownPlaces, m: int, o: int, i: int
 ) -> tuple[complex, Complex[np.ndarray, " unknown"]]:
     """Constant of mode m from input i to output o and its derivatives: 2 j omega_d c b of a pair, else c b.
 
@@ -229,7 +229,7 @@ def modal_constant(
 
 
 def _residue(
-    covariance: ModelCovariance, at: Places, m: int, o: int, i: int
+    covariance: ModelCovariance, at: UnknownPlaces, m: int, o: int, i: int
 ) -> tuple[complex, Complex[np.ndarray, " unknown"]]:
     """Residue at the pole of mode m (phi psi of a real constant), its terms added, and its derivatives."""
     model = covariance.model

@@ -16,7 +16,7 @@ from jaxtyping import Complex, Float, Int
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.uncertainty.model_unknowns import (
     ModelStructure,
-    Places,
+    UnknownPlaces,
     constants_of,
     part_of,
     places_of,
@@ -98,7 +98,7 @@ def shared_functions(
 
 
 def entry_factors(
-    model: MeasurementModel, structure: ModelStructure, at: Places, output: int, input: int
+    model: MeasurementModel, structure: ModelStructure, at: UnknownPlaces, output: int, input: int
 ) -> EntryFactors:
     """Factors of H_oi, for unknowns at their places."""
     modes = len(model.poles)

@@ -42,7 +42,7 @@ LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
 
 
 @record(kw_only=True)
-class Run:
+class RigRun:
     """Result of an experiment in open or closed loop.
 
     Attributes:
@@ -74,7 +74,7 @@ def run_open_loop(
     rest_s: float = REST_S,
     stops: Sequence[StopRule] = (),
     steady: bool = False,
-) -> Run:
+) -> RigRun:
     """``periods`` periods of the response to a repeated ``excitation``, after ``settle`` from rest.
 
     ``control`` of the run is zero. See `run_closed_loop`.
@@ -96,7 +96,7 @@ def run_closed_loop(
     rest_s: float = REST_S,
     stops: Sequence[StopRule] = (),
     steady: bool = False,
-) -> Run:
+) -> RigRun:
     """``periods`` periods of the loop under a repeated ``excitation`` added to the commands of ``law``.
 
     With ``steady``, which no hardware can, it begins where the linear loop would be in its steady state, if
@@ -125,7 +125,7 @@ def run_closed_loop(
     loop = close_rig(rig, place_law(law, rig.inputs, rig.outputs, rig.period_s))
     holds = is_stable(loop)
     if rig.linear and not holds:
-        return Run(cause=_explain(loop))
+        return RigRun(cause=_explain(loop))
     if rig.ageing is not None:
         check_life(rig.ageing, round(rest_s * rig.sample_hz) + (settle + periods) * len(u))
     begin = switch_on(rig, law, rest_s, rng)
@@ -140,14 +140,14 @@ def run_closed_loop(
             if stop is not None:
                 return _stopped(rig, u, taken, stop[1])
     except DivergedError as error:
-        return Run(cause=f"diverged: {error}", events=taken.counter.total(), partial=taken.partial(u))
+        return RigRun(cause=f"diverged: {error}", events=taken.counter.total(), partial=taken.partial(u))
     measured, control, torque = (
         x[settle * len(u) :].reshape(periods, len(u), x.shape[1]) for x in taken.joined()
     )
     y = remove_ramps(measured, rig.readout.summed)
     given = np.broadcast_to(u, (periods, *u.shape))
     record = _record(rig, given[None], y[None], periodic=True)
-    return Run(record=record, control=control, torque=torque, events=taken.counter.total())
+    return RigRun(record=record, control=control, torque=torque, events=taken.counter.total())
 
 
 def remove_ramps(
@@ -233,7 +233,7 @@ def _explain(loop: SampledStateSpace) -> str:
     )
 
 
-def _stopped(rig: Rig, u: np.ndarray, taken: _Taken, output: int) -> Run:
+def _stopped(rig: Rig, u: np.ndarray, taken: _Taken, output: int) -> RigRun:
     """The run until ``output`` passed its stop, and what was growing then."""
     measured = taken.joined()[0]
     time_s, port = (len(measured) - 1) / rig.sample_hz, rig.outputs[output]
@@ -242,7 +242,7 @@ def _stopped(rig: Rig, u: np.ndarray, taken: _Taken, output: int) -> Run:
         f"stopped: {port.name} at {where[-1]:.3g} {port.unit} after {time_s:.3g} s, mostly at "
         f"{_strongest_hz(where, rig.sample_hz):.3g} Hz"
     )
-    return Run(cause=cause, events=taken.counter.total(time_s), partial=taken.partial(u))
+    return RigRun(cause=cause, events=taken.counter.total(time_s), partial=taken.partial(u))
 
 
 def _strongest_hz(x: Float[np.ndarray, " sample"], sample_hz: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model, select_beams
-from middeck.structure.assembly.places import At, poses_at
+from middeck.structure.assembly.places import Placement, poses_at
 from middeck.structure.elements.beam import BeamProperties
 from middeck.structure.elements.beam_deformations import EndStrain, end_strain
 from middeck.structure.elements.frames import Configuration
@@ -26,7 +26,7 @@ class BeamChunk(NamedTuple):
     ends: tuple[np.ndarray, np.ndarray, EndStrain | None]
 
 
-def beam_chunks(model: Model, at: At) -> Iterator[BeamChunk]:
+def beam_chunks(model: Model, at: Placement) -> Iterator[BeamChunk]:
     """All elements, by those whose derivatives are formed together."""
     for start in range(0, len(model.element_ends), CHUNK):
         rows = slice(start, start + CHUNK)
@@ -38,14 +38,14 @@ def element_poses(model: Model, config: Configuration) -> tuple[np.ndarray, np.n
     return _element_poses(model, poses_at(model, config), slice(None))
 
 
-def _element_poses(model: Model, at: At, rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _element_poses(model: Model, at: Placement, rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ends = model.element_ends[rows]
     R = at.poses.R[model.points.frame[ends]]
     return at.world[ends], R @ model.element_triad[rows, None]
 
 
 def element_ends(
-    model: Model, at: At, rows: slice | np.ndarray
+    model: Model, at: Placement, rows: slice | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, EndStrain | None]:
     """End positions, which may count from the first end, triads, and the strain where it is known."""
     x, T = _element_poses(model, at, rows)
@@ -70,7 +70,7 @@ def element_ends(
     return local, T, end_strain(length, triad, shift, turn)
 
 
-def carried_levers(at: At, ends: np.ndarray, part: Within) -> list[Lever]:
+def carried_levers(at: Placement, ends: np.ndarray, part: Within) -> list[Lever]:
     """How the ends of what is inside carried parts move as the common carriers see them."""
     return levers(part.chain, at.poses.p, at.world[ends[part.rows]])
 

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import At, moved_since
+from middeck.structure.assembly.places import Placement, moved_since
 from middeck.structure.elements.component import ComponentElement, ComponentState, component_state
 from middeck.structure.model.component import Component
 
@@ -21,7 +21,7 @@ class PlacedComponent(NamedTuple):
     rows: sp.csr_array
 
 
-def place_components(model: Model, at: At, loads: Loads) -> list[PlacedComponent]:
+def place_components(model: Model, at: Placement, loads: Loads) -> list[PlacedComponent]:
     """The components where the model stands."""
     if not model.components:
         return []

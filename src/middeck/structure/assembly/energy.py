@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.linked import link_part
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import (
-    At,
+    Placement,
     carried_turning,
     moved_since,
     poses_at,
@@ -185,7 +186,7 @@ def _by_ends(load: np.ndarray) -> np.ndarray:
 
 
 def _inside_parts(
-    model: Model, at: At, total: _Total, inner: Inner | None = None
+    model: Model, at: Placement, total: _Total, inner: Inner | None = None
 ) -> Iterable[tuple[BeamState | BushingState, list[Lever]]]:
     """State of the beams inside carried parts, without their weight, and that of the bushings.
 
@@ -201,7 +202,7 @@ def _inside_parts(
 
 
 def _assembled(
-    model: Model, config: Configuration, at: At, total: _Total, point_load: np.ndarray | None
+    model: Model, config: Configuration, at: Placement, total: _Total, point_load: np.ndarray | None
 ) -> Assembly:
     gradient = total.gradient if point_load is None else total.gradient + point_load
     J = model.pose_map.jacobian(at.poses)
@@ -222,7 +223,7 @@ def _assembled(
     )
 
 
-def _turning(model: Model, at: At, gradient: np.ndarray) -> dict[str, np.ndarray]:
+def _turning(model: Model, at: Placement, gradient: np.ndarray) -> dict[str, np.ndarray]:
     return {"turning": model.pose_map.second_order(at.poses, gradient)}
 
 
@@ -272,7 +273,8 @@ NO_BEAMS = BeamState(
 )
 
 
-class _Total(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Total:
     """Sums over all elements, at the poses, and matrices by groups of elements; devices by attach points.
 
     ``excess`` is what the elements' own forces add to the gradient where others have taken their place;
@@ -294,7 +296,8 @@ class _Total(NamedTuple):
     apart: list[BeamState]
 
 
-class _Members(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Members:
     """Elements of members at their poses, with their weight, and the weight of bodies.
 
     ``apart`` are states of the elements inside carried parts.
@@ -307,13 +310,15 @@ class _Members(NamedTuple):
     apart: list[BeamState]
 
 
-def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None = None) -> _Total:
+def _gather(
+    model: Model, at: Placement, loads: Loads, inner: Inner | None, inside: Inside | None = None
+) -> _Total:
     """All elements at their poses; ``inner`` takes the place of the forces inside them.
 
     Of those ``inside`` carried parts only the weight counts.
     """
     members = _gather_members(model, at, loads, inner, inside)
-    energy, gradient, excess, beams, apart = members
+    energy, gradient, excess, beams = members.energy, members.gradient, members.excess, members.beams
     start, end = model.spring_ends.T
     own = own_springs(model, at, None if inner is None else inner.spring)
     for total, pull in ((gradient, own.gradient), (excess, own.excess)):
@@ -342,23 +347,33 @@ def _gather(model: Model, at: At, loads: Loads, inner: Inner | None, inside: Ins
         np.add.at(gradient, part.point, state.gradient[:grids].reshape(-1, 6))
         modal[6 * model.tree.roots + part.joint] += state.gradient[grids:]
     return _Total(
-        energy,
-        gradient,
-        excess,
-        modal,
-        parts,
-        Inner(beams.force, own.tension, device.tension, between.force, ground.force),
-        device.tension,
-        {"element": beams.material, "spring": _between(own.material), "bushing": between.material},
-        {"element": beams.geometric, "spring": _between(own.geometric), "bushing": between.geometric},
-        held,
-        beams,
-        apart,
+        energy=energy,
+        gradient=gradient,
+        excess=excess,
+        modal=modal,
+        components=parts,
+        inner=Inner(
+            beam=beams.force,
+            spring=own.tension,
+            device=device.tension,
+            bushing=between.force,
+            ground=ground.force,
+        ),
+        tension=device.tension,
+        material={"element": beams.material, "spring": _between(own.material), "bushing": between.material},
+        geometric={
+            "element": beams.geometric,
+            "spring": _between(own.geometric),
+            "bushing": between.geometric,
+        },
+        device=held,
+        beams=beams,
+        apart=members.apart,
     )
 
 
 def _gather_members(
-    model: Model, at: At, loads: Loads, inner: Inner | None, inside: Inside | None
+    model: Model, at: Placement, loads: Loads, inner: Inner | None, inside: Inside | None
 ) -> _Members:
     dtype = np.result_type(
         *(at.world, at.poses.R, loads.gravity, model.body_mass, model.beams.stiffness, loads.law.stiffness),
@@ -383,7 +398,7 @@ def _gather_members(
     energy -= model.body_mass @ (at.world[model.body_point] @ loads.gravity)
     gradient[model.body_point, :3] -= model.body_mass[:, None] * loads.gravity
     every = BeamState(*(np.concatenate(parts) for parts in zip(*states, strict=True)))
-    return _Members(energy, gradient, excess, every, apart)
+    return _Members(energy=energy, gradient=gradient, excess=excess, beams=every, apart=apart)
 
 
 def _taken(state: BeamState, some: np.ndarray) -> BeamState:
@@ -403,7 +418,7 @@ def _between(hessian: np.ndarray) -> np.ndarray:
     return out
 
 
-def _push(model: Model, at: At, loads: Loads, gradient: np.ndarray) -> float:
+def _push(model: Model, at: Placement, loads: Loads, gradient: np.ndarray) -> float:
     """Energy of dead loads, whose force and moment are added to ``gradient``.
 
     A moment of fixed direction has no potential, and adds nothing to it.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -50,7 +50,8 @@ class LinkRows:
     second: Inexact[np.ndarray, "cosine 3"]
 
 
-class LinkState(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinkState:
     """The numbers that links hold at zero, and how poses (``slope``) and coordinates in W move them."""
 
     rows: LinkRows
@@ -86,7 +87,7 @@ def lay_out_links(
     """
     if not links:
         return None
-    laid = _Layout([], [], [], [], [], [])
+    laid = _Layout(label=[], link=[], ends=[], factors=[], angles=[], squares=[])
     for number, link in enumerate(links):
         if isinstance(link, Link):
             laid.add_link(number, link, first)
@@ -118,7 +119,8 @@ def link_points(links: Sequence[AnyLink]) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-class _Layout(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Layout:
     label: list[str]
     link: list[int]
     ends: list[tuple[int, int]]
@@ -202,7 +204,14 @@ def link_state(
         (np.ones(count), (np.arange(count), _six(place.ravel()))), shape=(count, len(J.indptr) - 1)
     )
     on_poses = sp.csr_array(sp.csr_array(of_pairs) @ spread + own)
-    return LinkState(rows, value, on_poses, sp.csr_array(on_poses @ J + rows.angles), motion, cosine)
+    return LinkState(
+        rows=rows,
+        value=value,
+        slope=on_poses,
+        jacobian=sp.csr_array(on_poses @ J + rows.angles),
+        motion=motion,
+        cosine=cosine,
+    )
 
 
 def _six(pose: np.ndarray) -> np.ndarray:

@@ -8,6 +8,8 @@ links times these, which is the exact second derivative of the energy in the ind
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Inexact
@@ -17,7 +19,7 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.link_rows import GROUND, LinkState, link_state
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import (
-    At,
+    Placement,
     carried_turning,
     moved_since,
     poses_at,
@@ -114,7 +116,7 @@ def links_at(model: Model, config: Configuration) -> LinkState:
     return _state(model, at, model.pose_map.jacobian(at.poses), config)
 
 
-def _state(model: Model, at: At, J: sp.csr_array, config: Configuration) -> LinkState:
+def _state(model: Model, at: Placement, J: sp.csr_array, config: Configuration) -> LinkState:
     assert model.links is not None
     ends = np.maximum(model.links.ends, 0).ravel()
     turned = np.zeros(model.tree.size, np.result_type(config.angle))
@@ -133,7 +135,7 @@ def _closing(
     length = float(np.linalg.norm(np.ptp(model.rest.x, axis=0)))
     carried = ~uncarried(since, model.tree.size)
     close = close_rows(sp.csr_array(rows), moving, model.tree.turns, carried, length)
-    return close._replace(axes=axes)
+    return dataclasses.replace(close, axes=axes)
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:
@@ -182,7 +184,9 @@ def bent_links(
     return state, _bent(model, at, J, state, multiplier)
 
 
-def _bent(model: Model, at: At, J: sp.csr_array, state: LinkState, multiplier: np.ndarray) -> sp.csr_array:
+def _bent(
+    model: Model, at: Placement, J: sp.csr_array, state: LinkState, multiplier: np.ndarray
+) -> sp.csr_array:
     turning = model.pose_map.second_order(at.poses, state.load(multiplier))
     return symmetric(
         sp.csr_array(state.bent(multiplier, J) + model.pattern.matrix(J.data, {"turning": turning}))

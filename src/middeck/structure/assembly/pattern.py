@@ -36,7 +36,8 @@ class _Products(NamedTuple):
     slot: np.ndarray
 
 
-class Pattern(NamedTuple):
+@record(kw_only=True)
+class Pattern:
     """The pattern of a symmetric sparse matrix in coordinates, and what each group of elements adds to it."""
 
     indptr: np.ndarray
@@ -154,12 +155,17 @@ def _laid_out(points: _Topology) -> Pattern:
         groups[name] = tuple(p for p in done if len(p.slot))
     mirror = np.lexsort((rows, indices))
     diagonal = np.flatnonzero(rows == indices)
-    laid = Pattern(indptr.astype(np.int32), indices.astype(np.int32), mirror, diagonal, groups)
     # Matrices of all articles of one topology keep these very arrays.
-    for each in (*laid[:4], *(part for parts in groups.values() for of in parts for part in of)):
+    for each in (part for parts in groups.values() for of in parts for part in of):
         if each is not None:
             each.setflags(write=False)
-    return laid
+    return Pattern(
+        indptr=indptr.astype(np.int32),
+        indices=indices.astype(np.int32),
+        mirror=mirror,
+        diagonal=diagonal,
+        groups=groups,
+    )
 
 
 def _plain(points: _Topology, poses: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +30,8 @@ from middeck.structure.elements.rotations import IDENTITY
 from middeck.structure.elements.sparse_of_parts import identity
 
 
-class At(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placement:
     """Poses and angles; where known, motion of the roots since drawn, and shift and turn as seen from W."""
 
     poses: Poses
@@ -40,21 +41,21 @@ class At(NamedTuple):
     motion: tuple[np.ndarray, np.ndarray]
 
 
-def poses_at(model: Model, config: Configuration) -> At:
+def poses_at(model: Model, config: Configuration) -> Placement:
     """Where all points of the model are at ``config``."""
     return config.once("at", model, lambda: _poses_at(model, config))
 
 
-def _poses_at(model: Model, config: Configuration) -> At:
+def _poses_at(model: Model, config: Configuration) -> Placement:
     poses, since = frame_poses(model.tree, config), config.since_drawn
     motion = (np.zeros((0, 3)), np.zeros((0, 3, 3))) if since is None else whole_motion(since)
     world = points_in_world(model.points, poses)
     for shared in (world, *motion):
         shared.setflags(write=False)
-    return At(poses, config.angle, world, since, motion)
+    return Placement(poses=poses, angle=config.angle, world=world, since=since, motion=motion)
 
 
-def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def moved_since(model: Model, at: Placement, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far poses have shifted and turned (less the identity) since drawn."""
     frame, drawn = model.points.frame[pose], model.drawn
     away = at.world[pose] - points_in_world(model.points.of(pose), drawn)
@@ -66,7 +67,7 @@ def moved_since(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.
     return np.where(own[:, None], moved, away), np.where(own[:, None, None], at.motion[1][root], turn)
 
 
-def drawn_places(model: Model, at: At, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def drawn_places(model: Model, at: Placement, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Drawn places of poses and their shift since; on a joint's frame the present place and no shift."""
     frame, offset = model.points.frame[pose], model.points.offset[pose]
     if at.since is None:

@@ -8,6 +8,7 @@ take as dependent, so that these follow from the others with small factors (Golu
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -35,7 +36,8 @@ class _Block(NamedTuple):
     matrix: np.ndarray
 
 
-class Closing(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Closing:
     """The coordinates that follow others, and those.
 
     Attributes:
@@ -113,7 +115,8 @@ def _of_moving(rows: sp.csr_array, moving: np.ndarray) -> sp.csr_array:
     return sp.csr_array((rows.data[kept], (number[kept], rows.indices[kept])), shape=shape)
 
 
-class _Solved(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Solved:
     """A block, how its dependent coordinates follow others, and what its rows are."""
 
     rows: np.ndarray
@@ -136,7 +139,14 @@ def _solve_block(
     dense: np.ndarray = C[some][:, columns].toarray()
     if not len(columns):
         block = _Block(NONE, NONE, dense)
-        return _Solved(some, np.ones(len(some)), block, (NONE, NONE, NONE), [(int(r), ()) for r in some], [])
+        return _Solved(
+            rows=some,
+            size=np.ones(len(some)),
+            block=block,
+            follow=(NONE, NONE, NONE),
+            spare=[(int(r), ()) for r in some],
+            nearly=[],
+        )
     unit = np.where(turns[columns], 1.0, _arm(dense, turns[columns], least))
     size = np.linalg.norm(dense * unit, axis=1)
     scaled = dense * unit / size[:, None]

@@ -7,7 +7,7 @@ from jaxtyping import Inexact
 
 from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import At, drawn_places, moved_since, poses_at
+from middeck.structure.assembly.places import Placement, drawn_places, moved_since, poses_at
 from middeck.structure.elements.bushings import NO_BUSHINGS, BushingState, bushing_state
 from middeck.structure.elements.frames import Configuration, points_in_world
 from middeck.structure.elements.motion_since_drawn import seen_from
@@ -28,13 +28,13 @@ def own_law(model: Model) -> SpringLaw:
     )
 
 
-def own_span(model: Model, at: At) -> tuple[np.ndarray, np.ndarray]:
+def own_span(model: Model, at: Placement) -> tuple[np.ndarray, np.ndarray]:
     """End minus start of the structure's own springs as drawn, and its change since."""
     (start, start_moved), (end, end_moved) = (drawn_places(model, at, p) for p in model.spring_ends.T)
     return end - start, end_moved - start_moved
 
 
-def own_springs(model: Model, at: At, tension: np.ndarray | None) -> SpringState:
+def own_springs(model: Model, at: Placement, tension: np.ndarray | None) -> SpringState:
     """State of the structure's own springs; ``tension`` replaces theirs."""
     if not len(model.spring_ends):
         return NO_SPRINGS
@@ -42,7 +42,7 @@ def own_springs(model: Model, at: At, tension: np.ndarray | None) -> SpringState
     return spring_state(own_law(model), drawn + change, tension, (drawn, change))
 
 
-def device_springs(model: Model, at: At, loads: Loads, tension: np.ndarray | None) -> SpringState:
+def device_springs(model: Model, at: Placement, loads: Loads, tension: np.ndarray | None) -> SpringState:
     """State of devices; ``tension`` replaces theirs."""
     if not len(loads.attach_point):
         return NO_SPRINGS
@@ -50,7 +50,7 @@ def device_springs(model: Model, at: At, loads: Loads, tension: np.ndarray | Non
     return spring_state(loads.law, drawn + change, tension, (drawn, change))
 
 
-def device_span(model: Model, at: At, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
+def device_span(model: Model, at: Placement, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
     """The same for devices, from anchor to attach point."""
     drawn, change = drawn_places(model, at, loads.attach_point)
     return drawn - loads.anchor, change
@@ -73,7 +73,9 @@ def bushing_states(model: Model, config: Configuration, loads: Loads) -> tuple[B
     return own_bushings(model, at), grounded(model, at, loads)
 
 
-def own_bushings(model: Model, at: At, inner: Inner | None = None, *, inside: bool = False) -> BushingState:
+def own_bushings(
+    model: Model, at: Placement, inner: Inner | None = None, *, inside: bool = False
+) -> BushingState:
     """Bushings of the structure; those ``inside`` carried parts with the digits that their carriers see."""
     own = model.structure.bushings
     if not own:
@@ -105,7 +107,7 @@ def own_bushings(model: Model, at: At, inner: Inner | None = None, *, inside: bo
     return state.turned(axes) if inside else state
 
 
-def grounded(model: Model, at: At, loads: Loads, inner: Inner | None = None) -> BushingState:
+def grounded(model: Model, at: Placement, loads: Loads, inner: Inner | None = None) -> BushingState:
     """Bushings to the ground, which is the first of their frames and does not move."""
     point = loads.ground.point
     if not len(point):

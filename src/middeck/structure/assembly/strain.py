@@ -15,7 +15,7 @@ from middeck.structure.assembly.component_states import place_components
 from middeck.structure.assembly.energy import Assembly
 from middeck.structure.assembly.environment_loads import Inner, Loads
 from middeck.structure.assembly.mesh import Model
-from middeck.structure.assembly.places import At, poses_at, transport
+from middeck.structure.assembly.places import Placement, poses_at, transport
 from middeck.structure.assembly.springs import (
     device_span,
     grounded,
@@ -97,11 +97,11 @@ def predict_forces(
     device = predicted_tension(loads.law, *device_span(model, at, loads), motion[loads.attach_point, :3])
     between = own_bushings(model, at, inside=True).predicted(tied)
     ground = grounded(model, at, loads).predicted(on_ground(motion[loads.ground.point]))
-    return Inner(force, own, device, between, ground)
+    return Inner(beam=force, spring=own, device=device, bushing=between, ground=ground)
 
 
 def _motions(
-    model: Model, at: At, jacobian: sp.csr_array, shapes: np.ndarray
+    model: Model, at: Placement, jacobian: sp.csr_array, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motions (pose, 6, mode), and (.., 12, mode) of the ends of beams and bushings that carriers see.
 

@@ -155,7 +155,16 @@ def beam_state(
     gradient, excess = (((f[:, None]) @ strain.slope)[:, 0] for f in (force, own - force))
     material = np.swapaxes(strain.slope, 1, 2) @ (k @ strain.slope)
     geometric = geometric_stiffness(strain, force)
-    return BeamState(energy, force, gradient, excess, material, geometric, strain.value, strain.slope)
+    return BeamState(
+        energy=energy,
+        force=force,
+        gradient=gradient,
+        excess=excess,
+        material=material,
+        geometric=geometric,
+        strain=strain.value,
+        slope=strain.slope,
+    )
 
 
 def beam_deformations(

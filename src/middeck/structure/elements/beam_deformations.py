@@ -21,6 +21,7 @@ is analytic: complex poses or lengths give derivatives by complex step.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple
 
@@ -37,7 +38,8 @@ BENDING = slice(1, 5)
 ONE, TWO = slice(3, 6), slice(9, 12)
 
 
-class Invariants(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Invariants:
     """Eight invariants of the end poses (l, a, b, twist), their slopes, and what second derivatives need."""
 
     value: Array  # (element, 8)
@@ -81,7 +83,8 @@ def end_strain(
     return EndStrain(np.matvec(triad.mT, moved), first.mT @ ((turn[:, 1] - E) @ triad))
 
 
-class Deformation(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deformation:
     """Deformations (stretch, y1, z1, y2, z2, twist) of each element and what their derivatives need.
 
     ``slope`` is (element, 6, 12) in the pose coordinates; `geometric_stiffness` takes the rest.
@@ -116,7 +119,7 @@ def deform(
     m[:, STRETCH] += 0.5 * _dot(pull, theta)
     dm[:, STRETCH] += (pull[:, None] @ dtheta)[:, 0]
     ddm[:, STRETCH] += dtheta.mT @ curve @ dtheta + np.einsum("ek,ekij->eij", pull, ddtheta)
-    return Deformation(m, dm @ s.slope, s, dm, ddm)
+    return Deformation(value=m, slope=dm @ s.slope, invariants=s, first=dm, second=ddm)
 
 
 def _refine(s: Invariants, length: Array, strain: EndStrain) -> Array:
@@ -153,7 +156,7 @@ def _invariants(x: Array, T: Array) -> Invariants:
     s[:, TWIST] = arctan2(sine.value, cosine.value)
     r2 = sine.value**2 + cosine.value**2
     ds[:, TWIST] = (cosine.value / r2)[:, None] * sine.slope - (sine.value / r2)[:, None] * cosine.slope
-    return Invariants(s, ds, T, e, span, sine, cosine)
+    return Invariants(value=s, slope=ds, T=T, chord=e, span=span, sine=sine, cosine=cosine)
 
 
 def _dots(*terms: tuple[Array, Array, float]) -> Dots:

@@ -14,6 +14,7 @@ exp(theta_B) all is made of traces tr(W P), whose derivatives are polynomials.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -139,7 +140,8 @@ def _roots(stiffness: Float[np.ndarray, "bushing 6 6"]) -> Float[np.ndarray, "bu
     return np.sqrt(size)[:, :, None] * np.swapaxes(turn, 1, 2) * unit[:, None, :]
 
 
-class RelativeMotion(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RelativeMotion:
     """Displacement and rotation vector of second frames seen by first ones, and derivatives by both poses."""
 
     value: Inexact[np.ndarray, "pair 6"]
@@ -172,7 +174,7 @@ def relative_motion(
     steeper = phi.factor[0][:, None, None] * toward + _outer(phi.factor[1][:, None] * phi.axial, _axial(G))
     slope[:, 3:, TURN_B], slope[:, 3:, TURN_A] = steeper, -steeper
     value = np.concatenate([np.matvec(E, span) + change, phi.vector], axis=1)
-    return RelativeMotion(value, slope, span, Q, G, toward, phi)
+    return RelativeMotion(value=value, slope=slope, span=span, first=Q, between=G, toward=toward, phi=phi)
 
 
 class _Turn(NamedTuple):

@@ -19,7 +19,7 @@ the stiffness that forces inside have by their direction (geometric stiffness), 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Inexact, Int
@@ -64,7 +64,8 @@ class ComponentElement:
         return self.mass[:grids].reshape(-1, 6, len(self.mass))[:, :3].sum(axis=0)
 
 
-class ComponentState(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComponentState:
     """Energy, and derivatives in the boundary poses and modal coordinates.
 
     ``slope`` is that of the deformation: ``material`` is slope' K slope, and ``geometric`` the rest.
@@ -187,7 +188,8 @@ def _stiffness(weight: Array, p: Array, b: Array) -> Array:
     return (weight[:, None] * p).T @ b - np.sum(weight * np.sum(p * b, axis=1)) * np.eye(3)
 
 
-class _FrameMotion(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _FrameMotion:
     """Centroid and turn of the frame per coordinate, and what its second order is made of."""
 
     slope: Array
@@ -234,4 +236,4 @@ def _frame_motion(part: ComponentElement, w: Array, Q: Array, span: Array, turn:
         felt[:, shift] = weights[i, 0] * skew(p[i])
         felt[:, rotation] = weights[i, 1] * (trace[i] - between[i])
     slope[3:] = -np.linalg.solve(resists, felt)
-    return _FrameMotion(slope, weights, resists, p, span, Q, R)
+    return _FrameMotion(slope=slope, weights=weights, resists=resists, drawn=p, places=span, Q=Q, R=R)

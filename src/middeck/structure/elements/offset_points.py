@@ -7,7 +7,7 @@ and again need not look for them.
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,7 +24,8 @@ KEPT = 16
 """Layouts that are kept: a refinement or a promise meshes one article hundreds of times."""
 
 
-class Special(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Special:
     """Points that do not simply move as a root's origin: those with an offset, and those on joints.
 
     ``joint`` has their joints from the root out, -1 where there are no more; ``moves`` the coordinates of the
@@ -39,7 +40,8 @@ class Special(NamedTuple):
     moves: Int[np.ndarray, "special turn"]
 
 
-class PoseMap(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseMap:
     """The Jacobian of points by rows: its pattern, its values but for arms, and where arms and joints go."""
 
     tree: FrameTree
@@ -117,8 +119,9 @@ class _Movers:
     joint: Int[np.ndarray, "special chain"]
 
 
-class _Entries(NamedTuple):
-    """`Special.moves`, and the entries of a `PoseMap`."""
+@record(kw_only=True)
+class _Entries:
+    """`Special.moves`, and the entries of a `PoseMap`: matrices of all articles of one topology keep them."""
 
     moves: np.ndarray
     indptr: np.ndarray
@@ -141,9 +144,25 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
         if jointed[point]:
             root[point], joints = chains[int(frame[point])]
             joint[k, : len(joints)] = joints
-    moves, *entries = _lay_out(_Movers(roots=tree.roots, root=root, special=special, joint=joint))
-    of = Special(special, frame[special], points.offset[special], root[special], joint, moves)
-    return PoseMap(tree, points, of, *entries)
+    entries = _lay_out(_Movers(roots=tree.roots, root=root, special=special, joint=joint))
+    of = Special(
+        point=special,
+        frame=frame[special],
+        offset=points.offset[special],
+        root=root[special],
+        joint=joint,
+        moves=entries.moves,
+    )
+    return PoseMap(
+        tree=tree,
+        points=points,
+        special=of,
+        indptr=entries.indptr,
+        indices=entries.indices,
+        constant=entries.constant,
+        arm_slot=entries.arm_slot,
+        joint_slot=entries.joint_slot,
+    )
 
 
 @functools.lru_cache(maxsize=KEPT)
@@ -167,17 +186,14 @@ def _lay_out(movers: _Movers) -> _Entries:
     turn = 6 * root[special, None] + np.arange(3, 6)
     # A chain that is shorter than the longest adds nothing, anywhere.
     index = np.concatenate([turn, np.where(joint >= 0, 6 * movers.roots + joint, turn[:, :1])], axis=1)
-    found = _Entries(
-        index,
-        indptr.astype(np.int32),
-        columns[rank].astype(np.int32),
-        values[rank],
-        slot[plain : plain + 6 * len(special)].reshape(-1, 6),
-        joint_slot,
+    return _Entries(
+        moves=index,
+        indptr=indptr.astype(np.int32),
+        indices=columns[rank].astype(np.int32),
+        constant=values[rank],
+        arm_slot=slot[plain : plain + 6 * len(special)].reshape(-1, 6),
+        joint_slot=joint_slot,
     )
-    for each in found:  # matrices of all articles of one topology keep these very arrays
-        each.setflags(write=False)
-    return found
 
 
 def _plain(root: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

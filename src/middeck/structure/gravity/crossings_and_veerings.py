@@ -8,6 +8,7 @@ and both go straight on through anything narrower than `NARROW`.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -19,6 +20,7 @@ from jaxtyping import Float, Int
 from middeck.structure.eigenproblem.repeated import REPEATED
 from middeck.structure.gravity.path_events import EventKind, GravityEvent, PathState
 from middeck.structure.gravity.tracking import Spectrum, track
+from middeck.values import record
 
 # Shapes are compared where the gap of omega^2 is this many times its least: of two modes that exchange their
 # shapes, 60 of 90 degrees are turned between both sides (tan 2 theta = coupling / detuning).
@@ -63,7 +65,8 @@ class Course(NamedTuple):
         return self.advance(near, s) if inside else None
 
 
-class Approach(NamedTuple):
+@record(kw_only=True)
+class Approach:
     """Two modes where they are nearest, and on both sides of that; ``gap`` is relative, of omega^2.
 
     ``rank`` is how many of those followed are below them.
@@ -97,7 +100,9 @@ class Resolved(NamedTuple):
 def reorder(station: PathState, order: Int[np.ndarray, " branch"]) -> PathState:
     """Its branches in another order."""
     lam, shapes, M = station.spectrum
-    return station._replace(spectrum=Spectrum(lam[order], shapes[:, order], M), match=station.match[order])
+    return dataclasses.replace(
+        station, spectrum=Spectrum(lam[order], shapes[:, order], M), match=station.match[order]
+    )
 
 
 def resolve_exchanges(stations: Sequence[PathState], course: Course, names: tuple[str, ...]) -> Resolved:
@@ -264,7 +269,14 @@ def _compare_sides(at: PathState, curved: float, pair: tuple[int, int], course: 
     if before is None or after is None:
         return None
     rank = int(np.sum(at.spectrum.lam < at.spectrum.lam[list(pair)].min()))
-    return Approach(at, before, after, gap / size, _exchanged(before, after, pair), rank)
+    return Approach(
+        at=at,
+        before=before,
+        after=after,
+        gap=gap / size,
+        exchanged=_exchanged(before, after, pair),
+        rank=rank,
+    )
 
 
 def _squares(
@@ -333,7 +345,7 @@ def _put_right(run: Sequence[PathState], found: Approach) -> tuple[list[PathStat
 def _follow(here: PathState, there: PathState) -> tuple[PathState, np.ndarray]:
     """``there`` with its branches in the order of ``here``."""
     tracked = track(here.spectrum, there.spectrum)
-    return there._replace(spectrum=tracked.spectrum, match=tracked.match), tracked.found
+    return dataclasses.replace(there, spectrum=tracked.spectrum, match=tracked.match), tracked.found
 
 
 def _event(found: Approach, run: Sequence[PathState], names: tuple[str, ...]) -> GravityEvent:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -109,7 +110,8 @@ class GravityPath:
         return tuple((int(i), int(j)) for i, j in np.argwhere(self.match < HALF_SHAPE))
 
 
-class _Leg(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Leg:
     """Constants of the path between two places, number ``k`` and the next."""
 
     full: Equilibrium
@@ -173,9 +175,20 @@ def follow_gravity(
     except UnstableEquilibriumError as error:
         return _no_path(path, error, at_first)
     mass = drawn_mass(full.model)
-    legs = [_Leg(full, free, mass, loads_at, a, b, k) for k, (a, b) in enumerate(itertools.pairwise(places))]
+    legs = [
+        _Leg(full=full, free=free, mass=mass, loads_at=loads_at, a=a, b=b, k=k)
+        for k, (a, b) in enumerate(itertools.pairwise(places))
+    ]
     rest, match = modes.equilibrium, np.ones(len(modes.omega))
-    first = PathState(0.0, at_first, rest.config, spectrum_of(modes), match, rest.tension, 0.0)
+    first = PathState(
+        s=0.0,
+        gravity=at_first,
+        config=rest.config,
+        spectrum=spectrum_of(modes),
+        match=match,
+        tension=rest.tension,
+        least=0.0,
+    )
     stations, stop, arrived = [first], None, 1
     for leg in legs:
         more, stop = _follow_leg(leg, stations[-1])
@@ -316,7 +329,15 @@ def _station(
     spectrum = spectrum_at(model, config, loads, len(before.match), at)
     found = track(turn_along(before.spectrum, model, before.config, config)[0], spectrum)
     least = float(spectrum.lam.min(initial=0.0))
-    return PathState(s, loads.gravity, config, found.spectrum, found.match, at.tension, least)
+    return PathState(
+        s=s,
+        gravity=loads.gravity,
+        config=config,
+        spectrum=found.spectrum,
+        match=found.match,
+        tension=at.tension,
+        least=least,
+    )
 
 
 def _follow_leg(leg: _Leg, start: PathState) -> tuple[list[PathState], _Stop | None]:

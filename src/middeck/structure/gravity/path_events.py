@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -68,7 +67,8 @@ class GravityEvent:
                 return f"the device {names} goes slack {at}"
 
 
-class PathState(NamedTuple):
+@record(kw_only=True)
+class PathState:
     """A rest state on a path, the modes that are followed, and the least omega^2 of all."""
 
     s: float

@@ -55,7 +55,8 @@ class Levelling:
     history: tuple[float, ...]
 
 
-class _Task(NamedTuple):
+@record(kw_only=True)
+class _Task:
     structure: Structure
     environment: Environment
     free: tuple[tuple[str, str], ...]
@@ -162,14 +163,14 @@ def _task(
     level_axes = AXES.replace(AXES[int(np.argmax(np.abs(environment.gravity)))], "")
     axes = level_axes if about is None else about
     chosen = tuple(dict.fromkeys((name, axis) for name, axis in free))
-    task = _Task(structure, environment, chosen, axes, node)
+    task = _Task(structure=structure, environment=environment, free=chosen, about=axes, node=node)
     for what, hint in _faults(task, level_axes):
         raise ConfigError(what, where="level", hint=hint)
     return task
 
 
 def _faults(task: _Task, level_axes: str) -> Iterator[tuple[str, str]]:
-    structure, environment, free, axes, node = task
+    structure, environment, free, axes = task.structure, task.environment, task.free, task.about
     if not np.any(environment.gravity):
         yield "level is undefined without gravity", "take another environment"
     if not (environment.hung or environment.springs):
@@ -180,8 +181,8 @@ def _faults(task: _Task, level_axes: str) -> Iterator[tuple[str, str]]:
         if name not in points or len(axis) != 1 or axis not in AXES:
             hint = f"x, y or z of {', '.join(points) or 'no attach point at all'}"
             yield f"no offset {axis!r} of an attach point {name!r}", hint
-    if node is not None and node not in nodes:
-        yield f"no node {node!r}", f"one of {', '.join(nodes)}"
+    if task.node is not None and task.node not in nodes:
+        yield f"no node {task.node!r}", f"one of {', '.join(nodes)}"
     if not axes or len(set(axes)) < len(axes) or not set(axes) <= set(level_axes):
         yield f"no tilts about {axes!r}", f"any of the axes {level_axes}"
     if len(free) < len(axes):

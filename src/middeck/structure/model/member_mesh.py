@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Inexact, Int
 
 from middeck.structure.model.article import Structure
+from middeck.values import record
 
 
 class MemberGeometry(NamedTuple):
@@ -23,7 +24,8 @@ class MemberGeometry(NamedTuple):
     triad: Inexact[np.ndarray, "member 3 3"]
 
 
-class CutMembers(NamedTuple):
+@record(kw_only=True)
+class CutMembers:
     """Members cut into elements; inner mesh nodes are numbered after the structure's own nodes.
 
     ``frame`` and ``offset`` are those of both ends of each element, the latter in frame axes [m].
@@ -75,4 +77,4 @@ def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
     position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
     start = position[nodes[member, 0]] + reach[member, 0]
     inner = start + ((place + 1) * length)[:, None] * along
-    return CutMembers(inner[~last], frame, offset, length, member)
+    return CutMembers(inner=inner[~last], frame=frame, offset=offset, length=length, member=member)

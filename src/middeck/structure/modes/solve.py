@@ -115,8 +115,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
     rigid_residual = float(np.abs(lam[:rigid]).max(initial=0.0) / (lam[rigid] if rigid < len(lam) else 1.0))
     lam[:rigid] = 0.0
     shapes[:, :rigid], rigid_names = rigid_basis(equilibrium, M, shapes[:, :rigid])
-    lam, shapes, rigid_share, share, kind = find_kinds(equilibrium, M, lam, shapes, rigid)
-    shapes = shapes * _signs(M, shapes)
+    found = find_kinds(equilibrium, M, lam, shapes, rigid)
+    lam, kind, shapes = found.lam, found.kind, found.shapes * _signs(M, found.shapes)
     # A refinement solves for modes many times, and names none.
     names = functools.partial(name_modes, equilibrium, M, lam, shapes, kind, rigid_names)
     _check_stable(equilibrium, lam, shapes, names)
@@ -129,7 +129,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
         *loose_motions(equilibrium, rigid_names),
         *moment_warnings(equilibrium, lam, shapes),
         *component_warnings(equilibrium, lam, shapes),
-        *kind_warnings(equilibrium, omega, kind, names, rigid_share, share),
+        *kind_warnings(equilibrium, omega, kind, names, found.rigid_share, found.strain_share),
     )
     return Modes(
         equilibrium=equilibrium,
@@ -138,8 +138,8 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
         mass=M,
         kind=kind,
         rigid_name=rigid_names,
-        rigid_share=rigid_share,
-        strain_share=share,
+        rigid_share=found.rigid_share,
+        strain_share=found.strain_share,
         residual=residual,
         rigid_residual=rigid_residual,
         warnings=warnings,

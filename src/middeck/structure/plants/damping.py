@@ -31,7 +31,7 @@ from middeck.structure.model.article import Damper, DamperPlace, Damping, Dampin
 from middeck.structure.modes.motions.strain_shares import lossy_shares, member_energy
 from middeck.structure.modes.names.kinds import CURE, is_held, kinds_by_rank
 from middeck.structure.modes.solve import Modes
-from middeck.structure.plants.loss_coupling import Losses, coupled_pairs
+from middeck.structure.plants.loss_coupling import LossFactors, coupled_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
@@ -116,7 +116,7 @@ def _coupled_losses(
     count = len(zeta)
     by_energy = damping.table is None and not damping.by_rank
     rest = damping.suspension if is_held(modes.equilibrium) else damping.flexible
-    losses = Losses(
+    losses = LossFactors(
         2.0 * damping.flexible * by_energy, 2.0 * rest * by_energy, member_losses(modes.equilibrium, damping)
     )
     given = {find_mode(modes, key) for key, _ in damping.by_mode}

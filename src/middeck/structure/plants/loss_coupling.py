@@ -21,7 +21,7 @@ SHIFT = 1e-2
 """Relative change of a ratio by the coupling of two modes above which it is reported."""
 
 
-class Losses(NamedTuple):
+class LossFactors(NamedTuple):
     """Loss factors: of all that strains, of all else that holds the article, of each member beside that."""
 
     strain: float
@@ -41,7 +41,7 @@ def coupled_pairs(
     omega: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
     zeta: Float[np.ndarray, " mode"],
-    losses: Losses,
+    losses: LossFactors,
     lossless: Bool[np.ndarray, " mode"],
 ) -> list[CoupledPair]:
     """Pairs of modes of which one has another ratio, by more than `SHIFT`, once their common losses count.
@@ -79,14 +79,16 @@ def coupled_pairs(
     return found
 
 
-def _energies(equilibrium: Equilibrium, shapes: np.ndarray, losses: Losses) -> Float[np.ndarray, "3 mode"]:
+def _energies(
+    equilibrium: Equilibrium, shapes: np.ndarray, losses: LossFactors
+) -> Float[np.ndarray, "3 mode"]:
     """Of strain, of the strain of devices, and what members lose of theirs."""
     strain = strain_energy(equilibrium, shapes).sum(axis=1)
     member = member_energy(equilibrium, shapes) @ losses.member
     return np.array([strain, device_strain(equilibrium, shapes), member])
 
 
-def _weights(losses: Losses, lossless: np.ndarray) -> Float[np.ndarray, "pair 3"]:
+def _weights(losses: LossFactors, lossless: np.ndarray) -> Float[np.ndarray, "pair 3"]:
     """Loss factors of `_energies` in H between two modes, less the multiple of omega^2 that is not between.
 
     What is neither strain nor a device has the loss of the rest where neither mode is ``lossless``.

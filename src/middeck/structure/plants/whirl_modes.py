@@ -15,7 +15,7 @@ frequency by the speed too, so that "forward" means both: with the spin, and fas
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 import scipy.linalg as sla
@@ -183,7 +183,8 @@ def _in_phase(modes: Modes, shapes: np.ndarray) -> np.ndarray:
     return shapes * (np.abs(entry) / entry)
 
 
-class Whirls(NamedTuple):
+@record(kw_only=True)
+class Whirls:
     """Frequencies, modal coordinates of unit size, whirl; the ``drifts`` first, then ``attitudes``."""
 
     omega: Float[np.ndarray, " mode"]
@@ -239,12 +240,12 @@ def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarr
     still[:rigid] = np.hstack([drift, attitude])
     zero = np.zeros(still.shape[1])
     return Whirls(
-        np.concatenate([zero, np.abs(s[rank])]),
-        np.concatenate([zero, np.minimum(-np.real(s[rank]) / np.abs(s[rank]), 1.0)]),
-        np.hstack([still, q[:, rank]]),
-        np.concatenate([zero, whirl[rank]]),
-        drift.shape[1],
-        attitude.shape[1],
+        omega=np.concatenate([zero, np.abs(s[rank])]),
+        zeta=np.concatenate([zero, np.minimum(-np.real(s[rank]) / np.abs(s[rank]), 1.0)]),
+        q=np.hstack([still, q[:, rank]]),
+        whirl=np.concatenate([zero, whirl[rank]]),
+        drifts=drift.shape[1],
+        attitudes=attitude.shape[1],
     )
 
 

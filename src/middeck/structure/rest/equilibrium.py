@@ -252,7 +252,8 @@ def _check_driven(model: Model, environment: Environment, loads: Loads) -> None:
         )
 
 
-class Imbalance(NamedTuple):
+@record(kw_only=True)
+class Imbalance:
     """Residual at rest: largest force over the weight, largest moment over weight times ``length``.
 
     ``weight`` [N] is that on the ground where there is none; ``length`` [m] is half the article's size, or a
@@ -275,11 +276,11 @@ def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
     left = np.abs(static_freedom(model, equilibrium.config).within(gradient)) / scale
     tree = model.tree
     return Imbalance(
-        float(left[~tree.turns].max(initial=0.0)),
-        float(left[tree.turns].max(initial=0.0)),
-        weight,
-        min(article_size(model), 1.0),
-        model.frames[tree.frame_of(int(np.argmax(left)) if len(left) else 0)],
+        force=float(left[~tree.turns].max(initial=0.0)),
+        moment=float(left[tree.turns].max(initial=0.0)),
+        weight=weight,
+        length=min(article_size(model), 1.0),
+        frame=model.frames[tree.frame_of(int(np.argmax(left)) if len(left) else 0)],
     )
 
 

@@ -23,7 +23,7 @@ from middeck.structure.rest.rest_criteria import (
     ROUNDED,
     TOLERANCE,
     UNMOVED,
-    Settled,
+    NewtonResult,
     holding,
     is_stable,
 )
@@ -41,7 +41,7 @@ NEARBY, FITTING = 0.15, 0.9
 PRESCRIBED_TURN = 0.1
 
 
-def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
+def follow(model: Model, loads: Loads, mass: sp.csr_array) -> NewtonResult | None:
     """Along the branch of the drawn state by Newton's method, stable or not, as all that acts grows together.
 
     None where the branch ends. A step is as long as the last one shows that Newton's method follows, or half
@@ -64,8 +64,14 @@ def follow(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
         return None
     at = assemble_carried(model, config, loads)
     enough = TOLERANCE if history[-1][1] < TOLERANCE else ROUNDED
-    return Settled(
-        config, at, history[-1][1], enough, tuple(history), is_stable(model, config, at, loads), True
+    return NewtonResult(
+        config=config,
+        assembly=at,
+        residual=history[-1][1],
+        enough=enough,
+        history=tuple(history),
+        stable=is_stable(model, config, at, loads),
+        followed=True,
     )
 
 

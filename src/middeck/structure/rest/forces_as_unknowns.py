@@ -21,7 +21,7 @@ from middeck.structure.rest.rest_criteria import (
     MOST_DAMPING,
     ROUNDED,
     TOLERANCE,
-    Settled,
+    NewtonResult,
 )
 from middeck.structure.rest.rigid_and_deforming_steps import stride, unmoved
 
@@ -32,7 +32,7 @@ AHEAD, NEAR = 1.5, 1.3
 IN_LINE = 1e-9
 
 
-def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
+def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> NewtonResult | None:
     """Newton's method with the internal forces as unknowns of their own; None where it does not converge.
 
     Stiff members resist the second-order terms of a step: a strut of 1e12 N/m that a turn of 0.1 strains by
@@ -62,7 +62,14 @@ def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> Settled | None:
         if residual < enough and (upright or damping == 0.0):
             at = assemble_carried(model, config, loads)
             stable = positive_factor(sp.csr_array(free.matrix(at.tangent) + least)) is not None
-            return Settled(config, at, residual, enough, tuple(history), stable)
+            return NewtonResult(
+                config=config,
+                assembly=at,
+                residual=residual,
+                enough=enough,
+                history=tuple(history),
+                stable=stable,
+            )
         q = q * min(1.0, LONGEST_STEP / max(size, LONGEST_STEP))
         inner = predict_forces(model, config, loads, q, at)
         moved = closed(model, move_carried(model.tree, config, q))

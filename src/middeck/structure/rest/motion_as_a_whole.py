@@ -6,6 +6,8 @@ is nearest to its drawing, so that the axes of a test mean the same whatever way
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Float
 
@@ -17,7 +19,7 @@ from middeck.structure.elements.frames import Configuration, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp, rotation_log
 from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.imbalance import article_size, imbalance_scale
-from middeck.structure.rest.rest_criteria import Settled
+from middeck.structure.rest.rest_criteria import NewtonResult
 from middeck.structure.rest.rigid_and_deforming_steps import turn_whole
 
 # Extent of the attach points, over the largest, below which they form a line or a point.
@@ -31,7 +33,7 @@ FIT_ITERATIONS = 50
 FITTED = 1e-14
 
 
-def face_as_drawn(model: Model, loads: Loads, settled: Settled) -> Settled:
+def face_as_drawn(model: Model, loads: Loads, settled: NewtonResult) -> NewtonResult:
     """The same rest state, as near to the drawing as a motion that nothing resists brings it.
 
     Of what floats that is any motion, of what hangs from one vertical line a turn about it.
@@ -47,7 +49,7 @@ def face_as_drawn(model: Model, loads: Loads, settled: Settled) -> Settled:
             return settled
         mass = carried_mass(model, config, loads)
         config, assembly, steps, _ = descend(model, config, loads, mass, scale, settled.enough, POLISH)
-        at = at._replace(config=config, assembly=assembly, residual=steps[-1][0])
+        at = dataclasses.replace(at, config=config, assembly=assembly, residual=steps[-1][0])
         if len(steps) == 1:
             break
     # Beside a support so stiff that its rounding shows, the state as it was found is the better one.

@@ -1,7 +1,5 @@
 """Where a search for a rest state ended, and what counts as rest."""
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -16,6 +14,7 @@ from middeck.structure.eigenproblem.eigen import solve_pairs
 from middeck.structure.eigenproblem.rigid_or_rounding import rounding, separate_rigid
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.motion_since_drawn import uncarried
+from middeck.values import record
 
 # Largest imbalance that counts as rest, over `imbalance_scale`.
 TOLERANCE = 1e-9
@@ -34,7 +33,8 @@ MOST_DAMPING = 1e20
 LONGEST_STEP = 0.5
 
 
-class Settled(NamedTuple):
+@record(kw_only=True)
+class NewtonResult:
     """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
 
     The residual counts as rest below ``enough``. ``followed`` says that it is the branch of the drawn state.

@@ -10,7 +10,7 @@ from middeck.structure.rest.damped_descent import descend
 from middeck.structure.rest.followed_branch import displace, follow, prescribed_steps
 from middeck.structure.rest.forces_as_unknowns import unfold
 from middeck.structure.rest.imbalance import imbalance_scale
-from middeck.structure.rest.rest_criteria import TOLERANCE, Settled, is_stable
+from middeck.structure.rest.rest_criteria import TOLERANCE, NewtonResult, is_stable
 
 # Residual accepted at intermediate load steps.
 ROUGH = 1e-4
@@ -19,7 +19,7 @@ LOAD_FACTORS = (0.25, 0.5, 0.75)
 SOON = 30
 
 
-def settle(model: Model, loads: Loads) -> Settled:
+def settle(model: Model, loads: Loads) -> NewtonResult:
     """Equilibrium under gravity and preload: followed from the drawn state, or descended to.
 
     An article that the world holds, and any under applied loads, is followed from its drawn state as all that
@@ -45,7 +45,7 @@ def settle(model: Model, loads: Loads) -> Settled:
     return fallen if followed is None or fallen.residual < fallen.enough else followed
 
 
-def _descend_by_turns(model: Model, loads: Loads, mass: sp.csr_array) -> Settled:
+def _descend_by_turns(model: Model, loads: Loads, mass: sp.csr_array) -> NewtonResult:
     soon = _by_steps(model, loads, mass, (), SOON)
     if soon.residual < soon.enough:
         return soon
@@ -58,7 +58,7 @@ def _descend_by_turns(model: Model, loads: Loads, mass: sp.csr_array) -> Settled
 
 def _by_steps(
     model: Model, loads: Loads, mass: sp.csr_array, factors: tuple[float, ...], most: int | None = None
-) -> Settled:
+) -> NewtonResult:
     scale = imbalance_scale(model, loads)
     config, before = model.rest, 0.0
     history: list[tuple[float, float, float]] = []
@@ -73,4 +73,6 @@ def _by_steps(
     residual = history[-1][1]
     # Short of convergence stability is unknown: second-order strain of a step may act as tension.
     stable = residual < enough and is_stable(model, config, at, loads)
-    return Settled(config, at, residual, enough, tuple(history), stable)
+    return NewtonResult(
+        config=config, assembly=at, residual=residual, enough=enough, history=tuple(history), stable=stable
+    )

@@ -21,7 +21,7 @@ from middeck.structure.plants.damping import (
     material_ratios,
 )
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import STEP, derivative
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
@@ -87,7 +87,7 @@ def steepness(
 
 
 def differentiate_pencil(
-    modes: Modes, parameters: Sequence[Parameter], count: int, coordinates: Sequence[int] = ()
+    modes: Modes, parameters: Sequence[ModelParameter], count: int, coordinates: Sequence[int] = ()
 ) -> PencilSlopes:
     """The derivatives for the lowest ``count`` modes, and for these coordinates of their shapes.
 

@@ -7,7 +7,7 @@ all parameters, whatever they do to the rest state.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -24,7 +24,8 @@ DIRECTIONS = 9  # the first root's turn, the second one's shift and turn
 FIRST, SHIFT, SECOND = slice(3, 6), slice(6, 9), slice(9, 12)
 
 
-class _Elements(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Elements:
     """Elements on two roots each: positions and rotations of these, and how the ends sit on them."""
 
     beams: BeamProperties
@@ -48,11 +49,11 @@ def element_gradients(
     for start in range(0, len(roots), CHUNK // DIRECTIONS):
         rows = slice(start, start + CHUNK // DIRECTIONS)
         elements = _Elements(
-            select_beams(model.beams, rows),
-            rest.config.x[roots[rows]],
-            rest.config.R[roots[rows]],
-            model.points.offset[model.element_ends[rows]],
-            model.element_triad[rows, None],
+            beams=select_beams(model.beams, rows),
+            x=rest.config.x[roots[rows]],
+            R=rest.config.R[roots[rows]],
+            offset=model.points.offset[model.element_ends[rows]],
+            triad=model.element_triad[rows, None],
         )
         u = shapes[coordinates[rows]]
         K, M = (
@@ -79,7 +80,9 @@ def _turned(at: _Elements) -> _Elements:
         R[first, 0] = turn[axis] @ R[first, 0]
         x[shift, 1, axis] += STEP * 1j
         R[second, 1] = turn[axis] @ R[second, 1]
-    return _Elements(select_beams(at.beams, every), x, R, at.offset[every], at.triad[every])
+    return _Elements(
+        beams=select_beams(at.beams, every), x=x, R=R, offset=at.offset[every], triad=at.triad[every]
+    )
 
 
 def _matrices(at: _Elements, gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ from middeck.structure.modes.doubts.stiff_members import check_beside_modes
 from middeck.structure.modes.solve import Modes
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.links_and_components import Tied
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
@@ -44,7 +44,7 @@ class FrequencySensitivities:
         groups: Modes, by number, that have one frequency.
     """
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ModelParameter, ...]
     frequency_hz: Float[np.ndarray, " mode"]
     d_lambda: Float[np.ndarray, "parameter mode"]
     groups: tuple[tuple[int, ...], ...]
@@ -66,7 +66,7 @@ class FrequencySensitivities:
 
 
 def differentiate_frequencies(
-    modes: Modes, parameters: Sequence[Parameter], count: int | None = None
+    modes: Modes, parameters: Sequence[ModelParameter], count: int | None = None
 ) -> FrequencySensitivities:
     """Derivatives of the lowest ``count`` frequencies (all by default) in every parameter.
 
@@ -76,7 +76,7 @@ def differentiate_frequencies(
     """
     for parameter in parameters:
         hint = "find_parameters(structure, environment, names) makes them of names"
-        require_kind(parameter, Parameter, "parameter", hint)
+        require_kind(parameter, ModelParameter, "parameter", hint)
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     groups = tuple(tuple(group.tolist()) for group in by_frequency(modes.omega[:count] ** 2))
     softer, article = soften_modes(modes, count, "derivatives of frequencies")
@@ -95,7 +95,7 @@ def differentiate_frequencies(
 
 def differentiate_products(
     modes: Modes,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[ModelParameter],
     left: Int[np.ndarray, " pair"],
     right: Int[np.ndarray, " pair"],
     lam: Float[np.ndarray, " pair"],

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from middeck.structure.assembly.mesh import Model, lay_out
 from middeck.structure.assembly.redundant_constraints import Closing
 from middeck.structure.elements.frames import Configuration, move, points_in_world
 from middeck.structure.model.article import Structure
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import NOTHING, STEP, Patch, derivative
 
 # Part of the terms in it by which a row that repeats others may leave them as a parameter changes.
@@ -69,7 +70,7 @@ class Tied(NamedTuple):
             return np.zeros((0, *gradient.shape[1:]))
         return self.links[1].multipliers(gradient)
 
-    def check_repeated(self, parameter: Parameter, change: TieChange) -> None:
+    def check_repeated(self, parameter: ModelParameter, change: TieChange) -> None:
         """Raise `NumericalError` where a row that repeats others no longer does as ``parameter`` changes."""
         if self.links is None:
             return
@@ -91,7 +92,8 @@ class Tied(NamedTuple):
                 )
 
 
-class TieChange(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TieChange:
     """Derivatives of links and components in the coordinates of the whole.
 
     ``value`` and ``slope`` are of the rows of links, ``gradient`` and ``stiffness`` of multipliers times
@@ -129,7 +131,7 @@ class TieModel(NamedTuple):
             model.tree.size,
         )
 
-    def check_placed(self, parameter: Parameter) -> None:
+    def check_placed(self, parameter: ModelParameter) -> None:
         """Raise `ConfigError` where ``parameter`` moves grids of a component against each other."""
         if self.components is None:
             return
@@ -153,10 +155,11 @@ class TieModel(NamedTuple):
         multiplier: np.ndarray,
     ) -> TieChange:
         """Derivatives as the whole's ``config`` moves by ``motion`` and ``multiplier`` is perturbed."""
-        value, slope, gradient, stiffness, mass, bent = no_ties = _untied(self.size)
+        none = _untied(self.size)
         if self.links is None and self.components is None:
-            return no_ties
-        gradient = gradient.copy()
+            return none
+        value, slope, stiffness, mass, bent = none.value, none.slope, none.stiffness, none.mass, none.bent
+        gradient = none.gradient.copy()
         if self.links is not None:
             state, curved = bent_links(self.links, self._moved(self.links, config, motion), multiplier)
             value, slope = derivative(state.value), self._columns(_derivative(state.jacobian))
@@ -169,7 +172,9 @@ class TieModel(NamedTuple):
             gradient[self.coordinates] += derivative(total.gradient)
             stiffness = sp.csr_array(stiffness + self._whole(_derivative(total.tangent)))
             mass = self._whole(_derivative(mass_matrix(self.components, at)))
-        return TieChange(value, slope, gradient, stiffness, mass, bent)
+        return TieChange(
+            value=value, slope=slope, gradient=gradient, stiffness=stiffness, mass=mass, bent=bent
+        )
 
     def _moved(self, model: Model, config: Configuration, motion: np.ndarray) -> Configuration:
         roots = model.tree.roots
@@ -187,7 +192,14 @@ class TieModel(NamedTuple):
 @functools.lru_cache(maxsize=1)
 def _untied(size: int) -> TieChange:
     none = sp.csr_array((size, size))
-    return TieChange(np.zeros(0), sp.csr_array((0, size)), np.zeros(size), none, none, none)
+    return TieChange(
+        value=np.zeros(0),
+        slope=sp.csr_array((0, size)),
+        gradient=np.zeros(size),
+        stiffness=none,
+        mass=none,
+        bent=none,
+    )
 
 
 def _derivative(matrix: sp.csr_array) -> sp.csr_array:

@@ -67,7 +67,7 @@ Path = tuple[Any, ...]
 
 
 @record(kw_only=True)
-class Parameter:
+class ModelParameter:
     """One number: its name, its unit ("" for a factor or a direction), and its value.
 
     ``spots`` are where it stands: "structure" or "environment", then names of fields and indices. A factor
@@ -83,7 +83,7 @@ class Parameter:
     unstated: bool = False
 
 
-def list_parameters(structure: Structure, environment: Environment) -> tuple[Parameter, ...]:
+def list_parameters(structure: Structure, environment: Environment) -> tuple[ModelParameter, ...]:
     """All parameters but the infinite ones: the shear stiffness of a Bernoulli beam has no derivative.
 
     >>> from middeck.structure.model.article import Body, Damping, Node, Structure
@@ -98,7 +98,7 @@ def list_parameters(structure: Structure, environment: Environment) -> tuple[Par
 
 def find_parameters(
     structure: Structure, environment: Environment, patterns: Sequence[str]
-) -> tuple[Parameter, ...]:
+) -> tuple[ModelParameter, ...]:
     """The parameters with the given names; ``*`` stands for any text, ``?`` for one letter.
 
     A pattern leaves out the couplings that a bushing does not have, unless it fits nothing else.
@@ -108,11 +108,11 @@ def find_parameters(
 
 
 def choose_parameters(
-    parameters: Sequence[Parameter], patterns: Sequence[str], *, missing: bool = False
-) -> tuple[Parameter, ...]:
+    parameters: Sequence[ModelParameter], patterns: Sequence[str], *, missing: bool = False
+) -> tuple[ModelParameter, ...]:
     """`find_parameters` among ``parameters``; with ``missing`` names that fit none are left out."""
     every = {p.name: p for p in parameters}
-    found: dict[str, Parameter] = {}
+    found: dict[str, ModelParameter] = {}
     for pattern in patterns:
         wild = any(c in pattern for c in "*?[")
         fits = [n for n in every if fnmatchcase(n, pattern)] if wild else [pattern] * (pattern in every)
@@ -145,7 +145,7 @@ def _became(pattern: str, every: Iterable[str]) -> str:
 
 
 def set_parameter(
-    structure: Structure, environment: Environment, parameter: Parameter, value: complex
+    structure: Structure, environment: Environment, parameter: ModelParameter, value: complex
 ) -> tuple[Structure, Environment]:
     """Both with ``parameter`` at ``value``, which may be complex; what it does not touch stays as it is."""
     both: dict[str, Any] = {"structure": structure, "environment": environment}
@@ -154,7 +154,9 @@ def set_parameter(
     return both["structure"], both["environment"]
 
 
-def read_parameter(structure: Structure, environment: Environment, parameter: Parameter) -> Parameter:
+def read_parameter(
+    structure: Structure, environment: Environment, parameter: ModelParameter
+) -> ModelParameter:
     """``parameter`` with its value here; that of a factor is one."""
     if parameter.scales:
         return parameter
@@ -194,7 +196,7 @@ def _put(at: Any, path: Path, value: complex, scales: bool) -> Any:
     return (*at[:key], _put(at[key], tuple(rest), value, scales), *at[key + 1 :])
 
 
-def _walk(structure: Structure, environment: Environment) -> Iterator[Parameter]:
+def _walk(structure: Structure, environment: Environment) -> Iterator[ModelParameter]:
     yield from _nodes(structure)
     yield from _members(structure)
     yield from _joints(structure)
@@ -215,14 +217,14 @@ def _walk(structure: Structure, environment: Environment) -> Iterator[Parameter]
     yield from _environment(environment)
 
 
-def _nodes(structure: Structure) -> Iterator[Parameter]:
+def _nodes(structure: Structure) -> Iterator[ModelParameter]:
     for i, node in enumerate(structure.nodes):
         path: Path = ("structure", "nodes", i)
         yield from _fields(f"node.{node.name}", node, path, NODE)
         yield from _fields(f"node.{node.name}", node.body, (*path, "body"), BODY)
 
 
-def _members(structure: Structure) -> Iterator[Parameter]:
+def _members(structure: Structure) -> Iterator[ModelParameter]:
     sections: list[tuple[Path, Section]] = []
     for i, member in enumerate(structure.members):
         path: Path = ("structure", "members", i)
@@ -240,10 +242,10 @@ def _members(structure: Structure) -> Iterator[Parameter]:
         yield from _factors("members", sections)
 
 
-def _factors(name: str, sections: Sequence[tuple[Path, Section]]) -> Iterator[Parameter]:
+def _factors(name: str, sections: Sequence[tuple[Path, Section]]) -> Iterator[ModelParameter]:
     for what, fields in (("E", STIFFNESS), ("rho", INERTIA)):
         spots = tuple((*p, f) for p, s in sections for f in fields if _scales(getattr(s, f)))
-        yield Parameter(name=f"{name}.{what}", unit="", value=1.0, spots=spots, scales=True)
+        yield ModelParameter(name=f"{name}.{what}", unit="", value=1.0, spots=spots, scales=True)
 
 
 def _scales(value: Any) -> bool:
@@ -251,7 +253,7 @@ def _scales(value: Any) -> bool:
     return bool(np.any(value)) if isinstance(value, np.ndarray) else bool(np.isfinite(value))
 
 
-def _joints(structure: Structure) -> Iterator[Parameter]:
+def _joints(structure: Structure) -> Iterator[ModelParameter]:
     """Angle of a joint that is held there, spring and rest angle of a sprung one, command of a driven one."""
     for i, joint in enumerate(structure.joints):
         path: Path = ("structure", "joints", i)
@@ -267,7 +269,7 @@ def _joints(structure: Structure) -> Iterator[Parameter]:
         yield from _fields(f"joint.{joint.name}", joint.body, (*path, "body"), BODY)
 
 
-def _links(structure: Structure) -> Iterator[Parameter]:
+def _links(structure: Structure) -> Iterator[ModelParameter]:
     """Offset of a link, weights of an interpolation, coefficients of an equation; as drawn all links fit."""
     for i, link in enumerate(structure.links):
         path, name = ("structure", "links", i), f"link.{link.name}"
@@ -282,7 +284,7 @@ def _links(structure: Structure) -> Iterator[Parameter]:
                 yield from _fields(at, term, (*path, "terms", k), {"coefficient": ""})
 
 
-def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterator[Parameter]:
+def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterator[ModelParameter]:
     """Where it is matters to neither a torque nor an angle."""
     for i, port in enumerate(ports):
         stands = port.kind not in (ActuatorKind.TORQUE, SensorKind.ANGLE)
@@ -290,14 +292,16 @@ def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterato
         yield from _fields(f"{kind}.{port.name}", port, ("structure", group, i), fields)
 
 
-def _damping(damping: Damping) -> Iterator[Parameter]:
+def _damping(damping: Damping) -> Iterator[ModelParameter]:
     """Damping by kind, mode, material and damper; a table is measured, not designed."""
     path: Path = ("structure", "damping")
     if damping.table is None:
         yield from _fields("damping", damping, path, DAMPING)
     for group, text in (("by_mode", "mode"), ("loss_factor", "loss_factor")):
         for i, (key, value) in enumerate(getattr(damping, group)):
-            yield Parameter(name=f"damping.{text}.{key}", unit="", value=value, spots=((*path, group, i, 1),))
+            yield ModelParameter(
+                name=f"damping.{text}.{key}", unit="", value=value, spots=((*path, group, i, 1),)
+            )
     for i, damper in enumerate(damping.dampers):
         unit = "N m s/rad" if damper.place is DamperPlace.JOINT else "N s/m"
         yield from _fields(
@@ -305,7 +309,7 @@ def _damping(damping: Damping) -> Iterator[Parameter]:
         )
 
 
-def _environment(environment: Environment) -> Iterator[Parameter]:
+def _environment(environment: Environment) -> Iterator[ModelParameter]:
     root: Path = ("environment",)
     yield from _fields("environment", environment, root, {"gravity": "m/s^2"})
     if environment.suspension is not None:
@@ -319,17 +323,17 @@ def _environment(environment: Environment) -> Iterator[Parameter]:
         yield from _fields(name, spring, (*root, "springs", i), {**SPRING, "anchor": "m"})
 
 
-def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterator[Parameter]:
+def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterator[ModelParameter]:
     for field, unit in fields.items():
         value = getattr(part, field)
         spot = (*path, field)
         if value is None:
             continue
         if not isinstance(value, np.ndarray):
-            yield Parameter(name=f"{name}.{field}", unit=unit, value=value, spots=(spot,))
+            yield ModelParameter(name=f"{name}.{field}", unit=unit, value=value, spots=(spot,))
         elif value.ndim == 1:
             for i, axis in enumerate(AXES):
-                yield Parameter(
+                yield ModelParameter(
                     name=f"{name}.{field}.{axis}", unit=unit, value=float(value[i]), spots=((*spot, i),)
                 )
         else:
@@ -338,7 +342,7 @@ def _fields(name: str, part: Any, path: Path, fields: dict[str, str]) -> Iterato
             pairs += [(i, j) for i in range(len(value)) for j in range(i + 1, len(value))]
             for i, j in pairs:
                 spots = tuple((*spot, k) for k in dict.fromkeys([(i, j), (j, i)]))
-                yield Parameter(
+                yield ModelParameter(
                     name=f"{name}.{field}.{names[i]}{names[j]}",
                     unit=unit,
                     value=float(value[i, j]),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,8 @@ from middeck.structure.sensitivity.models_side_by_side import (
     merge_loads,
     merge_models,
 )
-from middeck.structure.sensitivity.parameters import Parameter, set_parameter
+from middeck.structure.sensitivity.parameters import ModelParameter, set_parameter
+from middeck.values import record
 
 # Its square is nothing beside one, it is far from underflow, and what it multiplies comes back exactly.
 STEP = 1e-30
@@ -36,7 +38,8 @@ RAFT = 20_000
 NOTHING = Body(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
-class Patch(NamedTuple):
+@record(kw_only=True)
+class Patch:
     """A perturbed structure, the model of its patch, and which parts of the whole are there.
 
     Nodes that it does not touch are there without their bodies, to carry what is tied or joined to them.
@@ -50,7 +53,8 @@ class Patch(NamedTuple):
     coordinates: np.ndarray
 
 
-class _Whole(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Whole:
     """Data of the unperturbed structure for every patch."""
 
     model: Model
@@ -64,7 +68,7 @@ class _Whole(NamedTuple):
 
 
 def make_patches(
-    model: Model, environment: Environment, parameters: Sequence[Parameter]
+    model: Model, environment: Environment, parameters: Sequence[ModelParameter]
 ) -> tuple[Patch, ...]:
     """The patch of every parameter of ``model`` in ``environment``; links and components are in `ties`."""
     whole = _survey(model, environment)
@@ -84,14 +88,14 @@ def _survey(model: Model, environment: Environment) -> _Whole:
     used = frozenset([*(t.attach for t in tied), *(e for s in own for e in (s.start, s.end))])
     frames = {a.frame for a in structure.attach_points if a.name in used} | {p.frame for p in structure.loads}
     return _Whole(
-        model,
-        {name: i for i, name in enumerate(model.frames[: model.tree.roots])},
-        carrier,
-        tuple(carrier[j.name] for j in structure.joints),
-        used,
-        frozenset(carrier[f] for f in frames),
-        frozenset(carrier[f] for f in frames if carrier[f] != f),
-        {},
+        model=model,
+        frame={name: i for i, name in enumerate(model.frames[: model.tree.roots])},
+        carrier=carrier,
+        node=tuple(carrier[j.name] for j in structure.joints),
+        used=used,
+        ties=frozenset(carrier[f] for f in frames),
+        jointed=frozenset(carrier[f] for f in frames if carrier[f] != f),
+        bare={},
     )
 
 
@@ -129,7 +133,14 @@ def _patch(whole: _Whole, structure: Structure, environment: Environment) -> Pat
     coordinates = np.concatenate(
         [(6 * roots[:, None] + np.arange(6)).ravel(), 6 * whole.model.tree.roots + joints]
     )
-    return Patch(structure, environment, part, roots, joints, coordinates)
+    return Patch(
+        structure=structure,
+        environment=environment,
+        model=part,
+        roots=roots,
+        joints=joints,
+        coordinates=coordinates,
+    )
 
 
 def _bare(whole: _Whole, node: Node) -> Node:

@@ -12,7 +12,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.damping import differentiate_ratios
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import derivative
 from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
@@ -28,7 +28,7 @@ class PlantSensitivity:
     modes of a group: the transfer function's derivative is right, whatever becomes of the group.
     """
 
-    parameter: Parameter
+    parameter: ModelParameter
     psi: Float[np.ndarray, "mode input"]
     phi: Float[np.ndarray, "output mode"]
     phi_rate: Float[np.ndarray, "output mode"]
@@ -42,7 +42,7 @@ class PlantSensitivity:
 
 def differentiate_plant(
     modes: Modes,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[ModelParameter],
     *,
     inputs: Sequence[str],
     outputs: Sequence[str],

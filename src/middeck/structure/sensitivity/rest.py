@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +27,7 @@ from middeck.structure.modes.doubts.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied, TieModel
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import (
     STEP,
     Afloat,
@@ -79,13 +79,14 @@ class RestSensitivities(RestMotion):
         holding_torque: As of `Equilibrium`.
     """
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ModelParameter, ...]
     reaction: Float[np.ndarray, "hung parameter"]
     stiffness: Float[np.ndarray, "hung parameter"]
     holding_torque: Float[np.ndarray, "joint parameter"]
 
 
-class MovedRest(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MovedRest:
     """Patches under their own loads, ``still`` where the frames are, and how these move, a column each."""
 
     patches: tuple[Patch, ...]
@@ -98,7 +99,7 @@ class MovedRest(NamedTuple):
     drawn: np.ndarray  # how the frames move as drawn, a column each
 
 
-def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
+def differentiate_rest(rest: Equilibrium, parameters: Sequence[ModelParameter]) -> RestSensitivities:
     """Derivatives of the rest state and of what holds it, the tuning of its suspension included.
 
     With a member too stiff for matrices in W, they are those with the member softer, to 1e-5
@@ -112,7 +113,7 @@ def differentiate_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> Re
     return dataclasses.replace(found, parameters=tuple(parameters), **scaled)
 
 
-def _differentiated(rest: Equilibrium, parameters: Sequence[Parameter]) -> RestSensitivities:
+def _differentiated(rest: Equilibrium, parameters: Sequence[ModelParameter]) -> RestSensitivities:
     moved = move_rest(rest, parameters)
     roots = 6 * rest.model.tree.roots
     springs = [
@@ -165,7 +166,7 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
     return derivative(np.array(torque, dtype=complex))
 
 
-def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
+def move_rest(rest: Equilibrium, parameters: Sequence[ModelParameter]) -> MovedRest:
     """The derivative of the rest state, with the patches that it came from; the last is kept with the state.
 
     A refinement, what is found of it and what is predicted from it ask for the same one after the other.
@@ -176,7 +177,7 @@ def move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     return known[1]
 
 
-def _move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
+def _move_rest(rest: Equilibrium, parameters: Sequence[ModelParameter]) -> MovedRest:
     check_beside_devices(rest, "derivatives of the rest state")
     if np.any(rest.loads.push[:, 3:]):
         raise NumericalError(
@@ -217,7 +218,14 @@ def _move_rest(rest: Equilibrium, parameters: Sequence[Parameter]) -> MovedRest:
     for parameter, tie in zip(parameters, ties, strict=True):
         links.check_repeated(parameter, tie)
     return MovedRest(
-        patches, tuple(tuned), tuple(loads), motion, gradient + links.slope.T @ change, still, ties, drawn
+        patches=patches,
+        tuned=tuple(tuned),
+        loads=tuple(loads),
+        motion=motion,
+        gradient=gradient + links.slope.T @ change,
+        still=still,
+        ties=ties,
+        drawn=drawn,
     )
 
 

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,7 +36,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
 from middeck.structure.sensitivity.frequencies import mode_multipliers
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow
 from middeck.structure.sensitivity.rest import MovedRest, move_rest
 from middeck.structure.sensitivity.stiff_member_derivatives import Softened, soften_modes
@@ -52,13 +53,13 @@ class ModeSensitivity:
         d_shapes: Derivatives of mass-normalised shapes, in tree coordinates of the moving rest state.
     """
 
-    parameter: Parameter
+    parameter: ModelParameter
     d_lambda: Float[np.ndarray, "mode mode"]
     d_shapes: Float[np.ndarray, "coordinate mode"]
 
 
 def differentiate_modes(
-    modes: Modes, parameters: Sequence[Parameter], count: int | None = None
+    modes: Modes, parameters: Sequence[ModelParameter], count: int | None = None
 ) -> tuple[ModeSensitivity, ...]:
     """Derivatives of the lowest ``count`` modes (all by default) in every parameter; exact to rounding.
 
@@ -80,7 +81,8 @@ def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
     Its residual, holding torques and tensions are not perturbed.
     """
     patch, tree = moved.patches[number], rest.model.tree
-    patch = patch._replace(
+    patch = dataclasses.replace(
+        patch,
         model=lay_out(dataclasses.replace(patch.structure, links=())),  # those are in `ties`
         roots=np.arange(tree.roots),
         joints=np.arange(len(tree.parent)),
@@ -97,7 +99,7 @@ def _perturbed(rest: Equilibrium, moved: MovedRest, number: int) -> Equilibrium:
 
 
 def differentiate_shapes(
-    modes: Modes, article: Softened, parameters: Sequence[Parameter], count: int
+    modes: Modes, article: Softened, parameters: Sequence[ModelParameter], count: int
 ) -> Iterator[tuple[Equilibrium, ModeSensitivity]]:
     """The perturbed rest state and the derivatives of modes of a softened article, by each parameter."""
     rest = modes.equilibrium
@@ -133,7 +135,8 @@ def _changes(rest: Equilibrium, tie: TieChange) -> tuple[sp.csr_array, sp.csr_ar
     return sp.csr_array(K + tie.bent), M
 
 
-class _Pencil(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pencil:
     """K and M in W, and ``own_K`` and ``own_M`` on the coordinates that move."""
 
     K: sp.csr_array
@@ -147,7 +150,7 @@ class _Pencil(NamedTuple):
         rest = modes.equilibrium
         free = dynamic_freedom(rest.model, rest.config, in_world=True)
         K, M = assemble(rest.model, rest.config, rest.loads).tangent, modes.mass
-        return _Pencil(K, M, free.matrix(K), free.matrix(M), free)
+        return _Pencil(K=K, M=M, own_K=free.matrix(K), own_M=free.matrix(M), free=free)
 
     def solve(self, lam: float, group: np.ndarray, load: np.ndarray, start: np.ndarray) -> np.ndarray:
         """x of (K - lam M) x = load but for forces of the group and of links, orthogonal to it in the mass.

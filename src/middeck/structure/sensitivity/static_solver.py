@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
@@ -24,7 +24,8 @@ from middeck.structure.rest.equilibrium import Equilibrium
 SOLVED = 1e-9
 
 
-class StaticSolver(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StaticSolver:
     """K of the coordinates that move in statics, factorised where as many are held as there are free motions.
 
     ``free`` is a basis of these, orthonormal in the mass: a solution has no part of them.
@@ -49,7 +50,7 @@ class StaticSolver(NamedTuple):
         factor = factorise(sp.csr_array(K[kept][:, kept]))
         if factor is None:
             raise _loose()
-        return StaticSolver(K, M, moves, held, free, factor)
+        return StaticSolver(K=K, mass=M, moves=moves, held=held, free=free, factor=factor)
 
     def solve(self, *loads: np.ndarray) -> np.ndarray:
         """Displacements (coordinate, load) under the sum of ``loads``, which are all of all coordinates.

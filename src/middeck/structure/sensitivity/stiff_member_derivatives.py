@@ -23,7 +23,7 @@ from middeck.structure.modes.doubts.stiff_members import Stiffest, beside_device
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
 from middeck.structure.rest.imbalance import article_size
-from middeck.structure.sensitivity.parameters import Parameter, Path, read_parameter
+from middeck.structure.sensitivity.parameters import ModelParameter, Path, read_parameter
 
 # Up to this ratio rounding is 1e-5 of a derivative, and nothing is made softer.
 LEFT_ALONE = 1e8
@@ -39,12 +39,12 @@ class Softened(NamedTuple):
     rest: Equilibrium
     factors: Mapping[Path, float]
 
-    def parameters(self, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    def parameters(self, parameters: Sequence[ModelParameter]) -> tuple[ModelParameter, ...]:
         """The same parameters, with their values here."""
         model = self.rest.model
         return tuple(read_parameter(model.structure, self.rest.environment, p) for p in parameters)
 
-    def scales(self, parameters: Sequence[Parameter]) -> Float[np.ndarray, " parameter"]:
+    def scales(self, parameters: Sequence[ModelParameter]) -> Float[np.ndarray, " parameter"]:
         """What derivatives in each have to be multiplied with to be those of the article itself.
 
         A flexibility c/(s k) has 1/s of the effect of c/k in the logarithm of k, and 1/s^2 in s k itself.

@@ -5,13 +5,13 @@ unit: millimetres or inches for metres, GPa for Pa, grams or tonnes for kilogram
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
 from middeck.structure.model.article import Body, JointState, Node, Section, Structure
 from middeck.structure.model.component import body_of, component_doubts, modal_hz
 from middeck.structure.model.connectivity import some_names
+from middeck.values import record
 
 BODY_DENSITY = (1e-3, 2.5e4)  # kg/m^3: from a solar sail with its box to solid osmium
 MATERIAL_DENSITY = (10.0, 2.5e4)  # kg/m^3: from a rigid foam to osmium
@@ -40,7 +40,8 @@ DIGITS = 2e-5  # of such units
 NEIGHBOURS = 8  # of a node that are looked at first
 
 
-class Measures(NamedTuple):
+@record(kw_only=True)
+class Measures:
     """Quantities checked: total mass, inertia about its centre, sides of the box, and two estimates."""
 
     mass: float

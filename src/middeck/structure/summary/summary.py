@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -56,7 +55,8 @@ class Summary:
     warnings: tuple[str, ...]
 
 
-class _Rods(NamedTuple):
+@record(kw_only=True)
+class _Rods:
     """Members as straight rods: ends, axis, length, section and elements; one row each."""
 
     start: np.ndarray
@@ -89,11 +89,11 @@ def summarise(structure: Structure) -> Summary:
     # Half of eps |phi|'|K||phi| / omega^2, with 48 EI/h^3 of each element and phi of the mean size.
     rounding = 24.0 * EPS * float(np.sum(rods.elements**4 * rods.EI / rods.length**3))
     measures = Measures(
-        mass,
-        inertia,
-        size,
-        float(np.sqrt(squared) / (2.0 * np.pi)) if squared > 0.0 else None,
-        rounding / (mass * squared) if squared > 0.0 else 0.0,
+        mass=mass,
+        inertia=inertia,
+        size=size,
+        bending_hz=float(np.sqrt(squared) / (2.0 * np.pi)) if squared > 0.0 else None,
+        rounding=rounding / (mass * squared) if squared > 0.0 else 0.0,
     )
     radius = np.sqrt(rods.EI / rods.EA)
     bends = radius > 0.0
@@ -125,17 +125,17 @@ def _rods(structure: Structure) -> _Rods:
 
     spread = [_spread(m, length) for m, length in zip(members, geometry.length.tolist(), strict=True)]
     return _Rods(
-        x + geometry.offset[:, 0],
-        along,
-        geometry.length,
-        geometry.triad,
-        column("EA"),
-        np.minimum(column("EI_y"), column("EI_z")),
-        column("rho_A"),
-        np.stack([column("rho_I_y") + column("rho_I_z"), column("rho_I_y"), column("rho_I_z")], axis=1),
-        np.array([m.elements for m in members], dtype=float),
-        np.array([mean for mean, _ in spread]).reshape(-1, 3),
-        np.array([second for _, second in spread]).reshape(-1, 3, 3),
+        start=x + geometry.offset[:, 0],
+        along=along,
+        length=geometry.length,
+        triad=geometry.triad,
+        EA=column("EA"),
+        EI=np.minimum(column("EI_y"), column("EI_z")),
+        rho_A=column("rho_A"),
+        rho_I=np.stack([column("rho_I_y") + column("rho_I_z"), column("rho_I_y"), column("rho_I_z")], axis=1),
+        elements=np.array([m.elements for m in members], dtype=float),
+        centre=np.array([mean for mean, _ in spread]).reshape(-1, 3),
+        spread=np.array([second for _, second in spread]).reshape(-1, 3, 3),
     )
 
 

@@ -14,7 +14,7 @@ from middeck.systems.plants.response import FrequencyResponse
 DARKER, LIGHTER, LIGHT = 0.4, 0.3, 0.35
 
 
-class Look(NamedTuple):
+class LoopStyle(NamedTuple):
     """A loop's name in the legend, its colour, and the dashes of its prediction over the measured curve."""
 
     who: str
@@ -44,7 +44,7 @@ def begin_loops(open_loop: FrequencyResponse, title: str, *, output: int = 0) ->
 
 
 def draw_measured(
-    axes: Axes, loop: MeasuredLoop, look: Look, *, output: int = 0, decibels: bool = True
+    axes: Axes, loop: MeasuredLoop, look: LoopStyle, *, output: int = 0, decibels: bool = True
 ) -> None:
     """The loop as the rig gave it, or a word that it gave none."""
     full: dict[str, Any] = {"color": look.colour, "linewidth": 2.4}
@@ -56,7 +56,7 @@ def draw_measured(
 
 
 def draw_predicted(
-    axes: Axes, loop: MeasuredLoop, look: Look, *, output: int = 0, decibels: bool = True
+    axes: Axes, loop: MeasuredLoop, look: LoopStyle, *, output: int = 0, decibels: bool = True
 ) -> None:
     """The loop as the fit foretells it."""
     colour = contrasting(look.colour)

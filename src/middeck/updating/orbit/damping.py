@@ -27,14 +27,14 @@ DAMPING_STD = 0.1
 LEAST = 1e-6
 
 
-class Losses(NamedTuple):
+class DampingParts(NamedTuple):
     """Parts of the ratios of modes: of the article and of its suspension, in stiffness and in dampers."""
 
     omega: Float[np.ndarray, " mode"]
     parts: Float[np.ndarray, "part way mode"]
 
     @staticmethod
-    def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Losses:
+    def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> DampingParts:
         """Those of some modes: the suspension's are what its ratio and its dampers add.
 
         That is never negative: weight that softens a mode takes no loss from what holds it.
@@ -46,7 +46,7 @@ class Losses(NamedTuple):
         whole, article = (np.array([f.base + f.material, f.device])[:, index] for f in found)
         rest = whole - article
         article[0] = np.maximum(article[0], LEAST)
-        return Losses(modes.omega[index], np.array([article, rest]))
+        return DampingParts(modes.omega[index], np.array([article, rest]))
 
     @property
     def of_parts(self) -> Float[np.ndarray, "part mode"]:
@@ -70,7 +70,7 @@ class Carried(NamedTuple):
 
 def measured_damping(
     errors: OwnErrors, compared: Sequence[Compared]
-) -> tuple[Losses, Float[np.ndarray, " error"], Float[np.ndarray, " error"]]:
+) -> tuple[DampingParts, Float[np.ndarray, " error"], Float[np.ndarray, " error"]]:
     """The model's losses in modes with errors of their own, measured ratios, relative deviations of these.
 
     A ratio of zero is none: files of modes have no other way to say so.
@@ -78,13 +78,13 @@ def measured_damping(
     omega, parts, zeta, relative = [], [], [], []
     for number, one in enumerate(compared):
         mode, at = one.pairs[errors.pair[errors.survey == number]].T
-        losses, measured = Losses.of(one.modes, mode), one.survey.measured
+        losses, measured = DampingParts.of(one.modes, mode), one.survey.measured
         stated = None if measured.damping_std is None else measured.damping_std[at]
         omega.append(losses.omega)
         parts.append(losses.parts)
         zeta.append(measured.damping[at])
         relative.append(_relative(measured.damping[at], stated))
-    ground = Losses(np.concatenate(omega), np.concatenate(parts, axis=2))
+    ground = DampingParts(np.concatenate(omega), np.concatenate(parts, axis=2))
     return ground, np.concatenate(zeta), np.concatenate(relative)
 
 
@@ -95,8 +95,8 @@ def _relative(zeta: np.ndarray, std: np.ndarray | None) -> np.ndarray:
 
 def carry_damping(
     share: Float[np.ndarray, "mode error"],
-    there: Losses,
-    ground: Losses,
+    there: DampingParts,
+    ground: DampingParts,
     zeta: Float[np.ndarray, " error"],
     relative: Float[np.ndarray, " error"],
 ) -> Carried:

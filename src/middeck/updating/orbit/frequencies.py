@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,7 +13,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.updating.orbit.damping import Losses, carry_damping, measured_damping
+from middeck.updating.orbit.damping import DampingParts, carry_damping, measured_damping
 from middeck.updating.orbit.second_order_shift import bend_of
 from middeck.updating.refinement.bayesian_estimate import BELOW, NORMAL_95
 from middeck.updating.refinement.curvature import frequency_curvature
@@ -100,7 +99,8 @@ class Prediction:
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
-class There(NamedTuple):
+@record(kw_only=True)
+class There:
     """The refined article in an environment: its modes, which of them are told, and their slopes.
 
     Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
@@ -124,7 +124,14 @@ def solve_there(refined: Refined, environment: Environment, count: int = 10) -> 
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     finer = np.diag(left_out(modes, index)) / (2.0 * lam)
     roots = roots_of_lowest(modes, there.bound, int(index[-1]) + 1) if refined.damped else None
-    return There(modes, index, slope, finer, frequency_curvature(modes, there.bound, index), roots)
+    return There(
+        modes=modes,
+        told=index,
+        slope=slope,
+        left_out=finer,
+        curvature=frequency_curvature(modes, there.bound, index),
+        roots=roots,
+    )
 
 
 def predict_modes(
@@ -143,7 +150,7 @@ def predict_modes(
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
     """The prediction of ``refined`` for modes that are solved already."""
-    modes, index, slope, finer, curvature, roots = there
+    modes, index, slope, finer = there.modes, there.told, there.slope, there.left_out
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]
@@ -160,7 +167,7 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
     log_root = np.hstack([slope, shared]) @ found.root[: slope.shape[1] + shared.shape[1]]
     # Mean and deviation of what no linear estimate has.
     cable, cable_std = _by_a_cable(modes, index, umbilical_hz)
-    bend, bend_std = bend_of(refined, log_root, curvature)
+    bend, bend_std = bend_of(refined, log_root, there.curvature)
     return Prediction(
         modes=modes,
         index=index,
@@ -169,8 +176,8 @@ def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -
         log_rest=np.sqrt(rest + false**2 + cable_std**2 + bend_std**2),
         **(
             _damping(refined, modes, index, share, errors)
-            if roots is None
-            else _refined_damping(refined, roots, index, share)
+            if there.roots is None
+            else _refined_damping(refined, there.roots, index, share)
         ),
         seen=share.sum(axis=1),
         ground_hz=_on_the_ground(share, errors, compared),
@@ -209,7 +216,7 @@ def _damping(
         own, alone = estimate_damping(modes, count=int(index[-1]) + 1).zeta[index], np.ones(len(index))
         return {"damping": own, "damping_own": alone, "damping_spread": nothing, "damping_root": root}
     ground, zeta, relative = measured_damping(errors, refined.compared)
-    carried = carry_damping(share, Losses.of(modes, index), ground, zeta, relative)
+    carried = carry_damping(share, DampingParts.of(modes, index), ground, zeta, relative)
     known = share * (zeta > 0.0)
     apart = np.sqrt(np.maximum(1.0 - np.sum(known**2, axis=1), 0.0))
     return {

@@ -17,7 +17,7 @@ from middeck.control.robust.verification.monte_carlo import noise_on, uncontroll
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.updating.orbit.frequencies import Prediction
-from middeck.updating.promise.draws import Drawing, DrawnPlants
+from middeck.updating.promise.draws import DrawnPlants, PlantDraws
 from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.updating.promise.refined_slips import spread_refined
 from middeck.updating.promise.slip import draw_slips
@@ -36,7 +36,7 @@ class Site:
     plan: Plan
     title: str
     predicted: Prediction
-    drawing: Drawing
+    drawing: PlantDraws
     laws: Mapping[str, Compensator]
 
     @functools.cached_property

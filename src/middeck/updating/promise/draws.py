@@ -93,7 +93,7 @@ class DrawnPlants:
 
 
 @record(kw_only=True)
-class Drawing:
+class PlantDraws:
     """Plants of an article in an environment, drawn but not built yet: each is the same in any order.
 
     Attributes:
@@ -184,7 +184,7 @@ def draw_plants(
     loop: LoopSpread,
     finish: Callable[[Plant], Plant] = lambda plant: plant,
     mean: Prediction | None = None,
-) -> Drawing:
+) -> PlantDraws:
     """So many plants of the article in ``environment``.
 
     ``build`` makes a plant in modal form of the lowest modes; ``finish`` is what is done to it when gains,
@@ -210,7 +210,7 @@ def draw_plants(
         for _ in range(draws)
     ]
     n, alone, lossy, delay_place, gains = (np.array(x) for x in zip(*rows, strict=True))
-    return Drawing(
+    return PlantDraws(
         refined=refined,
         there=there,
         mean=mean,

@@ -59,7 +59,7 @@ class MeasuredMode:
 
 
 @record(kw_only=True)
-class Paired:
+class PairedMode:
     """A measured mode beside a promised one.
 
     Attributes:
@@ -77,7 +77,7 @@ class Paired:
     open: str = ""
 
 
-def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> Paired:
+def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> PairedMode:
     """Modes paired by name, else by number.
 
     Raises `DataError` where the promise has no such mode, or several.
@@ -101,7 +101,7 @@ def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> Paired:
 
 def pair_by_shape(
     promised: PromisedModes, measured: MeasuredModes
-) -> tuple[tuple[Paired, ...], tuple[str, ...]]:
+) -> tuple[tuple[PairedMode, ...], tuple[str, ...]]:
     """Pairs by MAC, and what there is to say of the whole survey: channels left out, modes without a pair.
 
     Raises `DataError` for a promise or a survey without shapes, or without a channel in common.
@@ -145,7 +145,7 @@ def pair_by_shape(
     return paired, (*(f"{promised.environment}: {unit}" for unit in units), *found)
 
 
-def remarks_on(promised: PromisedModes, paired: Sequence[Paired]) -> tuple[str, ...]:
+def remarks_on(promised: PromisedModes, paired: Sequence[PairedMode]) -> tuple[str, ...]:
     """A sentence for each pair that is open."""
     return tuple(
         f"{promised.environment}: {p.frequency_hz:.5g} Hz is compared with {promised.called(p.index)} "
@@ -157,9 +157,9 @@ def remarks_on(promised: PromisedModes, paired: Sequence[Paired]) -> tuple[str, 
 
 def _paired(
     promised: PromisedModes, index: int, hz: float, by: By, *, mac: float | None = None, open: str = ""
-) -> Paired:
+) -> PairedMode:
     name = promised.name[index]
-    return Paired(
+    return PairedMode(
         environment=promised.environment, index=index, name=name, frequency_hz=hz, by=by, mac=mac, open=open
     )
 

@@ -27,7 +27,7 @@ from jaxtyping import Float, Int
 from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.structure.sensitivity.parameters import Parameter
+from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.updating.residuals.surveys import NEIGHBOURS
 from middeck.updating.unknowns.unknowns import Bound, change, product_slopes
 
@@ -66,7 +66,7 @@ def frequency_curvature(
     return np.where(np.outer(bends, bends), found, 0.0)
 
 
-def _is_geometry(parameter: Parameter) -> bool:
+def _is_geometry(parameter: ModelParameter) -> bool:
     """Whether it says where or which way parts are, and neither where their mass is nor what cables are."""
     of_mass = parameter.scales or parameter.name.endswith((*CENTRE, *HUNG))
     return parameter.unit in GEOMETRY and not of_mass

@@ -7,15 +7,15 @@ an inertia that stays as drawn fixes it, as sharply as the frequencies were meas
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
-from middeck.structure.sensitivity.parameters import Parameter, list_parameters
+from middeck.structure.sensitivity.parameters import ModelParameter, list_parameters
 from middeck.updating.refinement.bayesian_estimate import estimate_at, most_probable, unlikely
 from middeck.updating.refinement.refine import Refined, problem_of
 from middeck.updating.residuals.surveys import Compared, compare
 from middeck.updating.unknowns.unknowns import Bound
+from middeck.values import record
 
 MASS, INERTIA = ".mass", ".inertia."
 # A deviation that is so many times larger where inertias move with their masses hangs on the inertias.
@@ -24,7 +24,8 @@ LARGER = 3.0
 LIKELIER = 20.0
 
 
-class FixedInertias(NamedTuple):
+@record(kw_only=True)
+class FixedInertias:
     """Bodies whose masses alone ``unknowns`` move, and the unknown that their inertias determine most.
 
     Attributes:
@@ -80,7 +81,7 @@ def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
     return tuple(Bound(b.unknown, _beside(b, still)) for b in place.bound)
 
 
-def _beside(bound: Bound, still: list[Parameter]) -> tuple[Parameter, ...]:
+def _beside(bound: Bound, still: list[ModelParameter]) -> tuple[ModelParameter, ...]:
     """Those of ``still`` whose bodies' masses ``bound`` multiplies."""
     own = () if bound.unknown.added else {p.name for p in bound.parameters}
     return tuple(p for p in still if p.name.split(INERTIA)[0] + MASS in own)

@@ -9,7 +9,6 @@ drawn, however it hung.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,11 +17,13 @@ from jaxtyping import Float, Int
 from middeck.structure.gravity.turned_modes import modes_as_drawn
 from middeck.structure.modes.solve import Modes
 from middeck.updating.residuals.surveys import Compared
+from middeck.values import record
 
 HALF = 0.5
 
 
-class OwnErrors(NamedTuple):
+@record(kw_only=True)
+class OwnErrors:
     """Shapes with errors of their own, the mass in which they are orthonormal, and whose they are.
 
     That is the mass of the first survey's set-up; ``survey`` and ``pair`` in it say where each was seen.
@@ -51,7 +52,9 @@ class OwnErrors(NamedTuple):
                     shapes = np.column_stack([shapes, left / np.sqrt(left @ (mass @ left))])
                     place.append((number, k))
         survey, pair = np.array(place, dtype=int).reshape(-1, 2).T
-        return OwnErrors(shapes, mass, survey, pair, tuple(one.shapes for one in drawn))
+        return OwnErrors(
+            shapes=shapes, mass=mass, survey=survey, pair=pair, drawn=tuple(one.shapes for one in drawn)
+        )
 
     def shared_with(self, others: Modes) -> Float[np.ndarray, "mode error"]:
         """Share of the kinetic energy of each mode in each of the shapes: cross-orthogonality squared.

@@ -7,7 +7,6 @@ the priors allow as the error of that.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -18,6 +17,7 @@ from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels
 from middeck.updating.residuals.surveys import Compared
 from middeck.updating.unknowns.unknowns import product_slopes
+from middeck.values import record
 
 # Share of the pair's MAC: a shape of another mode with more than this cannot be distinguished.
 ALIKE = 0.8
@@ -27,7 +27,8 @@ LIKELY = 0.05
 SWEEPS, FORBIDDEN = 4, 1e12
 
 
-class OtherPair(NamedTuple):
+@record(kw_only=True)
+class OtherPair:
     """Frequencies [Hz] of a measured mode, of that it was paired with, and of that it may be as well.
 
     If it is, ``unknown`` is off by so many of its stated deviations, the most of all.
@@ -41,7 +42,8 @@ class OtherPair(NamedTuple):
     off: float
 
 
-class _Rows(NamedTuple):
+@record(kw_only=True)
+class _Rows:
     """Errors of ln f at the mean of the prior, slopes over prior deviations, deviations without the unknowns.
 
     One row for each mode that a measured one may be, first those that were taken. ``measured`` numbers the
@@ -127,10 +129,18 @@ def other_pairs(refined: Refined) -> tuple[OtherPair, ...]:
             off = np.abs(rows.found(by, rows.std**2)[0] - x) / stated
             if less < -np.log(LIKELY) and off.max() > 1.0 and less < best.get(k, (np.inf,))[0]:
                 paired, j = c.pairs[places[k][1]]
-                hz = float(c.survey.measured.frequency_hz[j]), *c.modes.frequency_hz[[paired, i]].tolist()
                 most = int(np.argmax(off))
-                name = refined.unknowns[most].name
-                best[k] = less, OtherPair(c.survey.name, *hz, name, float(off[most]))
+                best[k] = (
+                    less,
+                    OtherPair(
+                        survey=c.survey.name,
+                        measured_hz=float(c.survey.measured.frequency_hz[j]),
+                        paired_hz=float(c.modes.frequency_hz[paired]),
+                        other_hz=float(c.modes.frequency_hz[i]),
+                        unknown=refined.unknowns[most].name,
+                        off=float(off[most]),
+                    ),
+                )
     return tuple(best[k][1] for k in sorted(best))
 
 
@@ -145,7 +155,8 @@ def _rows(refined: Refined, asked: Sequence[np.ndarray]) -> _Rows:
             y, J, std = _errors(refined, c, some)
             parts.append((y, J * spread, std, number[some[:, 1]], first + some[:, 0] % c.paired.own.count))
         count, first = count + len(c.pairs), first + c.paired.own.count
-    return _Rows(*(np.concatenate(part) for part in zip(*parts[::2], *parts[1::2], strict=True)))
+    y, J, std, number, mode = (np.concatenate(part) for part in zip(*parts[::2], *parts[1::2], strict=True))
+    return _Rows(y=y, J=J, std=std, measured=number, mode=mode)
 
 
 def _candidates(c: Compared) -> np.ndarray:

@@ -48,6 +48,7 @@ from middeck.updating.residuals.surveys import (
     compare_measured_response,
 )
 from middeck.updating.unknowns.unknowns import Unknown, loop_slopes
+from middeck.values import record
 
 STEPS = 12
 # A step is the last that moves no unknown by more than this part of its deviation: it leaves its square.
@@ -71,7 +72,8 @@ class Prior(NamedTuple):
     usual: np.ndarray
 
 
-class Found(NamedTuple):
+@record(kw_only=True)
+class RefinementEnd:
     """The end of a search: the tests there, the unknowns ``x`` at which they are linear, and the estimate.
 
     ``first`` are the tests at the start, ``stated`` deviations of rows as the tests state them, which surveys
@@ -127,7 +129,7 @@ def _unlikely_in(problem: Linear, some: np.ndarray, tau: np.ndarray) -> float:
     return float(unlikely(part, tau)) + 0.5 * float(np.log(2.0 * np.pi)) * int(np.sum(some))
 
 
-def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Prior) -> Found:
+def find_most_probable(places: TestSetups, statics: Sequence[StaticTest], prior: Prior) -> RefinementEnd:
     """The end of the search from the mean of the prior or, of a doubtful one, the likelier of two.
 
     Raises `NumericalError` where the article has no rest state at the mean of the prior, and where both
@@ -148,7 +150,7 @@ def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Pri
     if found is not None and not found.doubtful(prior.usual):
         return found
     ends = [found] if found is not None else []
-    drawn: list[Found] = []
+    drawn: list[RefinementEnd] = []
     for k, start in enumerate(_starts(places, prior, at)):
         try:
             settled = _as_if_right(places, statics, prior, start, _reach(ends, prior.usual))
@@ -162,14 +164,16 @@ def find_most_probable(places: Places, statics: Sequence[StaticTest], prior: Pri
         assert why is not None
         raise why
     best = _likeliest(ends, prior.usual)
-    return best._replace(first=places.compare(at, statics, False) if found is None else found.first)
+    return dataclasses.replace(
+        best, first=places.compare(at, statics, False) if found is None else found.first
+    )
 
 
-def _likeliest(ends: Sequence[Found], usual: np.ndarray) -> Found:
+def _likeliest(ends: Sequence[RefinementEnd], usual: np.ndarray) -> RefinementEnd:
     return min(ends, key=lambda end: (not end.converged, end.unlikely(usual)))
 
 
-def _reach(ends: Sequence[Found], usual: np.ndarray) -> float:
+def _reach(ends: Sequence[RefinementEnd], usual: np.ndarray) -> float:
     """Prior deviations beyond which no end is likelier than the best of ``ends``, however well it fits."""
     if not ends:
         return np.inf
@@ -177,13 +181,13 @@ def _reach(ends: Sequence[Found], usual: np.ndarray) -> float:
     return float(np.sqrt(2.0 * max(0.0, best.unlikely(usual) - best.if_it_fitted(usual))))
 
 
-def _came_back(best: Found, drawn: Sequence[Found]) -> bool:
+def _came_back(best: RefinementEnd, drawn: Sequence[RefinementEnd]) -> bool:
     """Whether two starts that were drawn by themselves led to ``best``."""
     near = [bool(np.all(np.abs(end.x - best.x) < SMALL * best.estimate.x_std)) for end in drawn]
     return best.converged and sum(near) > 1
 
 
-def _starts(places: Places, prior: Prior, at: At) -> Iterator[At]:
+def _starts(places: TestSetups, prior: Prior, at: SolvedSetups) -> Iterator[SolvedSetups]:
     """``at`` and, where a survey has no shapes, draws of the prior of which there is an article."""
     yield at
     if all(s.measured.node for s in places.surveys):
@@ -196,7 +200,9 @@ def _starts(places: Places, prior: Prior, at: At) -> Iterator[At]:
             continue
 
 
-def _search(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At) -> Found:
+def _search(
+    places: TestSetups, statics: Sequence[StaticTest], prior: Prior, at: SolvedSetups
+) -> RefinementEnd:
     """From ``at``."""
     mean, spread, usual = prior
     lossy = places.moves_damping
@@ -221,10 +227,21 @@ def _search(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At)
         x, at = _moved(places, x, step * min(pace, LARGEST / np.max(np.abs(size))), lossy)
         last = size
     stated = np.concatenate([t.std for t in asked.every])
-    return Found(first, tests, x, problem, found, fields, tuple(history), stated)
+    return RefinementEnd(
+        first=first,
+        tests=tests,
+        x=x,
+        problem=problem,
+        estimate=found,
+        fields=fields,
+        history=tuple(history),
+        stated=stated,
+    )
 
 
-def _as_if_right(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At, reach: float) -> At:
+def _as_if_right(
+    places: TestSetups, statics: Sequence[StaticTest], prior: Prior, at: SolvedSetups, reach: float
+) -> SolvedSetups:
     """The end of a search in which the model's errors are as thought before, whatever the tests show.
 
     Raises `NumericalError` where it leads farther from the prior than ``reach`` of its deviations.
@@ -247,7 +264,7 @@ def _as_if_right(places: Places, statics: Sequence[StaticTest], prior: Prior, at
     return at
 
 
-class At(NamedTuple):
+class SolvedSetups(NamedTuple):
     """The article as every test had it, at the unknowns ``x``; complex modes where damping is refined."""
 
     x: np.ndarray
@@ -265,7 +282,7 @@ def _solve(place: SetUp, survey: Survey, x: np.ndarray) -> Modes:
         raise
 
 
-class Places(NamedTuple):
+class TestSetups(NamedTuple):
     """The set-ups of the surveys and of the static tests."""
 
     surveyed: list[SetUp]
@@ -286,16 +303,16 @@ class Places(NamedTuple):
             )
         return True
 
-    def solve(self, x: np.ndarray, lossy: bool) -> At:
+    def solve(self, x: np.ndarray, lossy: bool) -> SolvedSetups:
         """Every set-up at the unknowns ``x``, its complex modes too where ``lossy``."""
         modes = [_solve(*both, x) for both in zip(self.surveyed, self.surveys, strict=True)]
         damped = [
             solve_damped_near(m, s) if lossy and (states_damping(s) or s.friction) else None
             for m, s in zip(modes, self.surveys, strict=True)
         ]
-        return At(x, modes, solve_statics(self.loaded, x), damped)
+        return SolvedSetups(x, modes, solve_statics(self.loaded, x), damped)
 
-    def compare(self, at: At, statics: Sequence[StaticTest], settled: bool) -> Tests:
+    def compare(self, at: SolvedSetups, statics: Sequence[StaticTest], settled: bool) -> Tests:
         """Damping, as far as ``at`` has any, where the modes have ``settled``."""
         compared: list[Compared] = []
         lossy: list[ComparedDamping] = []
@@ -326,7 +343,7 @@ def place_tests(
     surveys: Sequence[Survey],
     statics: Sequence[StaticTest],
     unknowns: Sequence[Unknown],
-) -> Places:
+) -> TestSetups:
     """The set-ups of all tests.
 
     Raises `ConfigError` for an unknown that no test has, and for two sizes of the friction of one joint.
@@ -356,7 +373,7 @@ def place_tests(
                 hint="`middeck sensitivity` lists the parameters; those of a loop need a measured response, "
                 "those of friction a survey that states a joint's friction and amplitudes",
             )
-    return Places(surveyed, loaded, tuple(surveys))
+    return TestSetups(surveyed, loaded, tuple(surveys))
 
 
 def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
@@ -368,7 +385,9 @@ def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
     return 0.5 * pace if swings else min(1.0, 2.0 * pace)
 
 
-def _moved(places: Places, x: np.ndarray, step: np.ndarray, lossy: bool) -> tuple[np.ndarray, At]:
+def _moved(
+    places: TestSetups, x: np.ndarray, step: np.ndarray, lossy: bool
+) -> tuple[np.ndarray, SolvedSetups]:
     """A step, shorter where the article has no rest state at its end, or damping ratios that cannot be."""
     why = ""
     for _ in range(HALVINGS):

@@ -2,13 +2,13 @@
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from middeck.structure.correlation.measured_modes import real_shapes, seen, sensor_rows, straight_channels
 from middeck.updating.residuals.pairing import at_channels
 from middeck.updating.residuals.surveys import Compared, neighbours, shape_deviations
+from middeck.values import record
 
 # Of what a channel reads in all modes: what is left of one that is wrong, of the others in the mean (rms).
 WRONG, RIGHT = 0.5, 0.15
@@ -61,7 +61,8 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
     return (*said, *([_said_of_many(compared, odd)] if odd else []))
 
 
-class _Shapes(NamedTuple):
+@record(kw_only=True)
+class _Shapes:
     """Measured shapes, their deviations, motion of the model, its paired modes, and which are close.
 
     ``motion`` has the channels, then all nodes; ``straight`` says which of its rows are in metres.
@@ -121,11 +122,11 @@ def _shapes(compared: Compared) -> _Shapes:
     nodes = [node.name for node in modes.equilibrium.model.structure.nodes]
     name, way = zip(*itertools.product(nodes, EVERY_WAY), strict=True)
     return _Shapes(
-        real_shapes(measured)[:, ours], shape_deviations(modes, measured)[:, ours],
-        np.vstack([at_channels(modes, measured), seen(sensor_rows(modes, name, way), modes)]),
-        straight_channels(modes, (*measured.node, *name), (*measured.direction, *way)),
-        compared.paired.column,
-        neighbours(modes, compared.paired.column) | np.eye(len(ours), dtype=bool),
+        read=real_shapes(measured)[:, ours], std=shape_deviations(modes, measured)[:, ours],
+        motion=np.vstack([at_channels(modes, measured), seen(sensor_rows(modes, name, way), modes)]),
+        straight=straight_channels(modes, (*measured.node, *name), (*measured.direction, *way)),
+        column=compared.paired.column,
+        near=neighbours(modes, compared.paired.column) | np.eye(len(ours), dtype=bool),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from middeck.structure.sensitivity.damping import differentiate_pencil, steepnes
 from middeck.structure.sensitivity.parameters import read_parameter
 from middeck.updating.residuals.friction import Added
 from middeck.updating.residuals.own_articles import SPARE
-from middeck.updating.residuals.surveys import Paired
+from middeck.updating.residuals.surveys import ModePairing
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record
 
@@ -83,7 +83,7 @@ def differentiate_roots(
 
 
 def roots_of_pairs(
-    damped: DampedModes, paired: Paired
+    damped: DampedModes, paired: ModePairing
 ) -> tuple[Complex[np.ndarray, " pair"], Complex[np.ndarray, "mode pair"]]:
     """Root of each pair with what friction loses at its amplitude, and its shape in its article's modes."""
     if paired.own.turn is None:

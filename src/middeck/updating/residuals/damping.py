@@ -19,7 +19,7 @@ from middeck.updating.residuals.complex_roots import LogRoots, differentiate_roo
 from middeck.updating.residuals.friction import Added, added_to_joint
 from middeck.updating.residuals.own_articles import MOST, SPARE, TooFewModesError
 from middeck.updating.residuals.pairing import WINDOW
-from middeck.updating.residuals.surveys import Compared, Paired, Survey, compare, pair_survey
+from middeck.updating.residuals.surveys import Compared, ModePairing, Survey, compare, pair_survey
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record
 
@@ -113,7 +113,7 @@ def compare_with_damping(
 
 def _paired(
     modes: Modes, damped: DampedModes, survey: Survey, bound: Sequence[Bound], x: np.ndarray
-) -> tuple[DampedModes, Paired]:
+) -> tuple[DampedModes, ModePairing]:
     """The pairs with friction, and the complex modes: of more modes where joints are too stiff for these."""
     while True:
         count = len(damped.s)

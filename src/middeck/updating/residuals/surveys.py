@@ -109,7 +109,7 @@ class Survey:
         return std
 
 
-class Paired(NamedTuple):
+class ModePairing(NamedTuple):
     """Modes of the articles in which a survey's modes were measured, and which the measured ones are.
 
     Attributes:
@@ -146,7 +146,7 @@ class Compared:
 
     survey: Survey
     free: Modes
-    paired: Paired
+    paired: ModePairing
     rows: Int[np.ndarray, "row 2"]
     residual: Float[np.ndarray, " row"]
     std: Float[np.ndarray, " row"]
@@ -225,7 +225,7 @@ def set_up(
     return SetUp(*both, bind(unknowns, *both))
 
 
-def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count: int = 0) -> Paired:
+def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count: int = 0) -> ModePairing:
     """Pairs with the modes that have what friction has ``added`` to the lowest ``count`` of ``modes``.
 
     Raises `ConfigError` where nothing measured resembles any of the modes, and as `check_spare`.
@@ -248,7 +248,7 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
     if count < len(modes.omega):  # all of them leave nothing out
         check_spare(modes.omega, own, pairs, added)
     column = own.columns(pairs[:, 1])[pairs[:, 0] % own.count].T
-    return Paired(own, pairs, column, tuple(added))
+    return ModePairing(own, pairs, column, tuple(added))
 
 
 def _nearest(modes: Modes, measured: MeasuredModes) -> str:
@@ -257,7 +257,9 @@ def _nearest(modes: Modes, measured: MeasuredModes) -> str:
     return f"modes are paired {how}; {nearest_two(modes.frequency_hz, measured.frequency_hz)}"
 
 
-def compare(modes: Modes, survey: Survey, bound: Sequence[Bound], paired: Paired | None = None) -> Compared:
+def compare(
+    modes: Modes, survey: Survey, bound: Sequence[Bound], paired: ModePairing | None = None
+) -> Compared:
     """Residuals and slopes of pairs (those of `pair_survey` without friction where none are given)."""
     paired = pair_survey(modes, survey) if paired is None else paired
     free, modes, pairs, column = modes, paired.own.modes, paired.pairs, paired.column
@@ -359,7 +361,7 @@ def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
 
 
 def _equation_slopes(
-    paired: Paired, survey: Survey, bound: Sequence[Bound], rows: np.ndarray, c: np.ndarray
+    paired: ModePairing, survey: Survey, bound: Sequence[Bound], rows: np.ndarray, c: np.ndarray
 ) -> np.ndarray:
     """Derivatives of each row by the unknowns: of its mode with the pair's own and its neighbours."""
     (own, pairs, column, added), count = paired, len(paired.pairs)

@@ -15,7 +15,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.structure.sensitivity.frequencies import differentiate_products
 from middeck.structure.sensitivity.parameters import (
-    Parameter,
+    ModelParameter,
     choose_parameters,
     list_parameters,
     read_parameter,
@@ -78,7 +78,7 @@ class Bound:
     """An unknown, and the parameters that it moves in one article and environment."""
 
     unknown: Unknown
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ModelParameter, ...]
 
 
 def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environment) -> tuple[Bound, ...]:
@@ -91,8 +91,8 @@ def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environ
     return tuple(Bound(u, _fitting(u, every)) for u in unknowns)
 
 
-def _fitting(unknown: Unknown, every: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    found: list[Parameter] = []
+def _fitting(unknown: Unknown, every: Sequence[ModelParameter]) -> tuple[ModelParameter, ...]:
+    found: list[ModelParameter] = []
     for name in unknown.parameters:
         if name.startswith((LOOP, FRICTION)):
             continue

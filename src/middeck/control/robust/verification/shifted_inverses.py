@@ -20,7 +20,7 @@ NONE = 1e-12
 """Part of the largest singular value of a coupling that counts as zero."""
 
 
-class Parts(NamedTuple):
+class SharedFactors(NamedTuple):
     """What the inverses of all loops share; the names are those of the module's text.
 
     ``blocks`` has for each size the states of every block of S, ``last`` is R^-1, ``right`` K, ``left`` L.
@@ -32,7 +32,9 @@ class Parts(NamedTuple):
     left: np.ndarray
 
 
-def find_parts(A: Float[np.ndarray, "loop state state"], scale: np.ndarray, pole: float) -> Parts | None:
+def find_parts(
+    A: Float[np.ndarray, "loop state state"], scale: np.ndarray, pole: float
+) -> SharedFactors | None:
     """The parts of the loops ``A`` in the units ``scale``; None where they share no sound last block."""
     n = A.shape[1]
     unlike = np.argwhere((A[0] != A).any(axis=0)).min(axis=1)
@@ -42,7 +44,9 @@ def find_parts(A: Float[np.ndarray, "loop state state"], scale: np.ndarray, pole
     if not len(block) or not np.linalg.cond(block) < WELL:
         return None
     right, left = _rows_of(whole[:first, first:]), _rows_of(whole[first:, :first].T).T
-    return Parts(_blocks((A[:, :first, :first] != 0.0).any(axis=0)), np.linalg.inv(block), right, left)
+    return SharedFactors(
+        _blocks((A[:, :first, :first] != 0.0).any(axis=0)), np.linalg.inv(block), right, left
+    )
 
 
 def _rows_of(M: np.ndarray) -> np.ndarray:
@@ -60,7 +64,7 @@ def _blocks(linked: np.ndarray) -> list[np.ndarray]:
     return [np.array([own[i] for i in np.flatnonzero(size == s)]) for s in np.unique(size)]
 
 
-def invert_turned(moved: np.ndarray, parts: Parts, out: np.ndarray) -> None:
+def invert_turned(moved: np.ndarray, parts: SharedFactors, out: np.ndarray) -> None:
     """``out`` = the transposed inverses of ``moved`` (A - p I), without a pivot across the parts."""
     count, first = len(moved), moved.shape[1] - len(parts.last)
     own, rest = slice(None, first), slice(first, None)

@@ -22,10 +22,11 @@ import scipy.linalg as sla
 from jaxtyping import Float
 
 from middeck.control.riccati.lyapunov import solve_lyapunov
-from middeck.control.robust.verification.shifted_inverses import Parts, find_parts, invert_turned
+from middeck.control.robust.verification.shifted_inverses import SharedFactors, find_parts, invert_turned
 from middeck.control.robust.verification.single_loop import EPS, relative_error
 from middeck.systems.poles.stability import GROWTH_LIMIT
 from middeck.systems.state_space.balancing import balance
+from middeck.values import record
 
 multiply = sla.get_blas_funcs("gemm", dtype="d")
 """a b (or a b') of matrices stored by columns, added to c if ``beta`` is one, without a copy."""
@@ -89,7 +90,7 @@ class Way(NamedTuple):
 
     pole: float
     most: int
-    parts: Parts | None
+    parts: SharedFactors | None
     probes: np.ndarray
 
 
@@ -100,7 +101,8 @@ def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
     return Way(pole, most, find_parts(A, scale, pole), _probes(A.shape[1]))
 
 
-class Found(NamedTuple):
+@record(kw_only=True)
+class RmsProof:
     """Which loops are proved stable and which to grow; of the proved, rms, their errors, and residuals."""
 
     proved: np.ndarray
@@ -112,7 +114,7 @@ class Found(NamedTuple):
 
 def square_loops(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, way: Way, room: np.ndarray, wide: np.ndarray
-) -> Found:
+) -> RmsProof:
     """Inverses of all loops at once, then loop by loop, so that its few powers stay in the cache.
 
     ``room`` holds a matrix for each power and two more, ``wide`` two for each loop: memory that is asked
@@ -124,7 +126,9 @@ def square_loops(
         turned, feigned = _invert(A, way, wide)
     except np.linalg.LinAlgError:  # a pole at p
         nothing = np.full(C.shape[:2], np.inf)
-        return Found(proved, grown, nothing, nothing, np.full(count, np.nan))
+        return RmsProof(
+            proved=proved, grown=grown, rms=nothing, error=nothing, residual=np.full(count, np.nan)
+        )
     inverse, root = turned.swapaxes(1, 2), math.sqrt(2.0 * way.pole)
     columns, seen = root * (inverse @ B), root * (C @ inverse)
     turned *= 2.0 * way.pole
@@ -148,12 +152,12 @@ def square_loops(
     # A sum that is zero to the bit has no terms: the output sees nothing of what is driven.
     error = np.where(square == 0.0, 0.0, relative_error(wrong, square))
     known = proved[:, None]
-    return Found(
-        proved,
-        grown,
-        np.where(known, np.sqrt(np.maximum(square, 0.0)), np.inf),
-        np.where(known, error, np.inf),
-        np.where(proved, residual, np.nan),
+    return RmsProof(
+        proved=proved,
+        grown=grown,
+        rms=np.where(known, np.sqrt(np.maximum(square, 0.0)), np.inf),
+        error=np.where(known, error, np.inf),
+        residual=np.where(proved, residual, np.nan),
     )
 
 

@@ -1,16 +1,17 @@
 """From a deck to the documents of an article and of what holds it, with a report on the cards."""
 
+import dataclasses
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from middeck.files.nastran.article.article_sections import Formulation
-from middeck.files.nastran.article.documents import Documents, Settled, write_documents
+from middeck.files.nastran.article.documents import Documents, StandingDeck, write_documents
 from middeck.files.nastran.article.floating_parts import check_whole
 from middeck.files.nastran.article.ground_springs import ground_springs, idle_springs
 from middeck.files.nastran.article.nodes_and_riders import find_standing
-from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, read_parts, set_out
+from middeck.files.nastran.article.parts import Basis, DeckParts, LeftOut, read_parts, set_out
 from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
@@ -18,9 +19,11 @@ from middeck.files.nastran.deck.deck import Deck, reference_grid, weight_factor
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.members.sections_of_bars import read_material
 from middeck.structure.model.component import Component
+from middeck.values import record
 
 
-class Conversion(NamedTuple):
+@record(kw_only=True)
+class Conversion:
     """An article's document, and what became of the cards.
 
     ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
@@ -35,7 +38,7 @@ class Conversion(NamedTuple):
     left_out: tuple[LeftOut, ...]
     notes: tuple[str, ...]
     environment: dict[str, Any]
-    components: dict[str, Component] = {}  # noqa: RUF012 -- of a frozen tuple, never changed
+    components: dict[str, Component] = dataclasses.field(default_factory=dict)
     reference: tuple[int, np.ndarray] | None = None
 
     @property
@@ -97,7 +100,7 @@ def convert_deck(
     )
 
 
-def _settle(basis: Basis, parts: Parts, components: list[Component]) -> Settled:
+def _settle(basis: Basis, parts: DeckParts, components: list[Component]) -> StandingDeck:
     """What stands, and what the ground holds; raises `ConfigError` if that is not one structure."""
     left_out: list[LeftOut] = []
     standing = find_standing(basis, parts, components, left_out)
@@ -105,10 +108,17 @@ def _settle(basis: Basis, parts: Parts, components: list[Component]) -> Settled:
     check_whole(basis, idle.parts, idle.standing)
     grounded = ground_springs(basis, idle.parts, idle.standing)
     ground, notes = idle.grids | grounded.grids, idle.notes + grounded.notes
-    return Settled(basis, grounded.parts, grounded.standing, ground, notes, left_out)
+    return StandingDeck(
+        basis=basis,
+        parts=grounded.parts,
+        standing=grounded.standing,
+        ground=ground,
+        notes=notes,
+        left_out=left_out,
+    )
 
 
-def _count(settled: Settled, made: Documents) -> dict[str, int]:
+def _count(settled: StandingDeck, made: Documents) -> dict[str, int]:
     """Cards and what became of them, by name."""
     return count_converted(settled.basis, settled.parts, settled.standing) | {
         "clamped grids": made.clamped,
@@ -118,7 +128,7 @@ def _count(settled: Settled, made: Documents) -> dict[str, int]:
     }
 
 
-def _left_out(settled: Settled, made: Documents) -> list[LeftOut]:
+def _left_out(settled: StandingDeck, made: Documents) -> list[LeftOut]:
     """Cards that the documents have no part for, and what holds grids that are not there."""
     rows = account_left_out(settled.basis, settled.parts, settled.standing)
     idle = len(settled.parts.held) - made.clamped - len(settled.ground)

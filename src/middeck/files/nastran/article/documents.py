@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from middeck.files.nastran.article.grounded_grids import ground_clamps, loose_clamps
 from middeck.files.nastran.article.loads import LoadSets
+from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.nodes_and_springs import (
     carried_points,
     node_tables,
@@ -16,27 +17,27 @@ from middeck.files.nastran.article.nodes_and_springs import (
     scalar_tables,
     spring_tables,
 )
+from middeck.files.nastran.article.parts import Basis, DeckParts, LeftOut
 from middeck.files.nastran.article.struts import pin_tables, strut_tables
-
-if TYPE_CHECKING:
-    from middeck.files.nastran.article.nodes_and_riders import Standing
-    from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
-    from middeck.files.nastran.deck.deck import Deck
-    from middeck.structure.model.component import Component
+from middeck.files.nastran.deck.deck import Deck
+from middeck.structure.model.component import Component
+from middeck.values import record
 
 
-class Settled(NamedTuple):
+@record(kw_only=True)
+class StandingDeck:
     """The parts of a deck that stand, and the grids that stand for the ``ground``; what is left out of it."""
 
     basis: Basis
-    parts: Parts
+    parts: DeckParts
     standing: Standing
     ground: frozenset[int]
     notes: list[str]
     left_out: list[LeftOut]
 
 
-class Documents(NamedTuple):
+@record(kw_only=True)
+class Documents:
     """Documents of an article and an environment.
 
     ``coordinates`` is how many degrees of freedom the article has, ``clamped`` how many grids are held;
@@ -51,7 +52,7 @@ class Documents(NamedTuple):
     refused: list[LeftOut]
 
 
-def write_documents(name: str, settled: Settled, components: Mapping[str, Component]) -> Documents:
+def write_documents(name: str, settled: StandingDeck, components: Mapping[str, Component]) -> Documents:
     """Both documents; ``components``, by their files, stand on grids of the deck."""
     basis, parts, standing = settled.basis, settled.parts, settled.standing
     sets = LoadSets(basis, parts, standing, settled.ground)
@@ -82,7 +83,7 @@ def write_documents(name: str, settled: Settled, components: Mapping[str, Compon
     )
 
 
-def _members(basis: Basis, parts: Parts, standing: Standing) -> tuple[dict[str, Any], list[str]]:
+def _members(basis: Basis, parts: DeckParts, standing: Standing) -> tuple[dict[str, Any], list[str]]:
     """Tables of members with their nodes and bodies, and of what links these, with notes on them."""
     sections, struts, tapers = strut_tables(basis, parts, standing)
     pinned, pins = pin_tables(basis, parts, standing)

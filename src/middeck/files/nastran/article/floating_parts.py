@@ -1,14 +1,14 @@
 """Parts of a deck that nothing joins to the rest: each would float beside it."""
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.parts import Basis, DeckParts
 from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.nastran.masses_and_springs.scalars import MASSES, SPRINGS
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.connectivity import separate_parts, some_names
 
 
-def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
+def check_whole(basis: Basis, parts: DeckParts, standing: Standing) -> None:
     """Raise `ConfigError` if the deck has no structure, or more than one."""
     single = {f"s{point}": element.entry for element in parts.scalars for point in element.points}
     separate = find_pieces(basis, parts, standing)
@@ -18,7 +18,7 @@ def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
         message = (
             "the ground holds all springs and masses of this deck: nothing in it moves" if idle else message
         )
-        raise_some([Fault(file=basis.deck.path, line=0, key="", message=message)])
+        raise_some([DocumentFault(file=basis.deck.path, line=0, key="", message=message)])
     grid = basis.entries.numbered("GRID")
     raise_some(
         [
@@ -31,14 +31,14 @@ def check_whole(basis: Basis, parts: Parts, standing: Standing) -> None:
     )
 
 
-def find_pieces(basis: Basis, parts: Parts, standing: Standing) -> list[list[str]]:
+def find_pieces(basis: Basis, parts: DeckParts, standing: Standing) -> list[list[str]]:
     """Names of the grids and scalar points of each piece of the deck, the largest first."""
     names = [f"{g}" for g in basis.places.grids if g in standing.kept]
     single = dict.fromkeys(f"s{point}" for element in parts.scalars for point in element.points)
     return separate_parts([*names, *single], _pairs(parts, standing))
 
 
-def _pairs(parts: Parts, standing: Standing) -> list[tuple[str, str]]:
+def _pairs(parts: DeckParts, standing: Standing) -> list[tuple[str, str]]:
     """Pairs of joined grids and scalar points, by their names."""
     on = standing.carrier
     pairs = [

@@ -4,6 +4,7 @@ Many decks write a spring to the ground so, instead of with a blank GB. It belon
 not to the article, and its axes are those of the ground, whichever grid its card names first.
 """
 
+import dataclasses
 from collections.abc import Container
 from itertools import compress
 from typing import NamedTuple
@@ -12,9 +13,9 @@ import numpy as np
 
 from middeck.files.nastran.article.floating_parts import find_pieces
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.parts import Basis, DeckParts
 from middeck.files.nastran.constraints.rigid_links import ALL
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.masses_and_springs.direct_matrices import carried_motion
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie, arm_from
 from middeck.structure.model.connectivity import some_names
@@ -27,7 +28,7 @@ TO_GROUND = "they are springs to the ground, in the environment, and their axes 
 class Grounded(NamedTuple):
     """Parts and standing without the ``grids`` that stand for the ground; notes on springs at held grids."""
 
-    parts: Parts
+    parts: DeckParts
     standing: Standing
     grids: frozenset[int]
     notes: list[str]
@@ -53,7 +54,7 @@ class _Ends(NamedTuple):
         return [f"{some_names(springs)}: SPC or PS hold {how}grid {numbers}{what}"] if found else []
 
 
-def idle_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
+def idle_springs(basis: Basis, parts: DeckParts, standing: Standing) -> Grounded:
     """The deck without springs of which SPC or PS hold all ends, and the grids that have no others."""
     found = _find_ends(basis, parts, standing)
     held = found.bare - found.partly
@@ -62,11 +63,11 @@ def idle_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
     moving = [tie for tie in parts.ties if tie.name not in names]
     unmet = held - {standing.carrier(grid) for tie in moving for grid in tie.grids}
     notes = [f"{some_names(names)}: left out, SPC or PS hold all of its ends"] if names else []
-    rest = parts._replace(ties=moving)
+    rest = dataclasses.replace(parts, ties=moving)
     return Grounded(*_without(rest, standing, unmet), frozenset(unmet), notes)
 
 
-def ground_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
+def ground_springs(basis: Basis, parts: DeckParts, standing: Standing) -> Grounded:
     """Springs to held grids as springs to the ground, where nothing else is on the grid or rigid with it.
 
     All motions of such a grid that its springs resist must be held. Springs that alone join the pieces of the
@@ -87,7 +88,7 @@ def ground_springs(basis: Basis, parts: Parts, standing: Standing) -> Grounded:
     return Grounded(*_without(parts, standing, ground), frozenset(ground), notes)
 
 
-def _find_ends(basis: Basis, parts: Parts, standing: Standing) -> _Ends:
+def _find_ends(basis: Basis, parts: DeckParts, standing: Standing) -> _Ends:
     on = standing.carrier
     ends = [(tie, k, on(grid)) for tie in parts.ties for k, grid in enumerate(tie.grids)]
     loaded = standing.linked | {*standing.riders.values(), *standing.bodies}
@@ -97,19 +98,21 @@ def _find_ends(basis: Basis, parts: Parts, standing: Standing) -> _Ends:
     return _Ends([end for end in ends if len(end[0].grids) > 1], bare, partly, loaded)
 
 
-def _without(parts: Parts, standing: Standing, ground: set[int]) -> tuple[Parts, Standing]:
+def _without(parts: DeckParts, standing: Standing, ground: set[int]) -> tuple[DeckParts, Standing]:
     """The deck without the grids of the ``ground``; springs between two of them are none."""
     moves = [[standing.carrier(grid) not in ground for grid in tie.grids] for tie in parts.ties]
     ties = [
-        tie._replace(grids=tuple(compress(tie.grids, some)), points=tuple(compress(tie.points, some)))
+        dataclasses.replace(
+            tie, grids=tuple(compress(tie.grids, some)), points=tuple(compress(tie.points, some))
+        )
         for tie, some in zip(parts.ties, moves, strict=True)
         if any(some)
     ]
-    less = standing._replace(kept=standing.kept - ground, borne=standing.borne - ground)
-    return parts._replace(ties=ties), less
+    less = dataclasses.replace(standing, kept=standing.kept - ground, borne=standing.borne - ground)
+    return dataclasses.replace(parts, ties=ties), less
 
 
-def _joining(basis: Basis, parts: Parts, standing: Standing, ground: set[int]) -> set[int]:
+def _joining(basis: Basis, parts: DeckParts, standing: Standing, ground: set[int]) -> set[int]:
     """The grids of ``ground`` that join pieces of the deck: all of them where their springs do in a chain."""
     on = standing.carrier
     pieces = find_pieces(basis, *_without(parts, standing, ground))
@@ -123,7 +126,7 @@ def _joining(basis: Basis, parts: Parts, standing: Standing, ground: set[int]) -
     return joining if whole else ground
 
 
-def _resists(tie: Tie, end: int, grid: int, parts: Parts, places: Places) -> bool:
+def _resists(tie: Tie, end: int, grid: int, parts: DeckParts, places: GridPlaces) -> bool:
     """Whether a spring resists a component of the grid that carries its ``end`` that nothing holds."""
     arm = arm_from(places.grids[grid], tie.points[end])
     axes = np.kron(np.eye(2), places.displacement_axes(grid))

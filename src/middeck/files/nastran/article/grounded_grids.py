@@ -3,7 +3,7 @@
 from collections.abc import Container
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts, Tables, turns
+from middeck.files.nastran.article.parts import Basis, DeckParts, Tables, turns
 from middeck.files.nastran.constraints.constraints import joined_components
 from middeck.files.nastran.constraints.restraints import clamp
 from middeck.files.nastran.constraints.rigid_links import ALL
@@ -12,13 +12,13 @@ from middeck.files.nastran.masses_and_springs.stiffness_of_grids import loose_sh
 from middeck.structure.model.connectivity import some_names
 
 
-def ground_clamps(basis: Basis, parts: Parts, standing: Standing) -> Tables:
+def ground_clamps(basis: Basis, parts: DeckParts, standing: Standing) -> Tables:
     """Clamps of the nodes that the ground holds."""
     grids = basis.places.grids
     return [clamp(g, parts.held[g], basis.places) for g in grids if g in parts.held and g in standing.kept]
 
 
-def loose_clamps(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, list[str]]:
+def loose_clamps(basis: Basis, parts: DeckParts, standing: Standing) -> tuple[Tables, list[str]]:
     """Clamps of shifts and rotations that nothing holds, as PARAM AUTOSPC does, and notes that name them."""
     grids = basis.places.grids
     joins = _joins(standing)
@@ -48,7 +48,7 @@ def loose_clamps(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables
 
 
 def _free_shifts(
-    parts: Parts, standing: Standing, taken: dict[int, str], shifts: Container[int], basis: Basis
+    parts: DeckParts, standing: Standing, taken: dict[int, str], shifts: Container[int], basis: Basis
 ) -> list[str]:
     """A note on shifts without stiffness: weight and pull may hold them here, so that no clamp does."""
     places = basis.places

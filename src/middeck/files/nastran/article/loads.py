@@ -6,12 +6,12 @@ import numpy as np
 
 from middeck.files.nastran.article.member_loads import member_load
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts
+from middeck.files.nastran.article.parts import Basis, DeckParts
 from middeck.files.nastran.deck.entries import Entry, raise_some
 from middeck.files.nastran.deck.known_cards import OTHER_LOADS
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.connectivity import some_names
 
 # Along a line of two grids, or across two such lines.
@@ -29,7 +29,7 @@ INSIDE = "how its member bends between its ends, which move and turn as under it
 class LoadSets:
     """The load sets of a deck; one is converted as a whole or not at all."""
 
-    def __init__(self, basis: Basis, parts: Parts, standing: Standing, ground: frozenset[int]) -> None:
+    def __init__(self, basis: Basis, parts: DeckParts, standing: Standing, ground: frozenset[int]) -> None:
         """Loads on grids that stand for the ``ground`` move nothing."""
         self.basis, self.standing, self.places = basis, standing, basis.places
         self.ground = ground
@@ -50,7 +50,7 @@ class LoadSets:
         Sets with loads other than forces, moments, those of PLOAD1 and gravity go to ``refused``, and what is
         left out of PLOAD1. Raises `ConfigError` with all cards that cannot be read.
         """
-        faults: list[Fault] = []
+        faults: list[DocumentFault] = []
         found: list[dict[str, Any]] = []
         there = {*self.direct, *self.sums}
         chosen = None if self.chosen is None else self.chosen & there
@@ -149,7 +149,7 @@ class LoadSets:
         entry = self.sums.get(sid)
         return [] if entry is None else [text or "" for text in entry["rest"]]
 
-    def _parts(self, sid: int, faults: list[Fault]) -> list[tuple[float, Entry]]:
+    def _parts(self, sid: int, faults: list[DocumentFault]) -> list[tuple[float, Entry]]:
         """Factors and loads of a set: its own, or those that a LOAD of this number sums.
 
         Of both, programs take one or the other (NASTRAN-95 its own): refused.
@@ -175,7 +175,7 @@ class LoadSets:
                 parts += [(entry["s"] * factor, part) for part in self.direct[number]]
         return parts
 
-    def _acceleration(self, factor: float, entry: Entry, faults: list[Fault]) -> np.ndarray:
+    def _acceleration(self, factor: float, entry: Entry, faults: list[DocumentFault]) -> np.ndarray:
         system = self.places.systems.get(entry["cid"])
         if system is None or system.kind != "R":
             faults.append(entry.fault(f"there is no rectangular coordinate system {entry['cid']}", "cid"))
@@ -188,7 +188,7 @@ class LoadSets:
             raise ValueError(f"{entry.label} loads element {entry['eid']}, which is no bar or beam")
         return member_load(entry, bar, factor, self.basis, self.standing)
 
-    def _load(self, factor: float, entry: Entry, units: Units, faults: list[Fault]) -> dict[str, Any]:
+    def _load(self, factor: float, entry: Entry, units: Units, faults: list[DocumentFault]) -> dict[str, Any]:
         grid = entry["g"]
         carrier = self.standing.carrier(grid)
         if carrier in self.ground:
@@ -206,7 +206,7 @@ class LoadSets:
         arm = (place - self.places.grids[carrier]) * units.length
         return {"frame": f"g{carrier}", key: vector * unit, "offset_m": arm}
 
-    def _by_vector(self, entry: Entry, place: np.ndarray, faults: list[Fault]) -> np.ndarray:
+    def _by_vector(self, entry: Entry, place: np.ndarray, faults: list[DocumentFault]) -> np.ndarray:
         """The vector N in basic coordinates, of any length."""
         system = self.places.systems.get(entry["cid"])
         if system is None:
@@ -214,7 +214,7 @@ class LoadSets:
             return np.zeros(3)
         return system.axes_at(place) @ _direction(entry, "f", faults)
 
-    def _by_grids(self, entry: Entry, faults: list[Fault]) -> np.ndarray:
+    def _by_grids(self, entry: Entry, faults: list[DocumentFault]) -> np.ndarray:
         """The unit vector from G1 to G2, or across that line and that from G3 to G4; zero of a zero load."""
         keys = BY_GRIDS[entry.name]
         absent = next((key for key in keys if entry[key] not in self.places.grids), None)
@@ -237,7 +237,7 @@ class LoadSets:
         return given / size
 
 
-def _direction(entry: Entry, size: str, faults: list[Fault]) -> np.ndarray:
+def _direction(entry: Entry, size: str, faults: list[DocumentFault]) -> np.ndarray:
     """The vector N of a load, as long as it is given; zero is one of a load of that ``size`` alone."""
     given = np.array([entry["n1"], entry["n2"], entry["n3"]])
     if entry[size] and not given.any():

@@ -1,19 +1,20 @@
 """Which grids of a deck become nodes, which ride on others, and which constraints mean something there."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from middeck.files.nastran.article.article_sections import lumps
-from middeck.files.nastran.article.parts import Basis, LeftOut, Parts, grids_named, linked_grids
+from middeck.files.nastran.article.parts import Basis, DeckParts, LeftOut, grids_named, linked_grids
 from middeck.files.nastran.constraints.constraints import Constraint, check_dependent, that_matter
 from middeck.files.nastran.constraints.rigid_links import find_carriers
 from middeck.files.nastran.deck.entries import raise_some
 from middeck.files.nastran.masses_and_springs.bodies import Mass, merged
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import Component
+from middeck.values import record
 
 
-class Standing(NamedTuple):
+@record(kw_only=True)
+class Standing:
     """Which of a deck's grids become nodes of the article, and which ride on others.
 
     Attributes:
@@ -44,7 +45,7 @@ class Standing(NamedTuple):
 
 
 def find_standing(
-    basis: Basis, parts: Parts, components: Sequence[Component], left_out: list[LeftOut]
+    basis: Basis, parts: DeckParts, components: Sequence[Component], left_out: list[LeftOut]
 ) -> Standing:
     """Appends to ``left_out`` what means nothing; raises `ConfigError` with what depends twice or is held."""
     grids = basis.places.grids
@@ -79,14 +80,14 @@ def find_standing(
     )
 
 
-def _bare(constraints: Sequence[Constraint], single: set[int]) -> list[Fault]:
+def _bare(constraints: Sequence[Constraint], single: set[int]) -> list[DocumentFault]:
     """Equations that name scalar points without a spring or a mass."""
     why = "scalar point {} in equations, without a spring or a mass: not converted yet"
     found = [(c, point) for c in constraints for point in c.points if point not in single]
     return [c.entry.fault(why.format(point), c.key) for c, point in found]
 
 
-def _moving(basis: Basis, parts: Parts, on_components: set[int], left_out: list[LeftOut]) -> list[Mass]:
+def _moving(basis: Basis, parts: DeckParts, on_components: set[int], left_out: list[LeftOut]) -> list[Mass]:
     """Masses but those that the ground holds and nothing else joins."""
     met = {grid for part in (*parts.bars, *parts.ties, *parts.constraints) for grid in part.grids}
     met |= linked_grids(basis.entries) | on_components
@@ -97,9 +98,9 @@ def _moving(basis: Basis, parts: Parts, on_components: set[int], left_out: list[
 
 
 def _check(
-    basis: Basis, parts: Parts, tied: list[Constraint], carriers: dict[int, int], left_out: list[LeftOut]
+    basis: Basis, parts: DeckParts, tied: list[Constraint], carriers: dict[int, int], left_out: list[LeftOut]
 ) -> None:
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     left_out += _idle(basis, parts.constraints, tied, carriers)
     selection = basis.deck.selection
     for number in selection.sets.get("NSM", ()):

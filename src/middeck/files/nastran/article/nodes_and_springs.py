@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts, Tables, reach, turns
+from middeck.files.nastran.article.parts import Basis, DeckParts, Tables, reach, turns
 from middeck.files.nastran.masses_and_springs.bodies import Mass
 from middeck.files.nastran.masses_and_springs.scalars import ScalarNodes, scalar_nodes
 from middeck.structure.model.article_checks import impossible_moments
@@ -63,7 +63,7 @@ def _node(basis: Basis, grid: int, body: Mass | None) -> dict[str, Any]:
     return node
 
 
-def spring_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, Tables, Tables]:
+def spring_tables(basis: Basis, parts: DeckParts, standing: Standing) -> tuple[Tables, Tables, Tables]:
     """Attach points, bushings between them, and bushings to the ground."""
     points: Tables = []
     between: Tables = []
@@ -95,7 +95,7 @@ def _written(stiffness: np.ndarray) -> np.ndarray:
     return stiffness if np.any(stiffness - np.diag(diagonal)) else diagonal
 
 
-def scalar_tables(basis: Basis, parts: Parts) -> tuple[ScalarNodes, list[str]]:
+def scalar_tables(basis: Basis, parts: DeckParts) -> tuple[ScalarNodes, list[str]]:
     """Scalar points as nodes, and a note on what they are."""
     units, scalars = basis.units, parts.scalars
     made = scalar_nodes(scalars, basis.places, units.length, basis.mass_unit, units.force / units.length)

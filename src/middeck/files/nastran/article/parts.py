@@ -1,5 +1,6 @@
 """The parts of a deck that an article can have, in units of the deck and basic axes."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ from middeck.files.nastran.article.article_sections import Formulation
 from middeck.files.nastran.components.direct_input import direct_component, lone_matrix
 from middeck.files.nastran.constraints.constraints import Constraint, read_constraints, term_rows
 from middeck.files.nastran.constraints.restraints import read_restraints
-from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.coordinates import GridPlaces, place_grids
 from middeck.files.nastran.deck.deck import Deck, weight_factor
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
 from middeck.files.nastran.deck.numbers import integer
@@ -30,8 +31,9 @@ from middeck.files.nastran.masses_and_springs.scalars import (
 )
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie, read_ties
 from middeck.files.nastran.members.members import Bar, read_bars
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import Component
+from middeck.values import record
 
 LeftOut = tuple[str, int, str]
 Tables = list[dict[str, Any]]
@@ -43,7 +45,7 @@ class Basis(NamedTuple):
     deck: Deck
     units: Units
     formulation: Formulation
-    places: Places
+    places: GridPlaces
 
     @property
     def entries(self) -> Entries:
@@ -56,7 +58,8 @@ class Basis(NamedTuple):
         return self.units.mass * weight_factor(self.deck)
 
 
-class Parts(NamedTuple):
+@record(kw_only=True)
+class DeckParts:
     """The parts read from a deck; ``held`` are the components of grids that the ground holds."""
 
     bars: list[Bar]
@@ -80,7 +83,7 @@ def set_out(deck: Deck, units: Units, formulation: Formulation) -> Basis:
     return basis
 
 
-def read_parts(basis: Basis, faults: list[Fault]) -> Parts:
+def read_parts(basis: Basis, faults: list[DocumentFault]) -> DeckParts:
     """Every part of the deck; raises `ConfigError` with ``faults`` and all that is wrong in any."""
     deck, places, entries = basis.deck, basis.places, basis.entries
     bars = read_bars(entries, places, faults)
@@ -105,7 +108,15 @@ def read_parts(basis: Basis, faults: list[Fault]) -> Parts:
         faults.append(scalars[0].entry.fault(what))
     raise_some(faults)
     constraints += [_tied(element, basis) for element in scalars if element.has_node]
-    return Parts(bars, masses, ties, scalars, constraints, held, direct)
+    return DeckParts(
+        bars=bars,
+        masses=masses,
+        ties=ties,
+        scalars=scalars,
+        constraints=constraints,
+        held=held,
+        direct=direct,
+    )
 
 
 def linked_grids(entries: Entries) -> set[int]:
@@ -139,7 +150,7 @@ def _scalars(
     points: dict[int, Entry],
     masses: dict[int, float],
     held: tuple[dict[int, str], set[int]],
-    faults: list[Fault],
+    faults: list[DocumentFault],
 ) -> list[Element]:
     """Springs and masses with scalar points that are free to move."""
     values = {"PELAS": {e.id: e["k"] for e in basis.entries.of("PELAS")}, "PMASS": masses}
@@ -155,13 +166,23 @@ def _tied(element: Element, basis: Basis) -> Constraint:
         else:
             terms += _scaled(term_rows(basis.places, [(end[0], f"{end[1]}", factor)]), basis.units)
     moves = tuple((grid, f"{component}") for grid, component in element.grids)
-    return Constraint("equation", {"name": element.name, "term": terms}, element.entry, "g1", moves, (), ())
+    return Constraint(
+        kind="equation",
+        table={"name": element.name, "term": terms},
+        entry=element.entry,
+        key="g1",
+        moves=moves,
+        dependent=(),
+        defines=(),
+    )
 
 
 def _in_metres(constraint: Constraint, units: Units) -> Constraint:
     if constraint.kind != "equation" or not constraint.table:
         return constraint
-    return constraint._replace(table=constraint.table | {"term": _scaled(constraint.table["term"], units)})
+    return dataclasses.replace(
+        constraint, table=constraint.table | {"term": _scaled(constraint.table["term"], units)}
+    )
 
 
 def _scaled(terms: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from middeck.files.nastran.article.article_sections import ArticleSections, article_sections, taper_notes
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, Parts, Tables
+from middeck.files.nastran.article.parts import Basis, DeckParts, Tables
 from middeck.files.nastran.constraints.rigid_links import ALL
 from middeck.files.nastran.deck.coordinates import along_and_about
 from middeck.files.nastran.deck.entries import Entry
@@ -14,7 +14,7 @@ from middeck.files.nastran.members.members import RODS, Bar
 
 
 def strut_tables(
-    basis: Basis, parts: Parts, standing: Standing
+    basis: Basis, parts: DeckParts, standing: Standing
 ) -> tuple[dict[str, dict[str, Any]], Tables, list[str]]:
     """Sections by name, struts, and notes on tapers."""
     made: dict[str, ArticleSections] = {}
@@ -35,7 +35,7 @@ def strut_tables(
     return sections, struts, taper_notes(made)
 
 
-def pin_tables(basis: Basis, parts: Parts, standing: Standing) -> tuple[Tables, Tables]:
+def pin_tables(basis: Basis, parts: DeckParts, standing: Standing) -> tuple[Tables, Tables]:
     """Nodes of the ends that pins part from their grids, and the links that leave them free to move."""
     nodes: Tables = []
     links: Tables = []

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from middeck.files.nastran.article.nodes_and_riders import Standing
-from middeck.files.nastran.article.parts import Basis, LeftOut, Parts
+from middeck.files.nastran.article.parts import Basis, DeckParts, LeftOut
 from middeck.files.nastran.components.direct_input import damping_names
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unread_params
 from middeck.files.nastran.deck.entries import Entry
@@ -36,7 +36,7 @@ HINTS = {**dict.fromkeys(("METHOD", "METH"), ("EIGR", "EIGRL")), "SUPORT1": ("SU
 DIVIDES = "which superelement something is in: the article is not divided"
 
 
-def count_converted(basis: Basis, parts: Parts, standing: Standing) -> dict[str, int]:
+def count_converted(basis: Basis, parts: DeckParts, standing: Standing) -> dict[str, int]:
     """Cards by name that the article has, and its grids by what became of them."""
     converted = Counter(bar.entry.name for bar in parts.bars)
     converted.update(entry.name for entry in basis.entries.of("CONM1", "CONM2", *MASSES))
@@ -52,7 +52,7 @@ def count_converted(basis: Basis, parts: Parts, standing: Standing) -> dict[str,
     return dict(converted)
 
 
-def account_left_out(basis: Basis, parts: Parts, standing: Standing) -> list[LeftOut]:
+def account_left_out(basis: Basis, parts: DeckParts, standing: Standing) -> list[LeftOut]:
     """Cards that changed nothing, with the reason: rows (card, how many, why)."""
     entries, deck = basis.entries, basis.deck
     rows = [(name, len(entries.of(name)), why) for why, names in NO_PART.items() for name in names]
@@ -99,7 +99,7 @@ def _why_idle(card: str) -> str:
     return next(found, "no effect on stiffness and mass")
 
 
-def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
+def note_doubts(basis: Basis, parts: DeckParts, coordinates: int) -> list[str]:
     """Notes on missing sets of case control, and on differences from the deck's own program.
 
     ``coordinates`` is how many the article has, the most modes that can be asked of it.

@@ -18,14 +18,14 @@ from middeck.files.nastran.components.external import (
 from middeck.files.nastran.components.printed import NEAR
 from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.case_control import read_selection
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.deck_lines import Lines, fault_on
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.known_cards import IDLE, PLACED, PLACING
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.units import Units
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import Component
 
 _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*['\"]?([^'\",]+)['\"]?[^\n]*?UNIT\s*=\s*(\d+)", re.IGNORECASE)
@@ -90,7 +90,15 @@ def read_assembly(
     cards = [card for card in bulk.main if card.name not in OWN]
     selection = read_selection(bulk.head[cend + 1 :], subcase)
     entries, notes = read_entries(cards), tuple(bulk.notes)
-    return Deck(str(path), selection, entries, notes, not bulk.head, len(bulk.main), bulk.unended), parts
+    return Deck(
+        path=str(path),
+        selection=selection,
+        entries=entries,
+        notes=notes,
+        bulk_only=not bulk.head,
+        cards=len(bulk.main),
+        unended=bulk.unended,
+    ), parts
 
 
 def _fixed(
@@ -141,7 +149,7 @@ def _scaled(part: Component, units: Units) -> Iterator[str]:
         )
 
 
-def _unread(bulk: Bulk) -> Iterator[Fault]:
+def _unread(bulk: Bulk) -> Iterator[DocumentFault]:
     """Cards that place superelements, and what stands within them beside their matrices."""
     for card in (*bulk.main, *(card for cards in bulk.supers.values() for card in cards)):
         if card.name in PLACING:
@@ -159,7 +167,7 @@ def _assigned(bulk: Bulk, folder: Path) -> dict[int, Path]:
     return {int(unit): folder / file.strip() for file, unit in _ASSIGN.findall(text)}
 
 
-def _fault(card: Card, message: str, hint: str = "", at: int = 0) -> Fault:
+def _fault(card: Card, message: str, hint: str = "", at: int = 0) -> DocumentFault:
     key = f"{card.name} {card.fields[0] if card.fields else ''}"
     return fault_on(card.line(at), key, message, hint=hint)
 
@@ -169,7 +177,7 @@ def _declared(card: Card, bulk: Bulk, files: dict[int, Path]) -> tuple[int, Path
     fields = [*card.fields, *[""] * 8]
     number, kind, reference = integer(fields[0]), fields[1], integer(fields[2]) or 0
     unit = integer(fields[6])
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     if number is None or number not in bulk.supers:
         faults.append(_fault(card, f"there is no BEGIN SUPER {fields[0]}"))
     if kind not in ("EXTOP4", "EXTERNAL") or reference:
@@ -223,7 +231,7 @@ def _joined(
     number: int,
     joins: list[Card],
     part: Component,
-    places: Places,
+    places: GridPlaces,
     near: float,
     units: Units,
 ) -> dict[str, int]:
@@ -263,7 +271,7 @@ def _joined(
     return out
 
 
-def _at_place(sebulk: Card, grid: str, x: np.ndarray, places: Places, near: float) -> int | None:
+def _at_place(sebulk: Card, grid: str, x: np.ndarray, places: GridPlaces, near: float) -> int | None:
     """The main grid that stands at ``x`` within TOL or, by digits, ``near``; of several none is the one."""
     apart = {g: float(np.linalg.norm(place - x)) for g, place in places.grids.items()}
     stated = _stated_tolerance(sebulk)

@@ -1,7 +1,6 @@
 """Matrices by direct input: what case control adds by K2GG and M2GG, both as a component of the article."""
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +11,9 @@ from middeck.files.nastran.deck.deck import FACTORS, INPUT_FACTORS, Deck, given
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.deck.units import Units
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import UNEQUAL, Component
+from middeck.values import record
 
 READ = {"K2GG": "stiffness", "M2GG": "mass"}
 DAMPING = frozenset(("B2GG", "B2PP", "K42GG"))
@@ -21,7 +21,8 @@ GYROSCOPIC = "[[wheel]] for momentum; leave it out if the frequencies without it
 NAME = "direct"
 
 
-class Lone(NamedTuple):
+@record(kw_only=True)
+class Lone:
     """A matrix that stands alone: what it is, its first card, its grids, six rows of each in basic axes.
 
     ``digits`` are the most that one of its numbers has: by half of the last each may be wrong.
@@ -42,7 +43,7 @@ class Lone(NamedTuple):
         return np.sqrt(np.abs(np.diagonal(self.block(row, row))))
 
 
-def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
+def lone_matrix(deck: Deck, faults: list[DocumentFault]) -> Lone | None:
     """The stiffness or the mass that case control selects alone, in units of the deck; None for both or none.
 
     Appends to ``faults`` scalar points in it.
@@ -60,7 +61,7 @@ def lone_matrix(deck: Deck, faults: list[Fault]) -> Lone | None:
         what = f"scalar point {scalars[0]} in a matrix that stands alone: not converted yet"
         faults.append(entry.fault(what, hint="K2GG and M2GG"))
         return None
-    return Lone(READ[alone[0]], entry, grids, matrix, digits)
+    return Lone(what=READ[alone[0]], entry=entry, grids=grids, matrix=matrix, digits=digits)
 
 
 def _cards(deck: Deck) -> list[Card]:
@@ -70,7 +71,7 @@ def _cards(deck: Deck) -> list[Card]:
     return cards + [entry.card for entry in deck.entries.of("DMIG") if entry["name"] in chosen]
 
 
-def direct_component(deck: Deck, units: Units, faults: list[Fault]) -> Component | None:
+def direct_component(deck: Deck, units: Units, faults: list[DocumentFault]) -> Component | None:
     """The component of the DMIG that case control selects, in SI units; None where it selects none.
 
     Scalar points are its modal coordinates. A matrix that stands alone is a `Lone` one. Appends to ``faults``
@@ -129,5 +130,5 @@ def _is_skew(deck: Deck, name: str) -> bool:
     return any(abs(value - entries.get((b, a), 0.0)) > UNEQUAL * most for (a, b), value in entries.items())
 
 
-def _fault(deck: Deck, command: str, message: str, hint: str) -> Fault:
+def _fault(deck: Deck, command: str, message: str, hint: str) -> DocumentFault:
     return deck.selection.fault(command, deck.selection.matrices[command], message, hint)

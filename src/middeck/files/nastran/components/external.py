@@ -17,12 +17,13 @@ import numpy as np
 from middeck.errors import ConfigError, DataError
 from middeck.files.nastran.components.printed import as_printed
 from middeck.files.nastran.deck.cards import Card, join_cards
-from middeck.files.nastran.deck.coordinates import Places, place_grids
+from middeck.files.nastran.deck.coordinates import GridPlaces, place_grids
 from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
 from middeck.files.nastran.deck.entries import ALL, read_entries
 from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
+from middeck.values import record
 
 BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
 
@@ -40,7 +41,8 @@ _SUPER = re.compile(r"\s*BEGIN(?:\s+BULK)?\s+SUPER\s*=?\s*(\d+)\s*$", re.IGNOREC
 _BULK = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK)?\s*$", re.IGNORECASE)
 
 
-class Bulk(NamedTuple):
+@record(kw_only=True)
+class Bulk:
     """Cards of the main bulk data and of each superelement by number; lines before BEGIN BULK.
 
     ``notes`` are those on includes; ``unended`` is the last line where ENDDATA lacks.
@@ -81,7 +83,7 @@ def read_bulk(paths: Sequence[str | Path]) -> Bulk:
             into = supers.setdefault(int(found[1]), []) if found else main
             into += lines[start + 1 : end]
     parts = {n: join_cards(found) for n, found in supers.items()}
-    return Bulk(head, join_cards(main), parts, notes, unended)
+    return Bulk(head=head, main=join_cards(main), supers=parts, notes=notes, unended=unended)
 
 
 class Boundary(NamedTuple):
@@ -231,7 +233,7 @@ def basic_matrix(
     return boundary.grids, boundary.scalars, turn @ matrix @ turn.T, punched.digits[name]
 
 
-def geometry_of(cards: Iterable[Card]) -> Places:
+def geometry_of(cards: Iterable[Card]) -> GridPlaces:
     """Grids and coordinate systems of ``cards``."""
     return place_grids(read_entries([card for card in cards if card.name in GEOMETRY]))
 
@@ -276,7 +278,9 @@ def _pick(
     return matrix
 
 
-def _boundary(cards: Sequence[Card], punched: list[tuple[int, str]], places: Places, where: str) -> Boundary:
+def _boundary(
+    cards: Sequence[Card], punched: list[tuple[int, str]], places: GridPlaces, where: str
+) -> Boundary:
     """From EXTRN or, without it, from the coordinates of punched matrices in the order of ASET and SPOINT."""
     pairs = [pair for card in cards if card.name == "EXTRN" for pair in _pairs(card)] or punched
     if not pairs:
@@ -321,7 +325,9 @@ def _pairs(card: Card) -> list[tuple[int, str]]:
     return out
 
 
-def _to_basic(boundary: Boundary, places: Places, units: Units, where: str) -> tuple[np.ndarray, np.ndarray]:
+def _to_basic(
+    boundary: Boundary, places: GridPlaces, units: Units, where: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates in SI and basic axes, six of each grid, times rows; and which six there are."""
     grids = len(boundary.grids)
     present = np.zeros((grids, 6), dtype=bool)

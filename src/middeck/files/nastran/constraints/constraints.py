@@ -2,17 +2,18 @@
 
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from middeck.files.nastran.constraints.rigid_links import ALL, expand, partial_links
 from middeck.files.nastran.constraints.rigid_relations import relation, rigid_elements
-from middeck.files.nastran.deck.coordinates import Places, along_and_about
+from middeck.files.nastran.deck.coordinates import GridPlaces, along_and_about
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
+from middeck.values import record
 
 # Directions of an equation's terms, shifts and turns in W.
 WAYS = ("x", "y", "z", "rx", "ry", "rz")
@@ -22,7 +23,8 @@ ONLY = "0"
 SQUARE = 1e-14
 
 
-class Constraint(NamedTuple):
+@record(kw_only=True)
+class Constraint:
     """One constraint: the kind of its table in an article, that table, and what depends by which field.
 
     ``moves`` are the components of grids that it joins, and `ONLY` of scalar points. It means nothing
@@ -49,7 +51,7 @@ class Constraint(NamedTuple):
 
 
 def read_constraints(
-    deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
+    deck: Deck, places: GridPlaces, points: Container[int], still: Container[int], faults: list[DocumentFault]
 ) -> list[Constraint]:
     """All constraints, whether they mean anything or not; appends to ``faults`` what is wrong.
 
@@ -89,7 +91,7 @@ def joined_components(constraints: list[Constraint]) -> dict[int, str]:
 
 
 def check_dependent(
-    constraints: list[Constraint], carriers: dict[int, int], held: dict[int, str], faults: list[Fault]
+    constraints: list[Constraint], carriers: dict[int, int], held: dict[int, str], faults: list[DocumentFault]
 ) -> None:
     """Appends to ``faults`` what depends twice, or depends and is held."""
     first: dict[tuple[int, str], Constraint] = {}
@@ -111,12 +113,12 @@ def check_dependent(
             break
 
 
-def _directions(places: Places, grid: int, components: str) -> dict[str, Any]:
+def _directions(places: GridPlaces, grid: int, components: str) -> dict[str, Any]:
     axes = places.displacement_axes(grid) if grid in places.grids else np.eye(3)
     return along_and_about(components, axes)
 
 
-def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _averages(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Iterator[Constraint]:
     for entry in deck.entries.of("RBE3"):
         at, components, shares = entry["refgrid"], entry["refc"], list[dict[str, Any]]()
         groups = _weights(entry, faults)
@@ -131,10 +133,18 @@ def _averages(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Const
         table["follows"] = shares
         joins = ((at, components), *((g, moves) for _, moves, found in groups for g in found))
         depends = tuple((at, c) for c in components)
-        yield Constraint("interpolation", table, entry, "refgrid", joins, depends, (depends,))
+        yield Constraint(
+            kind="interpolation",
+            table=table,
+            entry=entry,
+            key="refgrid",
+            moves=joins,
+            dependent=depends,
+            defines=(depends,),
+        )
 
 
-def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[int]]]:
+def _weights(entry: Entry, faults: list[DocumentFault]) -> list[tuple[float, str, list[int]]]:
     """Weight, components and grids of each group; how dependent ones are chosen (UM) changes nothing."""
     texts = [text for text in entry["rest"] if text is not None]
     for mark in ("UM", "ALPHA"):
@@ -154,7 +164,7 @@ def _weights(entry: Entry, faults: list[Fault]) -> list[tuple[float, str, list[i
     return found
 
 
-def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _links(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Iterator[Constraint]:
     for entry, key, carrier, grid, components in partial_links(deck.entries, faults):
         if carrier == grid:
             faults.append(entry.fault(f"grid {grid} follows itself", key))
@@ -162,10 +172,12 @@ def _links(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         table |= _directions(places, grid, components)
         depends = tuple((grid, c) for c in components)
         joins = ((carrier, _carrying(places, carrier, grid, components)), (grid, components))
-        yield Constraint("link", table, entry, key, joins, depends, (depends,))
+        yield Constraint(
+            kind="link", table=table, entry=entry, key=key, moves=joins, dependent=depends, defines=(depends,)
+        )
 
 
-def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
+def _carrying(places: GridPlaces, carrier: int, grid: int, components: str) -> str:
     """What moves the ``components`` of ``grid``: shifts, and turns too but of a carrier at the same place."""
     known = carrier in places.grids and grid in places.grids
     turns = not set(components).isdisjoint("456")
@@ -175,7 +187,7 @@ def _carrying(places: Places, carrier: int, grid: int, components: str) -> str:
 
 
 def _equations(
-    deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
+    deck: Deck, places: GridPlaces, points: Container[int], still: Container[int], faults: list[DocumentFault]
 ) -> Iterator[Constraint]:
     count: dict[int, int] = {}
     for entry in deck.selected("MPC"):
@@ -185,10 +197,18 @@ def _equations(
             joins = tuple((grid, component) for grid, component, _ in terms)
             each = tuple((move,) for move in joins)
             table = {"name": f"mpc{entry.id}_{number}", "term": term_rows(places, terms)}
-            yield Constraint("equation", table, entry, "terms", joins, joins[:1], each)
+            yield Constraint(
+                kind="equation",
+                table=table,
+                entry=entry,
+                key="terms",
+                moves=joins,
+                dependent=joins[:1],
+                defines=each,
+            )
 
 
-def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
+def term_rows(places: GridPlaces, terms: Iterable[tuple[int, str, float]]) -> list[dict[str, Any]]:
     """Grids, components in their axes and factors as terms of an equation in W."""
     total: dict[tuple[int, str], float] = {}
     for grid, component, factor in terms:
@@ -209,7 +229,7 @@ def term_rows(places: Places, terms: Iterable[tuple[int, str, float]]) -> list[d
     ]
 
 
-def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constraint]:
+def _rigid(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Iterator[Constraint]:
     """A rigid body as rigid links from its first grid; else each dependent component as an equation."""
     for rigid in rigid_elements(deck.entries, faults):
         entry, key, name = rigid.entry, rigid.key, f"{rigid.entry.name.lower()}_{rigid.entry.id}"
@@ -217,7 +237,9 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
         factors = relation(rigid, places, faults) if known else None
         if factors is None:
             joins = (*rigid.independent, *rigid.dependent)
-            yield Constraint("equation", {}, entry, key, joins, (), (joins,))
+            yield Constraint(
+                kind="equation", table={}, entry=entry, key=key, moves=joins, dependent=(), defines=(joins,)
+            )
         elif rigid.whole:
             first, *others = rigid.grids
             for grid in others:
@@ -226,17 +248,33 @@ def _rigid(deck: Deck, places: Places, faults: list[Fault]) -> Iterator[Constrai
                 depends = tuple(m for m in rigid.dependent if m[0] in mine)
                 own = tuple((grid, c) for c in ALL)
                 joins = ((first, ALL), (grid, ALL))
-                yield Constraint("link", table, entry, key, joins, depends, (own,))
+                yield Constraint(
+                    kind="link",
+                    table=table,
+                    entry=entry,
+                    key=key,
+                    moves=joins,
+                    dependent=depends,
+                    defines=(own,),
+                )
         else:
             for (grid, component), row in zip(rigid.dependent, factors.tolist(), strict=True):
                 follows = [(g, c, -f) for (g, c), f in zip(rigid.independent, row, strict=True) if f != 0.0]
                 table: dict[str, Any] = {"name": f"{name}_g{grid}_{component}"}
                 table |= {"term": term_rows(places, [(grid, component, 1.0), *follows])}
                 joins = ((grid, component), *((g, c) for g, c, _ in follows))
-                yield Constraint("equation", table, entry, key, joins, joins[:1], (joins[:1],))
+                yield Constraint(
+                    kind="equation",
+                    table=table,
+                    entry=entry,
+                    key=key,
+                    moves=joins,
+                    dependent=joins[:1],
+                    defines=(joins[:1],),
+                )
 
 
-def _terms(entry: Entry, points: Container[int], faults: list[Fault]) -> list[tuple[int, str, float]]:
+def _terms(entry: Entry, points: Container[int], faults: list[DocumentFault]) -> list[tuple[int, str, float]]:
     """Point, component and factor of each term: two in a line, its first and last fields blank."""
     texts = [entry.id, *entry["terms"]]
     found: list[tuple[int, str, float]] = []

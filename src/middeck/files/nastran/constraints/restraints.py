@@ -4,15 +4,15 @@ from collections.abc import Container
 from typing import Any
 
 from middeck.files.nastran.constraints.rigid_links import ALL, expand
-from middeck.files.nastran.deck.coordinates import Places, along_and_about, grid_default
+from middeck.files.nastran.deck.coordinates import GridPlaces, along_and_about, grid_default
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import integer
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 
 def read_restraints(
-    deck: Deck, places: Places, scalars: Container[int], faults: list[Fault]
+    deck: Deck, places: GridPlaces, scalars: Container[int], faults: list[DocumentFault]
 ) -> dict[int, str]:
     """Held components by grid; appends to ``faults`` what is wrong or has no clamp.
 
@@ -37,13 +37,13 @@ def read_restraints(
     return {grid: "".join(sorted(held)) for grid, held in found.items()}
 
 
-def clamp(grid: int, held: str, places: Places) -> dict[str, Any]:
+def clamp(grid: int, held: str, places: GridPlaces) -> dict[str, Any]:
     """The clamp, in an environment's form, that holds the components ``held`` of ``grid``."""
     return {"node": f"g{grid}", **along_and_about(held, places.displacement_axes(grid))}
 
 
 def _terms(
-    entry: Entry, places: Places, scalars: Container[int], faults: list[Fault]
+    entry: Entry, places: GridPlaces, scalars: Container[int], faults: list[DocumentFault]
 ) -> list[tuple[str, int, str | None]]:
     """Fields, grids and components of an SPC or SPC1; of a range (THRU) the points that are there."""
     if entry.name == "SPC1":

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from middeck.files.nastran.deck.entries import ALL, Entries, Entry, raise_some
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 
 class RigidLink(NamedTuple):
@@ -24,7 +24,7 @@ def find_carriers(entries: Entries, grids: Container[int]) -> dict[int, int]:
     `rigid_elements`. Raises `ConfigError` for grids that are not there or dependent twice, and for links that
     close on themselves.
     """
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     by: dict[int, RigidLink] = {}
     for link in (*_rbe2(entries, faults), *_rbar(entries)):
         first = by.get(link.rider)
@@ -57,7 +57,7 @@ def find_carriers(entries: Entries, grids: Container[int]) -> dict[int, int]:
     return carriers
 
 
-def grids_of(entry: Entry, faults: list[Fault]) -> list[int]:
+def grids_of(entry: Entry, faults: list[DocumentFault]) -> list[int]:
     """The dependent grids of an RBE2: a list, perhaps with THRU; a last real is its thermal expansion."""
     texts = [text for text in entry["gm"] if text is not None]
     if texts and real(texts[-1]) is not None:
@@ -65,7 +65,7 @@ def grids_of(entry: Entry, faults: list[Fault]) -> list[int]:
     return expand(entry, texts, "gm", faults)
 
 
-def expand(entry: Entry, texts: list[str], key: str, faults: list[Fault]) -> list[int]:
+def expand(entry: Entry, texts: list[str], key: str, faults: list[DocumentFault]) -> list[int]:
     """A list of grids in which ``a THRU b`` stands for all from a to b, which may be one."""
     found: list[int] = []
     through = False
@@ -87,7 +87,9 @@ def expand(entry: Entry, texts: list[str], key: str, faults: list[Fault]) -> lis
     return found
 
 
-def partial_links(entries: Entries, faults: list[Fault]) -> Iterator[tuple[Entry, str, int, int, str]]:
+def partial_links(
+    entries: Entries, faults: list[DocumentFault]
+) -> Iterator[tuple[Entry, str, int, int, str]]:
     """RBE2 and RBAR of some components: entry, field, the grid of all six, the other and its components."""
     for entry in entries.of("RBE2"):
         if entry["cm"] != ALL:
@@ -102,7 +104,7 @@ def partial_links(entries: Entries, faults: list[Fault]) -> Iterator[tuple[Entry
                 pass
 
 
-def _rbe2(entries: Entries, faults: list[Fault]) -> list[RigidLink]:
+def _rbe2(entries: Entries, faults: list[DocumentFault]) -> list[RigidLink]:
     return [
         RigidLink(rider, entry["gn"], entry, "gm")
         for entry in entries.of("RBE2")

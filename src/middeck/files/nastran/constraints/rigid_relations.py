@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import ALL, Entries, Entry
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 LINE = 8  # fields of a line
 # Largest condition of the independent rows, lengths over the size of the element: beyond is a mechanism.
@@ -43,7 +43,7 @@ class Rigid(NamedTuple):
         return len(self.independent) + len(self.dependent) == len(ALL) * len(self.grids)
 
 
-def rigid_elements(entries: Entries, faults: list[Fault]) -> Iterator[Rigid]:
+def rigid_elements(entries: Entries, faults: list[DocumentFault]) -> Iterator[Rigid]:
     """RBE1, and RBAR that is not of one end alone (see `partial_links`)."""
     for entry in entries.of("RBAR"):
         first, second = entry["cna"] or "", entry["cnb"] or ""
@@ -70,7 +70,7 @@ def _single(*some: tuple[int, str]) -> Moves:
     return tuple((grid, c) for grid, components in some for c in components)
 
 
-def _at_once(entry: Entry, key: str, moves: tuple[Moves, Moves], faults: list[Fault]) -> bool:
+def _at_once(entry: Entry, key: str, moves: tuple[Moves, Moves], faults: list[DocumentFault]) -> bool:
     """Whether some component is independent and dependent, which is a fault."""
     both = sorted(set(moves[0]) & set(moves[1]))
     if both:
@@ -85,7 +85,7 @@ def _without_expansion(texts: list[str | None]) -> list[str | None]:
     return texts[: given[-1][0]] if given and real(given[-1][1]) is not None else texts
 
 
-def _pairs(entry: Entry, texts: list[str | None], faults: list[Fault]) -> Moves:
+def _pairs(entry: Entry, texts: list[str | None], faults: list[DocumentFault]) -> Moves:
     """Grids and components by their places: three pairs a line, a blank field before and after them."""
     found: list[tuple[int, str]] = []
     for pair in _by_place(texts):
@@ -109,7 +109,7 @@ def _by_place(texts: list[str | None]) -> Iterator[tuple[str | None, str | None]
 
 
 def relation(
-    rigid: Rigid, places: Places, faults: list[Fault]
+    rigid: Rigid, places: GridPlaces, faults: list[DocumentFault]
 ) -> Float[np.ndarray, "dependent independent"] | None:
     """Dependent components per independent one; None, with a fault, where these leave the body loose."""
     size = max(
@@ -123,7 +123,7 @@ def relation(
     return np.linalg.solve(rows.T, _rows(rigid.dependent, places, rigid.grids[0], size).T).T
 
 
-def _rows(moves: Moves, places: Places, origin: int, size: float) -> np.ndarray:
+def _rows(moves: Moves, places: GridPlaces, origin: int, size: float) -> np.ndarray:
     """Each component per shift and, times ``size``, turn of the body at ``origin``."""
     rows = np.zeros((len(moves), 6))
     for row, (grid, component) in zip(rows, moves, strict=True):

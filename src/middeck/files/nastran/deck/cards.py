@@ -13,7 +13,7 @@ from typing import NamedTuple
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.deck.replication import Row, replicated
-from middeck.files.toml.faults import Fault, raise_faults
+from middeck.files.toml.faults import DocumentFault, raise_faults
 
 ROW = 8  # fields in a row of either format
 BLANKS = [""] * ROW
@@ -54,7 +54,7 @@ HEAD, FIELDS, TAIL, LARGE, LINE = 0, 1, 2, 3, 4
 
 def join_cards(lines: Iterable[Line]) -> list[Card]:
     """The cards of bulk data ``lines``; raises `ConfigError` for lines that are no part of any card."""
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     groups: list[list[Row]] = []
     apart: list[list[Row]] = []  # continuations whose parents are elsewhere, each with its followers
     group: list[Row] = []
@@ -65,7 +65,7 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     for text, line in zip(texts, lines, strict=False):  # no lines are one text
         if "," in text:
             row = _cut_free(text, line)
-            if isinstance(row, Fault):
+            if isinstance(row, DocumentFault):
                 faults.append(row)
                 continue
         else:
@@ -124,9 +124,9 @@ def _mark(text: str) -> str:
     return text.lstrip(MARKS).strip()
 
 
-def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
+def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[DocumentFault]:
     """Put continuations that stand elsewhere behind the rows that end with their marks."""
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     waiting: dict[str, list[list[Row]]] = {}
     for group in apart:
         waiting.setdefault(_mark(group[0][HEAD]), []).append(group)
@@ -153,14 +153,14 @@ def _adopt(groups: list[list[Row]], apart: list[list[Row]]) -> list[Fault]:
     return faults
 
 
-def _forgotten(group: list[Row], counted: bool) -> list[Fault]:
+def _forgotten(group: list[Row], counted: bool) -> list[DocumentFault]:
     """Marks of continuations that are nowhere: those of a last row that announce one, and lone numbers.
 
     A number that no continuation names is a field too many, but where the lines of the deck are ``counted``,
     and where it is whole, a continuation without a name follows, and the eighth field is blank: Nastran too
     passes over it. Behind a filled one it may be the next of a list, such as a grid of an RBE3.
     """
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     for row, after in zip(group, [*group[1:], None], strict=True):
         tail, is_free = row[TAIL], "," in row[LINE][0]
         if not tail or (after is not None and _mark(after[HEAD])):
@@ -200,12 +200,12 @@ def _is_number(text: str) -> bool:
     return real(text) is not None or integer(text) is not None
 
 
-def _no_mark(group: list[Row], line: Line, tail: str) -> Fault:
+def _no_mark(group: list[Row], line: Line, tail: str) -> DocumentFault:
     what = f"a number, {tail}, where the mark of a continuation stands"
     return _fault(line, what, _tenth(group), tail, f"{BREAK}; {SEQUENCE}")
 
 
-def _beyond(line: Line, number: str) -> Fault:
+def _beyond(line: Line, number: str) -> DocumentFault:
     return _fault(line, f"a number, {number}, behind column 80, where no field is", hint=BREAK)
 
 
@@ -225,7 +225,7 @@ def _tenth(group: list[Row]) -> str:
 
 def _fault(
     line: Line, message: str, key: str = "", value: str = "", hint: str = "is the deck whole?"
-) -> Fault:
+) -> DocumentFault:
     return fault_on(line, key, message, value if key else line[0].strip()[:40], hint)
 
 
@@ -263,7 +263,7 @@ def _large(head: str) -> str:
     return head if head[0] in MARKS else head.rstrip("*").rstrip()
 
 
-def _cut_free(text: str, line: Line) -> Row | Fault:
+def _cut_free(text: str, line: Line) -> Row | DocumentFault:
     head, *fields = map(str.strip, text.split(",")) if " " in text or "\t" in text else text.split(",")
     large = "*" in head
     room = ROW // 2 if large else ROW

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from middeck.errors import ConfigError
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
 from middeck.files.nastran.deck.numbers import integer
-from middeck.files.toml.faults import Fault, raise_faults
+from middeck.files.toml.faults import DocumentFault, raise_faults
 
 # Blanks may stand for the equals sign.
 _COMMAND = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?(?:\s*=\s*|\s+)(.*?)\s*$")
@@ -24,7 +24,7 @@ _FREE = frozenset(("LOAD", "METHOD", "METH", "TEMPERATURE"))
 _OTHERS = re.compile("STATSUB|DSCO.*|TFL|BGSET|BCONTACT")
 
 
-class Selection(NamedTuple):
+class CaseSelection(NamedTuple):
     """Numbers of sets by command, names of matrices by command, the first line of each command and number or
     name, and lines with PARAM."""
 
@@ -37,7 +37,7 @@ class Selection(NamedTuple):
         """Whether any subcase selects this set."""
         return number in self.sets.get(command, ())
 
-    def fault(self, command: str, value: int | str, message: str, hint: str = "") -> Fault:
+    def fault(self, command: str, value: int | str, message: str, hint: str = "") -> DocumentFault:
         """A complaint about the line that selects ``value`` by ``command``."""
         return fault_on(self.lines[command, value], command, message, f"{value}", hint)
 
@@ -49,7 +49,7 @@ class _Choice(NamedTuple):
     value: int | str
 
 
-def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selection:
+def read_selection(lines: Iterable[Line], subcase: int | None = None) -> CaseSelection:
     """The commands of case control that modes depend on; all others are passed over.
 
     Those of ``subcase``, or of all where they agree but for loads; set 0 is none. Raises `ConfigError` for a
@@ -63,7 +63,7 @@ def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selecti
             f"there is no subcase {subcase}", where="case control", hint=f"it has {_listed(own)}"
         )
     kept = own if subcase is None else {subcase: own[subcase]}
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     defaults = _choices(common, faults)
     cases = {name: defaults | _choices(some, faults) for name, some in kept.items()} or {0: defaults}
     raise_faults(faults)
@@ -79,7 +79,7 @@ def read_selection(lines: Iterable[Line], subcase: int | None = None) -> Selecti
         else:
             matrices[command] = value
     params = [line for some in (common, *kept.values()) for line in some if _is_param(line)]
-    return Selection(sets, matrices, where, tuple(params))
+    return CaseSelection(sets, matrices, where, tuple(params))
 
 
 def _parts(lines: Iterable[Line]) -> dict[int | None, list[Line]]:
@@ -106,7 +106,7 @@ def _is_param(line: Line) -> bool:
     return bool(re.match(r"\s*PARAM\s*[, ]", line[0].upper()))
 
 
-def _choices(lines: Iterable[Line], faults: list[Fault]) -> dict[str, _Choice]:
+def _choices(lines: Iterable[Line], faults: list[DocumentFault]) -> dict[str, _Choice]:
     """What some lines select, by command."""
     out: dict[str, _Choice] = {}
     for line in lines:
@@ -133,9 +133,9 @@ def _choices(lines: Iterable[Line], faults: list[Fault]) -> dict[str, _Choice]:
     return out
 
 
-def _unlike(cases: dict[int | None, dict[str, _Choice]]) -> list[Fault]:
+def _unlike(cases: dict[int | None, dict[str, _Choice]]) -> list[DocumentFault]:
     """A fault for each command that selects one thing in a subcase and another, or nothing, in the next."""
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     for command in dict.fromkeys(c for case in cases.values() for c in case if c not in _FREE):
         chosen = {name: case.get(command) for name, case in cases.items()}
         if len({c and c.value for c in chosen.values()}) > 1:

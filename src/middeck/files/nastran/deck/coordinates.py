@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
 from middeck.files.nastran.deck.known_cards import PLACES
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.clamps import LETTERS
 
 # The sine of the angle between two axes that span a plane.
@@ -58,7 +58,7 @@ class System(NamedTuple):
 BASIC = System("R", np.zeros(3), np.eye(3))
 
 
-class Places(NamedTuple):
+class GridPlaces(NamedTuple):
     """All coordinate systems by number; every grid in basic coordinates, and the system it moves in."""
 
     systems: dict[int, System]
@@ -70,7 +70,7 @@ class Places(NamedTuple):
         return self.systems[self.moves_in[grid]].axes_at(self.grids[grid])
 
 
-def place_grids(entries: Entries) -> Places:
+def place_grids(entries: Entries) -> GridPlaces:
     """Resolve chains of coordinate systems and grids.
 
     Raises `ConfigError` for chains that close, for systems and grids that are not there, and for three points
@@ -105,9 +105,9 @@ class _Resolver:
         self.grids: dict[int, np.ndarray] = {}
         cd = grid_default(entries, "cd")
         self.moves_in = {n: cd if e["cd"] is None else e["cd"] for n, e in self.grid.items()}
-        self.faults: dict[str, Fault] = {}
+        self.faults: dict[str, DocumentFault] = {}
 
-    def places(self) -> Places:
+    def places(self) -> GridPlaces:
         for cid in self.defined:
             self._resolve(("system", cid))
         for number, entry in self.grid.items():
@@ -116,7 +116,7 @@ class _Resolver:
             else:
                 self._resolve(("grid", number))
         raise_some(list(self.faults.values()))
-        return Places(self.systems, self.grids, self.moves_in)
+        return GridPlaces(self.systems, self.grids, self.moves_in)
 
     def _done(self, what: tuple[str, int]) -> bool:
         return what[1] in (self.systems if what[0] == "system" else self.grids)
@@ -186,7 +186,7 @@ class _Resolver:
         self.systems[cid] = System(entry.name[5], a, np.stack([np.cross(y, z), y, z], axis=1))
         return True
 
-    def _refuse(self, fault: Fault) -> None:
+    def _refuse(self, fault: DocumentFault) -> None:
         self.faults.setdefault(str(fault), fault)
 
 

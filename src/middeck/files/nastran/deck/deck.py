@@ -5,16 +5,17 @@ import gc
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import BINARY, EMPTY, NO_DECK, looks_like
 from middeck.files.nastran.deck.cards import join_cards
-from middeck.files.nastran.deck.case_control import Selection, read_selection
+from middeck.files.nastran.deck.case_control import CaseSelection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, fault_on, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
 from middeck.files.nastran.deck.numbers import in_single, integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
+from middeck.values import record
 
 # New objects that are worth to be made old at once.
 MANY = 100_000
@@ -25,7 +26,8 @@ READ = (*FACTORS, *INPUT_FACTORS, "WTMASS", "COUPMASS", "GRDPNT", "G")
 CHOSEN = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 
 
-class Deck(NamedTuple):
+@record(kw_only=True)
+class Deck:
     """A deck as read.
 
     ``bulk_only``: it has neither executive nor case control, so that nothing is selected. ``notes`` are
@@ -34,7 +36,7 @@ class Deck(NamedTuple):
     """
 
     path: str
-    selection: Selection
+    selection: CaseSelection
     entries: Entries
     notes: tuple[str, ...]
     bulk_only: bool
@@ -53,7 +55,7 @@ class Deck(NamedTuple):
             wanted |= {number} if union is None else {n for n in union["sets"] if n}
         return [entry for entry in self.entries.of(*CHOSEN[command]) if entry.id in wanted]
 
-    def lacking(self) -> Iterator[Fault]:
+    def lacking(self) -> Iterator[DocumentFault]:
         """A complaint about each set of constraints that is selected, or that a selected union names, and
         that no card has.
 
@@ -90,19 +92,19 @@ def read_deck(path: str | Path, subcase: int | None = None, *, single: bool = Fa
         entries = read_entries(cards)
     entries = _in_single(entries) if single else entries
     return Deck(
-        str(path),
-        read_selection(sections.case, subcase),
-        entries,
-        sections.notes,
-        not sections.case and not sections.executive,
-        len(cards),
-        sections.unended,
+        path=str(path),
+        selection=read_selection(sections.case, subcase),
+        entries=entries,
+        notes=sections.notes,
+        bulk_only=not sections.case and not sections.executive,
+        cards=len(cards),
+        unended=sections.unended,
     )
 
 
 def _in_single(entries: Entries) -> Entries:
     """All entries with their reals in single precision but DMIG, which has a precision of its own."""
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
 
     def rounded(entry: Entry) -> Entry:
         try:
@@ -137,7 +139,7 @@ def _without_collection() -> Generator[None]:
             gc.enable()
 
 
-def given(deck: Deck, name: str) -> Iterator[tuple[str, Fault]]:
+def given(deck: Deck, name: str) -> Iterator[tuple[str, DocumentFault]]:
     """What PARAM says of ``name``, in bulk data and then in case control, which goes before it.
 
     Each with a complaint about it that has no message yet.

@@ -3,9 +3,10 @@
 import re
 from os.path import isfile
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
-from middeck.files.toml.faults import Fault, raise_fault
+from middeck.files.toml.faults import DocumentFault, raise_fault
+from middeck.values import record
 
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*=?\s*(.*)", re.IGNORECASE | re.DOTALL)
 _BEGIN = re.compile(r"\s*BEGIN(\s*[,=]?\s*BULK|\s+SUPER|\s*$)", re.IGNORECASE)
@@ -21,7 +22,8 @@ WHOLE = "is the file whole?"
 Line = tuple[str, str, int]
 
 
-class DeckText(NamedTuple):
+@record(kw_only=True)
+class DeckText:
     """The lines of a deck, see `Lines` for ``notes`` and ``unended``."""
 
     executive: tuple[Line, ...]
@@ -47,14 +49,20 @@ def read_sections(path: str | Path) -> DeckText:
     if not others:
         if cend is not None:
             raise_at(head[-1], "", "the deck ends here without BEGIN BULK", hint=WHOLE)
-        return DeckText((), (), tuple(head), (), reader.unended)
+        return DeckText(executive=(), case=(), bulk=tuple(head), notes=(), unended=reader.unended)
     at = -1 if cend is None else cend
-    return DeckText(tuple(head[: at + 1]), tuple(head[at + 1 :]), tuple(bulk), reader.notes, reader.unended)
+    return DeckText(
+        executive=tuple(head[: at + 1]),
+        case=tuple(head[at + 1 :]),
+        bulk=tuple(bulk),
+        notes=reader.notes,
+        unended=reader.unended,
+    )
 
 
-def fault_on(line: Line, key: str, message: str, value: str = "", hint: str = "") -> Fault:
+def fault_on(line: Line, key: str, message: str, value: str = "", hint: str = "") -> DocumentFault:
     """A complaint about a line."""
-    return Fault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint)
+    return DocumentFault(file=line[1], line=line[2], key=key, message=message, value=value, hint=hint)
 
 
 def raise_at(line: Line, key: str, message: str, value: str = "", hint: str = "") -> NoReturn:
@@ -87,7 +95,7 @@ class Lines:
         self.begins: list[int] = []
         self.ended = False
         self.files: list[Path] = []
-        self._absent: list[Fault] = []
+        self._absent: list[DocumentFault] = []
         self._cut: list[str] = []
         self._read(deck, ())
         if self._absent and not self.begins and not any(CEND.match(line[0]) for line in self.lines):

@@ -24,7 +24,7 @@ from middeck.files.nastran.deck.known_cards import (
     Format,
 )
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.toml.faults import Fault, nearest, raise_faults
+from middeck.files.toml.faults import DocumentFault, nearest, raise_faults
 
 ALL = "123456"
 # Names of which two may stand on one card.
@@ -93,13 +93,13 @@ class Entry(NamedTuple):
         """The card and its number."""
         return self.name if self.name in UNNUMBERED else f"{self.name} {self.id}"
 
-    def fault(self, message: str, key: str = "", hint: str = "") -> Fault:
+    def fault(self, message: str, key: str = "", hint: str = "") -> DocumentFault:
         """A complaint about the field ``key`` or about the whole card."""
         if not key:
             return fault_on(self.card.line(), self.label, message, hint=hint)
         return self.fault_at(PLACES[self.name][key], message, hint)
 
-    def fault_at(self, place: int, message: str, hint: str = "") -> Fault:
+    def fault_at(self, place: int, message: str, hint: str = "") -> DocumentFault:
         """A complaint about the field at ``place``; the first after the name is 0."""
         layout, fields = PARSED[self.name], self.card.fields
         field = layout.fields[place] if place < len(layout.fields) else layout.rest
@@ -113,12 +113,12 @@ class Entry(NamedTuple):
 class CardError(ValueError):
     """A complaint that knows its field and card, which may be another than the one being converted."""
 
-    def __init__(self, fault: Fault) -> None:
+    def __init__(self, fault: DocumentFault) -> None:
         super().__init__(fault.message)
         self.fault = fault
 
 
-def add_fault(faults: list[Fault], error: ValueError, entry: Entry, key: str = "") -> None:
+def add_fault(faults: list[DocumentFault], error: ValueError, entry: Entry, key: str = "") -> None:
     """Append what ``error`` complains of, once; about the field ``key`` of ``entry`` if it does not say."""
     fault = error.fault if isinstance(error, CardError) else entry.fault(f"{error}", key)
     if fault not in faults:
@@ -149,7 +149,7 @@ def read_entries(cards: Iterable[Card]) -> Entries:
     groups: dict[str, list[Card]] = {}
     for card in cards:
         groups.setdefault(card.name, []).append(card)
-    faults: list[Fault] = []
+    faults: list[DocumentFault] = []
     by_name: dict[str, list[Entry]] = {}
     seen: dict[str, dict[Any, Entry]] = {}
     idle: Counter[str] = Counter()
@@ -175,13 +175,17 @@ def read_entries(cards: Iterable[Card]) -> Entries:
     return Entries(by_name, idle)
 
 
-def _is_foreign(fault: Fault) -> bool:
+def _is_foreign(fault: DocumentFault) -> bool:
     """Whether what was refused is no card, not even one whose fields stand apart by spaces."""
     return fault.hint in (COLUMNS, CARDS) and fault.key.partition(" ")[0] not in PARSED
 
 
 def _distinct(
-    entries: list[Entry], space: str, seen: dict[Any, Entry], faults: list[Fault], blank: Sequence[Any] = ()
+    entries: list[Entry],
+    space: str,
+    seen: dict[Any, Entry],
+    faults: list[DocumentFault],
+    blank: Sequence[Any] = (),
 ) -> list[Entry]:
     """The ``entries`` without equal duplicates; unequal ones are faults. ``blank``: of blank fields."""
     own = {entry.values[0]: entry for entry in entries}
@@ -199,18 +203,18 @@ def _distinct(
     return kept
 
 
-def raise_some(faults: Sequence[Fault]) -> None:
+def raise_some(faults: Sequence[DocumentFault]) -> None:
     """Raise `ConfigError` with the first faults, in the order of the deck; nothing if there are none."""
     if len(faults) > SHOWN:
         more = f"and {len(faults) - SHOWN} more like these"
         faults = [
             *faults[:SHOWN],
-            Fault(file=faults[SHOWN].file, line=faults[SHOWN].line, key="", message=more),
+            DocumentFault(file=faults[SHOWN].file, line=faults[SHOWN].line, key="", message=more),
         ]
     raise_faults(faults)
 
 
-def _read(name: str, cards: list[Card], layout: Format, faults: list[Fault]) -> list[Entry]:
+def _read(name: str, cards: list[Card], layout: Format, faults: list[DocumentFault]) -> list[Entry]:
     """The cards of one name, field by field over all of them: a text that many have is looked at once."""
     count, rest = len(layout.fields), layout.rest
     rows = [card.fields for card in cards]
@@ -317,7 +321,7 @@ def _halves(card: Card) -> list[Card]:
     return [Card(card.name, part, card.lines) for part in (card.fields[:4], card.fields[4:])]
 
 
-def _twice(entry: Entry, other: Entry, space: str, blank: Sequence[Any]) -> list[Fault]:
+def _twice(entry: Entry, other: Entry, space: str, blank: Sequence[Any]) -> list[DocumentFault]:
     one, two = (
         [b if value is None else value for value, b in zip_longest(e.values, blank)] for e in (entry, other)
     )
@@ -348,7 +352,7 @@ SHIFTED = "a blank within a field: fields have eight columns, large ones sixteen
 CARDS = "docs/how-to/your-nastran-deck.md lists the cards that are read"
 
 
-def _refusal(name: str, found: list[Card]) -> Fault:
+def _refusal(name: str, found: list[Card]) -> DocumentFault:
     count = f"{len(found)} of them" if len(found) > 1 else "one of them"
     if name in CONTINUA:
         message, hint = f"shells and solids are not read ({count})", REDUCE

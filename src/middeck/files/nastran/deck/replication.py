@@ -13,7 +13,7 @@ from decimal import Decimal
 
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 # A card's name, its fields, its mark of a continuation, whether its fields are large, and its line.
 Row = tuple[str, tuple[str, ...], str, bool, Line]
@@ -26,7 +26,7 @@ EQUATIONS = "DEQATN"  # equals signs are its own
 MOST = 100_000  # cards of one line
 
 
-def replicated(groups: Sequence[list[Row]], faults: list[Fault]) -> list[list[Row]]:
+def replicated(groups: Sequence[list[Row]], faults: list[DocumentFault]) -> list[list[Row]]:
     """The ``groups`` of rows, one a card, with those that replicate written out.
 
     Appends to ``faults`` what repeats nothing, counts that are none, and forms that are not read.

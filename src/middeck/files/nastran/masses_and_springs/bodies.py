@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import BASIC, Places
+from middeck.files.nastran.deck.coordinates import BASIC, GridPlaces
 from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.deck.numbers import integer, real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 # Relative error of entries of a mass matrix that must vanish or agree: fields have eight columns.
 ROUNDING = 1e-5
@@ -24,7 +24,7 @@ class Mass(NamedTuple):
     inertia: np.ndarray
 
 
-def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[Mass]:
+def read_masses(entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> list[Mass]:
     """All CONM1 and CONM2; appends to ``faults`` what is wrong or no rigid body.
 
     A CONM2 of negative mass takes a body away from the others of its grid, which must leave one.
@@ -55,12 +55,12 @@ def read_masses(entries: Entries, places: Places, faults: list[Fault]) -> list[M
 
 def read_scalar_masses(
     entries: Entries,
-    places: Places,
+    places: GridPlaces,
     scalars: Container[int],
     held: Mapping[int, str],
     riders: Container[int],
     properties: Mapping[int, float],
-    faults: list[Fault],
+    faults: list[DocumentFault],
 ) -> list[Mass]:
     """All CMASS1 and CMASS2, together on each grid; what the ground holds has any mass.
 
@@ -112,7 +112,7 @@ def read_scalar_masses(
     return masses
 
 
-def scalar_masses(entries: Entries, faults: list[Fault]) -> dict[int, float]:
+def scalar_masses(entries: Entries, faults: list[DocumentFault]) -> dict[int, float]:
     """Masses of PMASS, of which up to four stand on a card."""
     found: dict[int, float] = {}
     for entry in entries.of("PMASS"):
@@ -151,7 +151,7 @@ def _moved(mass: float, arm: np.ndarray) -> np.ndarray:
     return mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
 
 
-def _conm2(entry: Entry, places: Places) -> Mass:
+def _conm2(entry: Entry, places: GridPlaces) -> Mass:
     grid, place = entry["g"], places.grids[entry["g"]]
     given = np.array([entry["x1"], entry["x2"], entry["x3"]])
     apart = entry["cid"] == -1  # then the centre is in basic coordinates, no offset
@@ -179,7 +179,7 @@ def _check(mass: float, inertia: np.ndarray) -> None:
         raise ValueError(f"no body has mass {mass:g} and a least principal inertia of {least:g}")
 
 
-def _conm1(entry: Entry, places: Places) -> Mass:
+def _conm1(entry: Entry, places: GridPlaces) -> Mass:
     M = np.zeros((6, 6))
     for i in range(6):
         for j in range(i + 1):

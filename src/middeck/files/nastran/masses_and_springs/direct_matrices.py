@@ -11,12 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.files.nastran.components.direct_input import Lone
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.numbers import rounding_of
 from middeck.files.nastran.masses_and_springs.bodies import Mass, mass_of_matrix
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 # Largest asymmetry over the roots of two diagonals: the printed digits of assembled matrices.
 UNEQUAL = 1e-6
@@ -26,7 +26,7 @@ LEFT = 1e-7
 NOISE = 10.0
 
 
-def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
+def direct_ties(lone: Lone, places: GridPlaces, faults: list[DocumentFault]) -> list[Tie]:
     """Bushings of a stiffness that stands alone; appends to ``faults`` one that is no sum of such."""
     grids, count = lone.grids, len(lone.grids)
     own = [lone.block(k, k).copy() for k in range(count)]
@@ -68,7 +68,7 @@ def direct_ties(lone: Lone, places: Places, faults: list[Fault]) -> list[Tie]:
     return found
 
 
-def _sizes(lone: Lone, places: Places, row: int, column: int) -> np.ndarray:
+def _sizes(lone: Lone, places: GridPlaces, row: int, column: int) -> np.ndarray:
     """Bounds of what numbers of size one in the printed axes of a block are in its basic ones."""
     left, right = (np.kron(np.eye(2), places.displacement_axes(lone.grids[k])) for k in (row, column))
     return np.abs(left) @ np.abs(left.T @ lone.block(row, column) @ right) @ np.abs(right.T)
@@ -97,7 +97,9 @@ def _over(K: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     return values, vectors, noise
 
 
-def direct_masses(lone: Lone, places: Places, weight: float, faults: list[Fault]) -> Iterator[Mass]:
+def direct_masses(
+    lone: Lone, places: GridPlaces, weight: float, faults: list[DocumentFault]
+) -> Iterator[Mass]:
     """Bodies of a mass that stands alone, over the factor ``weight`` of other masses (WTMASS)."""
     for i, a in enumerate(lone.grids):
         for j, b in enumerate(lone.grids[:i]):
@@ -132,16 +134,16 @@ def _is_stiffness(K: np.ndarray, size: np.ndarray) -> bool:
 def _tie(lone: Lone, grids: tuple[int, ...], points: tuple[np.ndarray, ...], K: np.ndarray) -> Tie:
     entry = lone.entry
     named = Entry(entry.name, (f"{entry.id}_{'_'.join(map(str, grids))}", *entry.values[1:]), entry.card)
-    return Tie(named, grids, points, np.eye(3), K)
+    return Tie(entry=named, grids=grids, points=points, axes=np.eye(3), stiffness=K)
 
 
-def _no_sum(lone: Lone, what: str) -> Fault:
+def _no_sum(lone: Lone, what: str) -> DocumentFault:
     hint = "M2GG beside it, or the matrix of a part that is no reduction"
     said = f"a stiffness without a mass is converted as bushings, and {what} is no stiffness"
     return lone.entry.fault(said, hint=hint)
 
 
-def _few(lone: Lone, what: str) -> Fault:
+def _few(lone: Lone, what: str) -> DocumentFault:
     """The fault for an entry that could be rounding or a spring."""
     hint = "print it as 16.9E or more, and it and the grids in large fields"
     said = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"

@@ -8,7 +8,7 @@ from collections.abc import Collection, Container, Iterable, Mapping
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie, arm_from
 from middeck.files.nastran.masses_and_springs.stiffness_of_grids import end_stiffness, is_firm, loose_ways
 from middeck.files.nastran.members.members import Bar
@@ -22,7 +22,7 @@ def loose_turns(
     turning: Container[int],
     held: Mapping[int, str],
     carriers: Mapping[int, int],
-    places: Places,
+    places: GridPlaces,
 ) -> dict[int, np.ndarray]:
     """Orthonormal directions, in basic coordinates, of the turns that nothing holds, as columns, by grid.
 

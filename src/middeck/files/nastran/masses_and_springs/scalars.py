@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from middeck.files.nastran.constraints.rigid_links import expand
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
+from middeck.values import record
 
 SPRINGS = ("CELAS1", "CELAS2", "CELAS3", "CELAS4")
 MASSES = ("CMASS1", "CMASS2", "CMASS3", "CMASS4")
@@ -86,7 +87,7 @@ def ends_of(entry: Entry) -> list[End]:
     return ends
 
 
-def scalar_points(entries: Entries, places: Places, faults: list[Fault]) -> dict[int, Entry]:
+def scalar_points(entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> dict[int, Entry]:
     """The scalar points by number: those of SPOINT, and those that are ends of scalar elements.
 
     An end is one if it has no component and no GRID its number (MSC Nastran, Quick Reference Guide, SPOINT).
@@ -111,7 +112,7 @@ def names_scalar(entry: Entry, points: Container[int]) -> bool:
     return entry.name in POINTS_ONLY or any(entry[f"g{i}"] in points for i in "12")
 
 
-def held_points(deck: Deck, points: Container[int], faults: list[Fault]) -> set[int]:
+def held_points(deck: Deck, points: Container[int], faults: list[DocumentFault]) -> set[int]:
     """The scalar points that the selected SPC and SPC1 hold; appends to ``faults`` components of such."""
     held: set[int] = set()
     for entry in deck.selected("SPC"):
@@ -131,10 +132,10 @@ def held_points(deck: Deck, points: Container[int], faults: list[Fault]) -> set[
 def read_elements(
     entries: Entries,
     points: Container[int],
-    places: Places,
+    places: GridPlaces,
     values: Mapping[str, Mapping[int, float]],
     held: tuple[Mapping[int, str], Container[int]],
-    faults: list[Fault],
+    faults: list[DocumentFault],
 ) -> list[Element]:
     """All springs and masses with scalar points that do anything; appends to ``faults`` what is wrong.
 
@@ -167,7 +168,7 @@ def read_elements(
     return found
 
 
-def _check_ends(entry: Entry, ends: list[End], points: Container[int], places: Places) -> None:
+def _check_ends(entry: Entry, ends: list[End], points: Container[int], places: GridPlaces) -> None:
     keys = [f"g{i}" for i in "12" if entry[f"g{i}"]]
     for key, (point, component) in zip(keys, ends, strict=True):
         if point in points and component:
@@ -195,7 +196,8 @@ def _value(entry: Entry, values: Mapping[str, Mapping[int, float]]) -> float:
     return value
 
 
-class ScalarNodes(NamedTuple):
+@record(kw_only=True)
+class ScalarNodes:
     """Tables of an article and of an environment, in SI units, for the scalar elements of a deck."""
 
     nodes: list[dict[str, Any]]
@@ -206,12 +208,12 @@ class ScalarNodes(NamedTuple):
 
 
 def scalar_nodes(
-    elements: list[Element], places: Places, length: float, mass: float, stiffness: float
+    elements: list[Element], places: GridPlaces, length: float, mass: float, stiffness: float
 ) -> ScalarNodes:
     """What ``elements`` become, but for the equations of `tie_terms`; the units are those of the deck."""
     where = _whereabouts(elements, places)
     inertia = {f"s{point}": 0.0 for point in where}
-    made = ScalarNodes([], [], [], [], [])
+    made = ScalarNodes(nodes=[], attach=[], bushings=[], grounds=[], clamps=[])
     site = {f"s{point}": place for point, place in where.items()}
     for element in elements:
         name, own = element.name, element.node
@@ -253,7 +255,7 @@ def tie_terms(element: Element) -> list[tuple[str, End | None, float]]:
     return terms
 
 
-def _whereabouts(elements: list[Element], places: Places) -> dict[int, np.ndarray]:
+def _whereabouts(elements: list[Element], places: GridPlaces) -> dict[int, np.ndarray]:
     """Where the node of each scalar point is drawn: at a grid that it is joined to, or where another is."""
     found: dict[int, np.ndarray] = {}
     for element in elements:

@@ -6,16 +6,16 @@ refused.
 """
 
 from collections.abc import Container, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.nastran.deck.numbers import real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.nastran.members.members import own_axes
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
+from middeck.values import record
 
 ROW = 8
 APART = 1e-9  # of a length, and the sine between directions that are one
@@ -23,7 +23,8 @@ BASIC_AXES = "0 for the basic axes"
 ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 
 
-class Tie(NamedTuple):
+@record(kw_only=True)
+class Tie:
     """The grids (one: to the ground), the points joined, axes and the stiffness (6, 6) in them."""
 
     entry: Entry
@@ -45,7 +46,11 @@ def arm_from(place: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def read_ties(
-    entries: Entries, places: Places, scalars: Container[int], held: Mapping[int, str], faults: list[Fault]
+    entries: Entries,
+    places: GridPlaces,
+    scalars: Container[int],
+    held: Mapping[int, str],
+    faults: list[DocumentFault],
 ) -> list[Tie]:
     """All CBUSH, CELAS1 and CELAS2 of some stiffness; appends to ``faults`` what cannot be represented.
 
@@ -71,7 +76,7 @@ def read_ties(
     return found
 
 
-def _place(entry: Entry, key: str, places: Places) -> np.ndarray:
+def _place(entry: Entry, key: str, places: GridPlaces) -> np.ndarray:
     grid = entry[key]
     if grid not in places.grids:
         raise CardError(entry.fault(f"there is no grid {grid}", key))
@@ -87,7 +92,7 @@ def _property(entry: Entry, properties: dict[int, Entry], name: str) -> Entry:
 
 
 def _spring(
-    entry: Entry, properties: dict[int, Entry], places: Places, held: Mapping[int, str]
+    entry: Entry, properties: dict[int, Entry], places: GridPlaces, held: Mapping[int, str]
 ) -> Tie | None:
     card = _property(entry, properties, "PELAS") if entry.name == "CELAS1" else entry
     k, ends = card["k"], ends_of(entry)
@@ -122,10 +127,16 @@ def _spring(
                 "a spring across the line between its grids, which resists rigid motion: "
                 "put them in one place, or hold their rotations"
             )
-    return Tie(entry, tuple(grid for grid, _ in ends), tuple(points), frames[0], np.diag(stiffness))
+    return Tie(
+        entry=entry,
+        grids=tuple(grid for grid, _ in ends),
+        points=tuple(points),
+        axes=frames[0],
+        stiffness=np.diag(stiffness),
+    )
 
 
-def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie | None:
+def _bushing(entry: Entry, properties: dict[int, Entry], places: GridPlaces) -> Tie | None:
     stiffness = _stiffness(_property(entry, properties, "PBUSH"))
     a = _place(entry, "ga", places)
     if entry["gb"] is None:
@@ -133,7 +144,13 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
             what = "a bushing to the ground needs a CID, 0 for the basic system: field 9 is blank"
             raise CardError(entry.fault(what, "cid"))
         point = a if entry["ocid"] == -1 else _offset(entry, a, places)
-        return Tie(entry, (entry["ga"],), (point,), _axes(entry, a, a, stiffness, places), np.diag(stiffness))
+        return Tie(
+            entry=entry,
+            grids=(entry["ga"],),
+            points=(point,),
+            axes=_axes(entry, a, a, stiffness, places),
+            stiffness=np.diag(stiffness),
+        )
     b = _place(entry, "gb", places)
     grids = (entry["ga"], entry["gb"])
     if grids[0] == grids[1]:
@@ -142,10 +159,16 @@ def _bushing(entry: Entry, properties: dict[int, Entry], places: Places) -> Tie 
         what = f"S is {entry['s']:g}; must be 0 to 1, a place on the line between its grids"
         raise CardError(entry.fault(what, "s"))
     point = a + entry["s"] * (b - a) if entry["ocid"] == -1 else _offset(entry, a, places)
-    return Tie(entry, grids, (point, point), _axes(entry, a, b, stiffness, places), np.diag(stiffness))
+    return Tie(
+        entry=entry,
+        grids=grids,
+        points=(point, point),
+        axes=_axes(entry, a, b, stiffness, places),
+        stiffness=np.diag(stiffness),
+    )
 
 
-def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
+def _offset(entry: Entry, a: np.ndarray, places: GridPlaces) -> np.ndarray:
     """The elastic point at S1, S2, S3 in the system OCID.
 
     The Quick Reference Guides draw it from the origin of OCID, other programs (MYSTRAN) count it from GA:
@@ -163,7 +186,9 @@ def _offset(entry: Entry, a: np.ndarray, places: Places) -> np.ndarray:
     return a + system.axes @ np.array([entry[key] or 0.0 for key in ("s1", "s2", "s3")])
 
 
-def _axes(entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: Places) -> np.ndarray:
+def _axes(
+    entry: Entry, a: np.ndarray, b: np.ndarray, stiffness: np.ndarray, places: GridPlaces
+) -> np.ndarray:
     if entry["cid"] is not None:
         if entry["cid"] not in places.systems:
             raise CardError(entry.fault(f"there is no coordinate system {entry['cid']}", "cid"))

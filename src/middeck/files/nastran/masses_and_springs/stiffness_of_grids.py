@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.nastran.members.members import Bar, own_axes
 
@@ -38,7 +38,7 @@ def loose_shifts(
     ties: Iterable[Tie],
     held: Mapping[int, str],
     carriers: Mapping[int, int],
-    places: Places,
+    places: GridPlaces,
 ) -> list[int]:
     """Those of ``grids`` that shift in some direction without resistance, square to what is ``held``."""
     firm = {carriers.get(grid, grid) for bar in bars if is_firm(bar) for grid in bar.grids}

@@ -120,7 +120,7 @@ def read_shape(entry: Entry) -> Stations:
         n1, n2 = shape.centroid if tapers else (0.0, 0.0)
         if name == "DBOX" and any((shape.i12, n1, n2)):
             raise ValueError(ONE_SIDED)
-        made = Cut(shape.area, shape.i1, shape.i2, shape.i12, shape.j, nsm, n1=n1, n2=n2)
+        made = Cut(area=shape.area, i1=shape.i1, i2=shape.i2, i12=shape.i12, j=shape.j, nsm=nsm, n1=n1, n2=n2)
         cuts.append((at, made))
     return Stations(tuple(cuts), *(0.0 if k == float("inf") else k for k in (shape.k1, shape.k2)))
 

@@ -2,16 +2,17 @@
 
 import re
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from middeck.files.nastran.deck.coordinates import Places
+from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import Entries, Entry
 from middeck.files.nastran.deck.known_cards import PLACES
 from middeck.files.nastran.members.sections_of_bars import BarSection, Sections
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.section import default_up
+from middeck.values import record
 
 RODS = ("CROD", "CTUBE", "CONROD")
 NAMES = ("CBAR", "CBEAM", *RODS)
@@ -32,7 +33,8 @@ WAYS = (
 )
 
 
-class Bar(NamedTuple):
+@record(kw_only=True)
+class Bar:
     """A member: its grids, the places of its ends in basic coordinates, its own y axis and its section."""
 
     entry: Entry
@@ -82,7 +84,7 @@ def _rank(rows: list[np.ndarray]) -> int:
     return int(np.linalg.matrix_rank(np.array(rows))) if rows else 0
 
 
-def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar]:
+def read_bars(entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> list[Bar]:
     """All members; appends to ``faults`` what is wrong or cannot be represented."""
     sections = Sections(entries, faults)
     reader = _Reader(entries, places, faults)
@@ -98,7 +100,7 @@ def read_bars(entries: Entries, places: Places, faults: list[Fault]) -> list[Bar
         if section.angle:
             _, y, z = own_axes(ends[1] - ends[0], up).T
             up = np.cos(section.angle) * y + np.sin(section.angle) * z
-        bars.append(Bar(entry, (entry["ga"], entry["gb"]), ends, up, section))
+        bars.append(Bar(entry=entry, grids=(entry["ga"], entry["gb"]), ends=ends, up=up, section=section))
     return bars
 
 
@@ -113,7 +115,7 @@ def own_axes(along: np.ndarray, up: np.ndarray) -> np.ndarray:
 class _Reader:
     """Where members run."""
 
-    def __init__(self, entries: Entries, places: Places, faults: list[Fault]) -> None:
+    def __init__(self, entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> None:
         self.places, self.faults = places, faults
         self.default = {name: next(iter(entries.of(card)), None) for name, card in DEFAULTS.items()}
 

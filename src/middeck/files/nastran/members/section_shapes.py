@@ -5,18 +5,20 @@ polar for round sections, Roark's for a solid rectangle, Bredt's for a box, a su
 sections; for HEXA, of which they say nothing, the exact one.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from middeck.structure.model.section_torsion import Wall, torsion_of_polygon, twist_walls
+from middeck.values import record
 
 PI = float(np.pi)
 ROUNDING = 1e-12  # of a product moment over the second moments, of a place over the sizes
 
 
-class SectionShape(NamedTuple):
+@record(kw_only=True)
+class SectionShape:
     """Area, second moments, torsion constant; shear factors K of the area, infinite if rigid in shear.
 
     ``centroid``: where it is (y, z) from the shear centre of thin walls. A CBAR takes both to be one, a CBEAM
@@ -40,13 +42,13 @@ def _need(walls: bool) -> None:
 
 def _rod(r: float) -> SectionShape:
     i = PI * r**4 / 4.0
-    return SectionShape(PI * r * r, i, i, 2.0 * i, 0.9, 0.9)
+    return SectionShape(area=PI * r * r, i1=i, i2=i, j=2.0 * i, k1=0.9, k2=0.9)
 
 
 def _tube(outer: float, inner: float) -> SectionShape:
     _need(outer > inner >= 0.0)
     i = PI * (outer**4 - inner**4) / 4.0
-    return SectionShape(PI * (outer**2 - inner**2), i, i, 2.0 * i, 0.5, 0.5)
+    return SectionShape(area=PI * (outer**2 - inner**2), i1=i, i2=i, j=2.0 * i, k1=0.5, k2=0.5)
 
 
 def _tube2(outer: float, thickness: float) -> SectionShape:
@@ -58,7 +60,7 @@ def _bar(width: float, height: float) -> SectionShape:
     ratio = short / long
     j = long * short**3 * (1.0 / 3.0 - 0.21 * ratio * (1.0 - ratio**4 / 12.0))
     i1, i2 = width * height**3 / 12.0, height * width**3 / 12.0
-    return SectionShape(width * height, i1, i2, j, 5.0 / 6.0, 5.0 / 6.0)
+    return SectionShape(area=width * height, i1=i1, i2=i2, j=j, k1=5.0 / 6.0, k2=5.0 / 6.0)
 
 
 def _box(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
@@ -66,10 +68,10 @@ def _box(width: float, height: float, t_flange: float, t_web: float) -> SectionS
     _need(w > 0.0 and h > 0.0)
     around = (width - t_web) / t_flange + (height - t_flange) / t_web
     return SectionShape(
-        width * height - w * h,
-        (width * height**3 - w * h**3) / 12.0,
-        (height * width**3 - h * w**3) / 12.0,
-        2.0 * ((width - t_web) * (height - t_flange)) ** 2 / around,
+        area=width * height - w * h,
+        i1=(width * height**3 - w * h**3) / 12.0,
+        i2=(height * width**3 - h * w**3) / 12.0,
+        j=2.0 * ((width - t_web) * (height - t_flange)) ** 2 / around,
     )
 
 
@@ -86,10 +88,10 @@ def _walls(*walls: tuple[float, float, float, float], shear_centre: tuple[float,
     i1, i2 = float(np.sum(area * (y**2 + h**2 / 12.0))), float(np.sum(area * (z**2 + w**2 / 12.0)))
     i12 = float(np.sum(area * y * z))
     return SectionShape(
-        float(area.sum()),
-        i1,
-        i2,
-        float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3.0),
+        area=float(area.sum()),
+        i1=i1,
+        i2=i2,
+        j=float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3.0),
         centroid=(_off(centre[0] - shear_centre[0], h.sum()), _off(centre[1] - shear_centre[1], w.sum())),
         i12=_off(i12, i1 + i2),
     )
@@ -108,7 +110,7 @@ def _joined(
     """Rectangles, see `_walls`, whose middle lines are ``lines`` between ``points``."""
     centre, cells, open_walls = twist_walls(points, lines)
     made = _walls(*walls, shear_centre=(float(centre[0]), float(centre[1])))
-    return made._replace(j=cells + open_walls)
+    return dataclasses.replace(made, j=cells + open_walls)
 
 
 def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_upper: float) -> SectionShape:
@@ -123,7 +125,7 @@ def _i(height: float, lower: float, upper: float, web: float, t_lower: float, t_
         (high, 0.0, t_upper, upper),
         shear_centre=(low + share * (high - low), 0.0),
     )
-    return made._replace(j=made.j + 0.5 * (t_lower + t_upper) * web**3 / 3.0)
+    return dataclasses.replace(made, j=made.j + 0.5 * (t_lower + t_upper) * web**3 / 3.0)
 
 
 def _i1(flange: float, web: float, inside: float, height: float) -> SectionShape:
@@ -137,19 +139,19 @@ def _t2(width: float, height: float, t_flange: float, t_web: float) -> SectionSh
     stem = height - t_flange
     _need(stem > 0.0)
     made = _walls((0.0, 0.0, t_flange, width), (0.5 * height, 0.0, stem, t_web), shear_centre=(0.0, 0.0))
-    return made._replace(j=made.j + 0.5 * t_flange * t_web**3 / 3.0)
+    return dataclasses.replace(made, j=made.j + 0.5 * t_flange * t_web**3 / 3.0)
 
 
 def _t(width: float, height: float, t_flange: float, t_web: float) -> SectionShape:
     made = _t2(width, height, t_flange, t_web)
     y, z = made.centroid
-    return made._replace(centroid=(-y, z))
+    return dataclasses.replace(made, centroid=(-y, z))
 
 
 def _quarter_turn(shape: SectionShape, sign: float) -> SectionShape:
     """The shape with its y and z exchanged, the centroid to the side of ``sign``."""
     y, z = shape.centroid
-    return shape._replace(i1=shape.i2, i2=shape.i1, centroid=(sign * z, sign * y))
+    return dataclasses.replace(shape, i1=shape.i2, i2=shape.i1, centroid=(sign * z, sign * y))
 
 
 def _t1(flange: float, web: float, t_flange: float, t_web: float) -> SectionShape:
@@ -169,7 +171,7 @@ def _channel(width: float, height: float, t_web: float, t_flange: float) -> Sect
         (0.0, web, inside, t_web),
         shear_centre=(0.0, web - behind),
     )
-    return made._replace(j=made.j + (t_flange * t_web**3 - t_web * t_flange**3) / 3.0)
+    return dataclasses.replace(made, j=made.j + (t_flange * t_web**3 - t_web * t_flange**3) / 3.0)
 
 
 def _channel1(flange: float, t_web: float, inside: float, height: float) -> SectionShape:
@@ -196,7 +198,7 @@ def _box1(width: float, height: float, top: float, bottom: float, right: float, 
         shear_centre=(0.5 * (bottom - height) + float(y), 0.5 * (left - width) + float(z)),
     )
     around = across * (1.0 / top + 1.0 / bottom) + along * (1.0 / left + 1.0 / right)
-    return made._replace(j=4.0 * (across * along) ** 2 / around)
+    return dataclasses.replace(made, j=4.0 * (across * along) ** 2 / around)
 
 
 def _l(width: float, height: float, t_base: float, t_web: float) -> SectionShape:
@@ -283,7 +285,8 @@ def _dbox(width: float, height: float, middle: float, *t: float) -> SectionShape
         (0.5 * x if below else height - 0.5 * x, centres[cell], x, inside[cell])
         for (cell, below), x in zip(((0, 0), (0, 1), (1, 0), (1, 1)), covers, strict=True)
     )
-    return _walls(*upright, *over, shear_centre=(float(centre[0]), float(centre[1])))._replace(j=cells)
+    walls = _walls(*upright, *over, shear_centre=(float(centre[0]), float(centre[1])))
+    return dataclasses.replace(walls, j=cells)
 
 
 def _hexa(corner: float, width: float, height: float) -> SectionShape:
@@ -300,7 +303,7 @@ def _hexa(corner: float, width: float, height: float) -> SectionShape:
     )
     i1 = height**3 * (flat / 12.0 + corner / 24.0)
     i2 = height * (flat**3 / 12.0 + corner * (0.5 * flat + corner / 3.0) ** 2 + corner**3 / 18.0)
-    return SectionShape(height * (flat + corner), i1, i2, torsion_of_polygon(outline))
+    return SectionShape(area=height * (flat + corner), i1=i1, i2=i2, j=torsion_of_polygon(outline))
 
 
 def _cross(wings: float, t_vertical: float, height: float, t_wings: float) -> SectionShape:
@@ -312,7 +315,7 @@ def _cross(wings: float, t_vertical: float, height: float, t_wings: float) -> Se
         (0.0, -middle, t_wings, 0.5 * wings),
         shear_centre=(0.0, 0.0),
     )
-    return made._replace(j=(height * t_vertical**3 + (wings + t_vertical) * t_wings**3) / 3.0)
+    return dataclasses.replace(made, j=(height * t_vertical**3 + (wings + t_vertical) * t_wings**3) / 3.0)
 
 
 def _h(inside: float, legs: float, height: float, t_web: float) -> SectionShape:
@@ -320,7 +323,7 @@ def _h(inside: float, legs: float, height: float, t_web: float) -> SectionShape:
     arm, leg = 0.5 * (inside + 0.5 * legs), 0.5 * legs
     walls = ((0.0, 0.0, t_web, inside), (0.0, arm, height, leg), (0.0, -arm, height, leg))
     made = _walls(*walls, shear_centre=(0.0, 0.0))
-    return made._replace(j=made.j + leg * t_web**3 / 3.0)
+    return dataclasses.replace(made, j=made.j + leg * t_web**3 / 3.0)
 
 
 SHAPES: dict[str, tuple[int, Callable[..., SectionShape]]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
 from middeck.files.nastran.deck.known_cards import PLACES
 from middeck.files.nastran.members.beam_stations import Cut, FieldError, Stations, read_pbeam, read_shape
-from middeck.files.toml.faults import Fault
+from middeck.files.toml.faults import DocumentFault
 
 # Product of inertia over the second moments that is zero to rounding: fields have eight columns.
 ROUNDING = 1e-6
@@ -61,7 +61,7 @@ class BarSection(NamedTuple):
 class Sections:
     """Sections by the property that a member names; what is wrong with one is said once."""
 
-    def __init__(self, entries: Entries, faults: list[Fault]) -> None:
+    def __init__(self, entries: Entries, faults: list[DocumentFault]) -> None:
         self.materials = entries.numbered("MAT1")
         self.properties = entries.numbered("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
         self.faults = faults
@@ -163,10 +163,10 @@ def _stations(entry: Entry) -> Stations:
     if entry.name == "PBAR":
         i12 = entry["i12"]
         factors = (0.0, 0.0) if i12 != 0.0 else (entry["k1"] or 0.0, entry["k2"] or 0.0)
-        cut = Cut(entry["a"], entry["i1"], entry["i2"], i12, entry["j"], entry["nsm"])
+        cut = Cut(area=entry["a"], i1=entry["i1"], i2=entry["i2"], i12=i12, j=entry["j"], nsm=entry["nsm"])
         return Stations(((0.0, cut),), *factors)
     area, twist = _tube(entry) if entry.name == "PTUBE" else (entry["a"], entry["j"])
-    return Stations(((0.0, Cut(area, 0.0, 0.0, 0.0, twist, entry["nsm"])),), 0.0, 0.0)
+    return Stations(((0.0, Cut(area=area, i1=0.0, i2=0.0, i12=0.0, j=twist, nsm=entry["nsm"])),), 0.0, 0.0)
 
 
 def _tube(entry: Entry) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import NoReturn
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.nastran.output4.heads import DOUBLE, Head, head_of
+from middeck.files.nastran.output4.heads import DOUBLE, MatrixHeader, head_of
 
 # Length of a header by the size of its integers.
 HEADERS = {4: 24, 8: 48}
@@ -38,7 +38,7 @@ class BinarySource:
         named = f", matrix {self.matrix!r}" if self.matrix else ""
         raise DataError(what, where=f"{self.path}{named}, byte {self.at}", hint="write the file once more")
 
-    def head(self) -> Head | None:
+    def head(self) -> MatrixHeader | None:
         """The next header; None at the end of the file."""
         self.matrix = ""
         if self.at == len(self.content):
@@ -63,17 +63,17 @@ class BinarySource:
         letter = "i" if self.size == 4 else "q"
         return struct.unpack(f"{self.order}{count}{letter}", self._take(count * self.size))
 
-    def reals(self, head: Head, count: int) -> np.ndarray:
+    def reals(self, head: MatrixHeader, count: int) -> np.ndarray:
         """The next numbers of the record."""
         width = 4 * self.words_per_real(head) if self.size == 4 else 8
         with np.errstate(invalid="ignore"):  # damaged ones are refused by the reader
             return np.frombuffer(self._take(count * width), f"{self.order}f{width}").astype(float)
 
-    def words_per_real(self, head: Head) -> int:
+    def words_per_real(self, head: MatrixHeader) -> int:
         """Words that a number takes."""
         return 2 if self.size == 4 and head.kind in DOUBLE else 1
 
-    def dense_count(self, words: int, head: Head) -> int:
+    def dense_count(self, words: int, head: MatrixHeader) -> int:
         """Numbers in a dense column of so many words."""
         count, rest = divmod(words, self.words_per_real(head))
         if rest:

@@ -1,7 +1,9 @@
 """What text and binary OUTPUT4 files have in common: their headers."""
 
 from collections.abc import Callable
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
+
+from middeck.values import record
 
 SYMMETRIC = 6
 COMPLEX = (3, 4)
@@ -12,7 +14,8 @@ FORMS = (*range(1, 16),)
 BIG = 65536
 
 
-class Head(NamedTuple):
+@record(kw_only=True)
+class MatrixHeader:
     """Header of a matrix: ``kind`` is 1 to 4, real or complex in single or double precision."""
 
     columns: int
@@ -23,11 +26,13 @@ class Head(NamedTuple):
     name: str
 
 
-def head_of(numbers: tuple[int, ...], name: str, fail: Callable[[str], NoReturn]) -> Head:
+def head_of(numbers: tuple[int, ...], name: str, fail: Callable[[str], NoReturn]) -> MatrixHeader:
     """A header whose numbers make sense."""
     columns, rows, form, kind = numbers
     if not (columns > 0 and rows != 0 and form in FORMS and 1 <= kind <= 4):
         fail(f"a header of {columns} columns, {rows} rows, form {form} and type {kind}, which is no matrix's")
     if not (name.isascii() and name.isprintable()):
         fail(f"a header with the name {name!r}")
-    return Head(columns, abs(rows), rows < 0 or rows >= BIG, form, kind, name)
+    return MatrixHeader(
+        columns=columns, rows=abs(rows), big=rows < 0 or rows >= BIG, form=form, kind=kind, name=name
+    )

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from middeck.errors import ConfigError, DataError
 from middeck.files.disk.atomic import write_bytes
 from middeck.files.nastran.output4.binary import BinarySource, is_binary
-from middeck.files.nastran.output4.heads import BIG, COMPLEX, DOUBLE, SYMMETRIC, Head
+from middeck.files.nastran.output4.heads import BIG, COMPLEX, DOUBLE, SYMMETRIC, MatrixHeader
 from middeck.files.nastran.output4.text import TextSource
 
 Source = BinarySource | TextSource
@@ -65,7 +65,7 @@ def op4_by_name(path: str | Path) -> dict[str, Op4Matrix]:
     return out
 
 
-def _matrix(source: Source, head: Head) -> Op4Matrix:
+def _matrix(source: Source, head: MatrixHeader) -> Op4Matrix:
     rows, column, value = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
     last, dense = 0, None
     seen: set[int] = set()
@@ -99,7 +99,7 @@ def _matrix(source: Source, head: Head) -> Op4Matrix:
     return Op4Matrix(head.name, head.form, matrix)
 
 
-def _strings(source: Source, head: Head, row: int, words: int) -> list[tuple[int, np.ndarray]]:
+def _strings(source: Source, head: MatrixHeader, row: int, words: int) -> list[tuple[int, np.ndarray]]:
     """First row and entries of each run of a column."""
     if row > 0:
         return [(row, _numbers(source, head, source.dense_count(words, head)))]
@@ -121,7 +121,7 @@ def _strings(source: Source, head: Head, row: int, words: int) -> list[tuple[int
 
 
 def _strings_of_whole_length(
-    source: TextSource, head: Head, start: int, words: int
+    source: TextSource, head: MatrixHeader, start: int, words: int
 ) -> list[tuple[int, np.ndarray]]:
     """As pyNastran writes a column: each run states the length of all, two words for each number."""
     found = [(start, _numbers(source, head, source.numbers_ahead()))]
@@ -137,7 +137,7 @@ def _strings_of_whole_length(
     return found
 
 
-def _numbers(source: Source, head: Head, count: int) -> np.ndarray:
+def _numbers(source: Source, head: MatrixHeader, count: int) -> np.ndarray:
     if count <= 0 or (head.kind in COMPLEX and count % 2):
         source.fail(f"{count} numbers for {'complex' if head.kind in COMPLEX else 'real'} entries")
     numbers = source.reals(head, count)
@@ -146,7 +146,7 @@ def _numbers(source: Source, head: Head, count: int) -> np.ndarray:
     return numbers[0::2] + 1j * numbers[1::2] if head.kind in COMPLEX else numbers
 
 
-def _check_form(source: Source, head: Head, matrix: sp.csc_array) -> None:
+def _check_form(source: Source, head: MatrixHeader, matrix: sp.csc_array) -> None:
     if head.form in (SQUARE, SYMMETRIC) and head.rows != head.columns:
         source.fail(f"a square matrix (form {head.form}) of {head.rows} rows and {head.columns} columns")
     if head.form != SYMMETRIC:

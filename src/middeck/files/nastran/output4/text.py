@@ -7,7 +7,7 @@ from typing import NoReturn
 import numpy as np
 
 from middeck.errors import DataError
-from middeck.files.nastran.output4.heads import COMPLEX, DOUBLE, Head, head_of
+from middeck.files.nastran.output4.heads import COMPLEX, DOUBLE, MatrixHeader, head_of
 
 # 1P,3E24.16: numbers in a line, and their width.
 FORMAT = re.compile(r"(?:1P,?)?(\d+)[ED](\d+)\.(\d+)")
@@ -38,7 +38,7 @@ class TextSource:
         named = f", matrix {self.matrix!r}" if self.matrix else ""
         raise DataError(what, where=f"{self.path}{named}, line {self.at}", hint="write the file once more")
 
-    def head(self) -> Head | None:
+    def head(self) -> MatrixHeader | None:
         """The next header; None at the end of the file."""
         self.matrix = ""
         if self.at == len(self.lines):
@@ -93,7 +93,7 @@ class TextSource:
             self.fail(f"{line.strip()[:40]!r} in place of {count} integers")
         return tuple(self._integer(line[i * width : (i + 1) * width]) for i in range(count))
 
-    def reals(self, head: Head, count: int) -> np.ndarray:
+    def reals(self, head: MatrixHeader, count: int) -> np.ndarray:
         """Lines of numbers."""
         per, width = self.format
         out = np.empty(count)
@@ -105,11 +105,11 @@ class TextSource:
                 out[first + i] = self._number(line[i * width : (i + 1) * width])
         return out
 
-    def words_per_real(self, head: Head) -> int:
+    def words_per_real(self, head: MatrixHeader) -> int:
         """Words that a number counts for."""
         return 2 if head.kind in DOUBLE else 1
 
-    def dense_count(self, words: int, head: Head) -> int:
+    def dense_count(self, words: int, head: MatrixHeader) -> int:
         """Numbers in a dense column: text counts them, not words."""
         if head.kind in COMPLEX and words % 2:
             self.fail(f"{words} numbers for complex entries")

@@ -79,7 +79,8 @@ class Motor:
             )
 
 
-class MotorBank(NamedTuple):
+@record(kw_only=True)
+class MotorBank:
     """All motors of a rig as arrays, one entry each; momentum in units of a torque over one tick."""
 
     lower: Float[np.ndarray, " input"]
@@ -93,11 +94,11 @@ def gather_motors(motors: Sequence[Motor], period_s: float) -> MotorBank:
     """The motors at a tick of ``period_s``."""
     rotors = [m.rotor for m in motors]
     return MotorBank(
-        np.array([-m.torque_limit - m.holding for m in motors]),
-        np.array([m.torque_limit - m.holding for m in motors]),
-        np.array([m.slew_limit * period_s for m in motors]),
-        np.array([m.resolution or EXACT for m in motors]),
-        np.array([np.inf if r is None else r.inertia * r.speed_limit / period_s for r in rotors]),
+        lower=np.array([-m.torque_limit - m.holding for m in motors]),
+        upper=np.array([m.torque_limit - m.holding for m in motors]),
+        slew=np.array([m.slew_limit * period_s for m in motors]),
+        step=np.array([m.resolution or EXACT for m in motors]),
+        momentum=np.array([np.inf if r is None else r.inertia * r.speed_limit / period_s for r in rotors]),
     )
 
 

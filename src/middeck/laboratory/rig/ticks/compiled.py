@@ -7,8 +7,8 @@ source, into the user's cache.
 import ctypes
 import functools
 import warnings
+from dataclasses import dataclass
 from importlib import resources
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,8 @@ GIVEN = "step drive push compliance look compute shift friction limits converter
 MOVED = "x angles sliders torques stands previous momentum digital rows issued work"
 
 
-class TickRows(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TickRows:
     """What a block of ticks is given, and the rows that it fills.
 
     Attributes:

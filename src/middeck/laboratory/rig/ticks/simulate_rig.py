@@ -149,7 +149,9 @@ def _run_linear(
     state = dataclasses.replace(
         linear_state(start, end, np.zeros(0)), momentum=momentum[-1], tick=start.tick + len(e)
     )
-    return RigBlock(measured, measured, control, torque, momentum, state)
+    return RigBlock(
+        measured=measured, readings=measured, control=control, torque=torque, momentum=momentum, state=state
+    )
 
 
 def _run_ticks(
@@ -167,7 +169,17 @@ def _run_ticks(
     rows = np.empty((len(e), len(step)))
     digital = np.empty((len(e) + 1, step.shape[1]))
     digital[0, :states] = start.computer
-    ticks = TickRows(step, shift, states, e, offset / count, noise, digital, rows, issued)
+    ticks = TickRows(
+        compute=step,
+        shift=shift,
+        kept=states,
+        excitation=e,
+        offset=offset / count,
+        noise=noise,
+        digital=digital,
+        rows=rows,
+        issued=issued,
+    )
     x, joints = run_compiled(rig, plant, ticks, start) or _run_in_python(rig, plant, ticks, start)
     momentum = np.subtract.accumulate(np.vstack([start.momentum, new]))[1:]
     end = RigState(
@@ -175,7 +187,12 @@ def _run_ticks(
         joints=joints, bias=bias, trim=start.trim, tick=start.tick + len(e),
     )  # fmt: skip
     return RigBlock(
-        rows[:, states:answer], digital[:-1, states:] * count, rows[:, answer:], new, momentum, end
+        measured=rows[:, states:answer],
+        readings=digital[:-1, states:] * count,
+        control=rows[:, answer:],
+        torque=new,
+        momentum=momentum,
+        state=end,
     )
 
 

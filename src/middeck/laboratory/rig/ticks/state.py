@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -38,7 +38,8 @@ class RigState:
     tick: int
 
 
-class RigBlock(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigBlock:
     """Some ticks of a simulation.
 
     ``measured`` are the outputs as the computer has them and ``readings`` what it made them from; ``control``
@@ -56,7 +57,14 @@ class RigBlock(NamedTuple):
 
 def cut_block(block: RigBlock, ticks: int) -> RigBlock:
     """Its first ``ticks``; the state stays that of its end."""
-    return RigBlock(*(x[:ticks] for x in block[:-1]), state=block.state)
+    return RigBlock(
+        measured=block.measured[:ticks],
+        readings=block.readings[:ticks],
+        control=block.control[:ticks],
+        torque=block.torque[:ticks],
+        momentum=block.momentum[:ticks],
+        state=block.state,
+    )
 
 
 def check_start(rig: Rig, law: SampledStateSpace, start: RigState) -> None:

@@ -73,8 +73,9 @@ class SteppedRig(EngineRig):
         new, momentum = issued[len(start.issued) :], start.momentum
         commands = np.zeros((count, p + len(self.rig.inputs)))
         rows = TickRows(
-            np.zeros((commands.shape[1], p)), np.zeros(commands.shape[1]), 0, nothing, offset / readout.step,
-            noise, np.empty((count + 1, p)), commands, issued,
+            compute=np.zeros((commands.shape[1], p)), shift=np.zeros(commands.shape[1]), kept=0,
+            excitation=nothing, offset=offset / readout.step, noise=noise,
+            digital=np.empty((count + 1, p)), rows=commands, issued=issued,
         )  # fmt: skip
         ticks = compile_ticks(self.rig, plant, rows, start) or _PythonTicks(self.rig, plant, rows, start)
         for k, (reading, row, given) in enumerate(zip(rows.digital, commands[:, p:], new, strict=False)):

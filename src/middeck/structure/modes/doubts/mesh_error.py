@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -79,9 +79,10 @@ def _element_errors(modes: Modes, count: int | None) -> Float[np.ndarray, "eleme
     lumped = beams.lumped[:, [0, 1, 1]] * (beams.rho_A * beams.length / 6.0)[:, None]
     lost -= np.einsum("ei,eim->em", lumped, (moves[:, 1, 0] - moves[:, 0, 0]) ** 2)
     moves[..., 1, :], moves[..., 2, :] = _turned(moves[..., 1, :], moves[..., 2, :], turn)
-    for ends, inertia, pulled, own, critical in _parts(beams, moves, pull):
-        near = omega**2 / own[:, None] - (pull / critical)[:, None]
-        load = omega * (inertia @ ends) + (pulled @ ends) * _over(np.ones(count), omega)
+    for part in _parts(beams, moves, pull):
+        near = omega**2 / part.own[:, None] - (pull / part.critical)[:, None]
+        load = omega * (part.inertia @ part.ends)
+        load = load + (part.pulled @ part.ends) * _over(np.ones(count), omega)
         lost += np.sum(load**2, axis=1) / np.maximum(1.0 - near, 1.0 - BEYOND)
         beyond |= near > BEYOND
     return np.where(beyond, np.inf, 0.5 * lost)
@@ -188,7 +189,8 @@ def _turned(y: np.ndarray, z: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray,
     return c * y + s * z, c * z - s * y
 
 
-class _Part(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Part:
     """One way for elements to deform.
 
     Attributes:
@@ -214,7 +216,15 @@ def _parts(beams: BeamProperties, moves: np.ndarray, pull: np.ndarray) -> list[_
     ):
         load = np.sqrt(_over(inertia**2 * L**3, stiffness))[:, None, None] * BAR
         own = CLAMPED_BAR * _own(stiffness, inertia * L**2)
-        parts.append(_Part(moves[:, :, field, 0], load, 0.0 * load, own, np.full(len(L), np.inf)))
+        parts.append(
+            _Part(
+                ends=moves[:, :, field, 0],
+                inertia=load,
+                pulled=0.0 * load,
+                own=own,
+                critical=np.full(len(L), np.inf),
+            )
+        )
     for across, about, sign, EI, rho_I, shear in (
         (1, 2, 1.0, beams.EI_z, beams.rho_I_z, beams.shear_y),
         (2, 1, -1.0, beams.EI_y, beams.rho_I_y, beams.shear_z),  # w' = -theta_y
@@ -227,8 +237,8 @@ def _parts(beams: BeamProperties, moves: np.ndarray, pull: np.ndarray) -> list[_
         EI = np.where(string, STRING * pull * L**2, EI)
         own = CLAMPED_BEAM * _own(EI, beams.rho_A * L**4) / (1.0 + shear)
         critical = CLAMPED_COLUMN * _own(EI, L**2) / (1.0 + CLAMPED_COLUMN / 12.0 * shear)
-        loads = _bending_loads(L, EI, beams.rho_A, rho_I, shear, pull)
-        parts.append(_Part(ends, *loads, own, critical))
+        load, pulled = _bending_loads(L, EI, beams.rho_A, rho_I, shear, pull)
+        parts.append(_Part(ends=ends, inertia=load, pulled=pulled, own=own, critical=critical))
     return parts
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +19,7 @@ from middeck.structure.modes.motions.rigid_motions import AXES
 from middeck.structure.modes.motions.strain_shares import member_energy
 from middeck.structure.modes.motions.strained_parts import straight_lines
 from middeck.structure.rest.equilibrium import Equilibrium
+from middeck.values import record
 
 # Members that depart from one line by less than this part of its length are one line.
 ONE_LINE = 1e-3
@@ -36,7 +36,8 @@ SHORT, FEW = 0.1, 4
 LONG, BESIDE = 0.5, 0.2
 
 
-class BeamMotion(NamedTuple):
+@record(kw_only=True)
+class BeamMotion:
     """Motion of sections, and where the strain is.
 
     ``names`` are characters of motion, ``share`` theirs in that of the sections, ``fit`` the part of the
@@ -118,7 +119,14 @@ def beam_motion(equilibrium: Equilibrium, shapes: Float[np.ndarray, "coordinate 
     own = np.einsum("ai,pim->apm", across, changes[ends[on_mast], :3])
     slender = bool(spread[2] >= SLENDER**2 * spread[1])
     return BeamMotion(
-        names, share, fit, lines.appended(), _planes_of(aside), lines.on_mast(), _planes_of(own), slender
+        names=names,
+        share=share,
+        fit=fit,
+        appended=lines.appended(),
+        lateral=_planes_of(aside),
+        mast=lines.on_mast(),
+        mast_lateral=_planes_of(own),
+        slender=slender,
     )
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,7 +49,8 @@ SEPARABLE = 0.5
 DEPENDENT = 1e-10
 
 
-class Kinds(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kinds:
     """omega^2 and shapes, those of one frequency turned apart; their rigid and strain shares, and kinds."""
 
     lam: Float[np.ndarray, " mode"]
@@ -84,7 +85,13 @@ def find_kinds(
         lam, shapes = _settled(tree, M, lam, shapes, [c for c in repeated(lam) if c[0] >= rigid])
         share = np.where(np.arange(len(lam)) < rigid, 1.0, 0.0)
         strained = strain_share(equilibrium, lam, shapes)
-        return Kinds(lam, shapes, share, strained, first + ("flexible",) * (len(lam) - rigid))
+        return Kinds(
+            lam=lam,
+            shapes=shapes,
+            rigid_share=share,
+            strain_share=strained,
+            kind=first + ("flexible",) * (len(lam) - rigid),
+        )
     rows = M @ strainless_motions(equilibrium, M)
     shapes, groups = _apart(lam, shapes, rows.T @ shapes, rigid)
     lam, shapes = _settled(tree, M, lam, shapes, groups)
@@ -94,7 +101,13 @@ def find_kinds(
     strained = strain_share(equilibrium, lam, shapes)
     held = (share >= HALF) & ((strained < HALF) | (lam <= 0.0))  # nothing restores what falls over
     kind = np.where(held, _holders(equilibrium, lam, shapes, strained), "flexible")
-    return Kinds(lam, shapes, share, strained, first + tuple(kind[rigid:].tolist()))
+    return Kinds(
+        lam=lam,
+        shapes=shapes,
+        rigid_share=share,
+        strain_share=strained,
+        kind=first + tuple(kind[rigid:].tolist()),
+    )
 
 
 def _holders(

@@ -3,7 +3,7 @@
 from typing import Any
 
 from middeck.structure.gravity.compare_modes import ModeComparison
-from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapter import Chapter, ChapterDrawing, ChapterEntry
 from middeck.study.chapters.gravity_modes import numbers, text
 from middeck.study.chapters.gravity_modes.figure_3 import figure_3
 from middeck.study.chapters.gravity_modes.figures_4_5 import figure_4, figure_5
@@ -28,13 +28,23 @@ GRAVITY_MODES = Chapter(
     needs=(compare_environments,),
     compute=compute,
     entries=(
-        Entry("figure_4", numbers.figure_4),
-        Entry("figure_5", numbers.figure_5),
+        ChapterEntry(key="figure_4", numbers=numbers.figure_4),
+        ChapterEntry(key="figure_5", numbers=numbers.figure_5),
     ),
     drawings=(
-        Drawing("figure-3", TITLE_3, figure_3, sentence=text.figure_3, tables=text.rest_tables),
-        Drawing("figure-4", TITLE_4, figure_4, sentence=text.figure_4, tables=text.mode_tables),
-        Drawing("figure-5", TITLE_5, figure_5, sentence=text.figure_5, tables=text.orthogonality_tables),
+        ChapterDrawing(
+            key="figure-3", title=TITLE_3, draw=figure_3, sentence=text.figure_3, tables=text.rest_tables
+        ),
+        ChapterDrawing(
+            key="figure-4", title=TITLE_4, draw=figure_4, sentence=text.figure_4, tables=text.mode_tables
+        ),
+        ChapterDrawing(
+            key="figure-5",
+            title=TITLE_5,
+            draw=figure_5,
+            sentence=text.figure_5,
+            tables=text.orthogonality_tables,
+        ),
     ),
     result=text.result,
 )

@@ -31,7 +31,7 @@ COUNTS = {1: "one point", 2: "two points", 3: "three points"}
 AXIS = "xyz"
 
 
-class Look(NamedTuple):
+class ViewAxes(NamedTuple):
     """World axes to the right and up; ``falls`` where gravity is along the axis that points up."""
 
     right: int
@@ -69,13 +69,13 @@ def figure_3(comparison: ModeComparison) -> Figure:
     return figure
 
 
-def _looks(environment: Environment, extent: np.ndarray) -> tuple[Look, Look]:
+def _looks(environment: Environment, extent: np.ndarray) -> tuple[ViewAxes, ViewAxes]:
     """From the side, with the longest level axis to the right; and along that axis."""
     up = environment.upwards
     vertical = 1 if up is None else int(np.argmax(np.abs(up)))
     falls = up is not None and float(up[vertical]) < 0.0
     side, end = sorted((k for k in range(3) if k != vertical), key=lambda k: -extent[k])
-    return Look(side, vertical, falls), Look(end, vertical, falls)
+    return ViewAxes(side, vertical, falls), ViewAxes(end, vertical, falls)
 
 
 def _held(rest: Equilibrium) -> str:
@@ -85,7 +85,7 @@ def _held(rest: Equilibrium) -> str:
     return "clamped" if rest.environment.clamps else "at rest"
 
 
-def _panels(extent: np.ndarray, looks: tuple[Look, Look]) -> tuple[Figure, np.ndarray]:
+def _panels(extent: np.ndarray, looks: tuple[ViewAxes, ViewAxes]) -> tuple[Figure, np.ndarray]:
     """Rows 0-g and 1-g, columns from the side and from the end; of a tall article all beside each other."""
     across, height = sum(extent[look.right] for look in looks), extent[looks[0].up]
     if height <= TALL * across:
@@ -150,7 +150,7 @@ def _one_scale(grid: np.ndarray) -> None:
     layout.set_height_ratios(list(boxes[:, :, 1].max(axis=1)))
 
 
-def _name_parts(axes: Axes, model: Model, look: Look) -> None:
+def _name_parts(axes: Axes, model: Model, look: ViewAxes) -> None:
     """Node names above the nodes, the names of the carried bodies' last axes beside their boxes."""
     for node in model.structure.nodes:
         note(axes, node.name, node.position[[look.right, look.up]], (0, 9), ha="center")
@@ -170,7 +170,7 @@ def _largest_displacement(rest: Equilibrium) -> float:
     return float(np.linalg.norm(rest.config.x - rest.model.rest.x, axis=1).max(initial=0.0))
 
 
-def _draw_view(axes: Axes, rest: Equilibrium, factor: float, look: Look, colour: str) -> None:
+def _draw_view(axes: Axes, rest: Equilibrium, factor: float, look: ViewAxes, colour: str) -> None:
     """Members, bodies on their arms and cables, displaced ``factor`` times; behind them members as drawn."""
     drawing, hung = build_rest_drawing(rest), bool(np.any(rest.loads.gravity))
     structure = rest.model.structure
@@ -195,7 +195,7 @@ def _draw_view(axes: Axes, rest: Equilibrium, factor: float, look: Look, colour:
     axes.margins(0.05)
 
 
-def _flat(drawing: Drawing, factor: float, look: Look) -> tuple[np.ndarray, np.ndarray]:
+def _flat(drawing: Drawing, factor: float, look: ViewAxes) -> tuple[np.ndarray, np.ndarray]:
     """Points as drawn, and displaced from there ``factor`` times as far as at rest."""
     drawn, rest = (x[:, [look.right, look.up]] for x in (drawing.drawn, drawing.rest))
     return drawn, drawn + factor * (rest - drawn)
@@ -208,7 +208,7 @@ def _draw_box(axes: Axes, corners: Float[np.ndarray, "corner 2"], colour: str) -
         axes.add_patch(box)
 
 
-def _name_cables(axes: Axes, rest: Equilibrium, factor: float, look: Look, apart: float) -> None:
+def _name_cables(axes: Axes, rest: Equilibrium, factor: float, look: ViewAxes, apart: float) -> None:
     """Tension and length of each cable at its upper end, where there is room for words."""
     drawing = build_rest_drawing(rest)
     at, cables = _flat(drawing, factor, look)[1], [line for line in drawing.lines if line.what == "cable"]

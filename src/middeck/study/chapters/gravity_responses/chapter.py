@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapter import Chapter, ChapterDrawing, ChapterEntry
 from middeck.study.chapters.gravity_responses import computation, numbers_and_claims, text
 from middeck.study.chapters.gravity_responses.figure_6 import figure_6
 
@@ -13,18 +13,25 @@ GRAVITY_RESPONSES = Chapter(
     share=0.01,
     stream=1,
     compute=computation.compute,
-    entries=(Entry("figure_6", numbers_and_claims.figure_6, claims_at="figure-6a", warnings_at="figure-6b"),),
+    entries=(
+        ChapterEntry(
+            key="figure_6",
+            numbers=numbers_and_claims.figure_6,
+            claims_at="figure-6a",
+            warnings_at="figure-6b",
+        ),
+    ),
     drawings=(
-        Drawing(
-            "figure-6a",
-            partial(text.title, output=0),
-            partial(figure_6, output=0),
+        ChapterDrawing(
+            key="figure-6a",
+            title=partial(text.title, output=0),
+            draw=partial(figure_6, output=0),
             sentence=partial(text.sentence, output=0),
         ),
-        Drawing(
-            "figure-6b",
-            partial(text.title, output=1),
-            partial(figure_6, output=1),
+        ChapterDrawing(
+            key="figure-6b",
+            title=partial(text.title, output=1),
+            draw=partial(figure_6, output=1),
             sentence=partial(text.sentence, output=1),
             tables=text.response_tables,
         ),

@@ -8,12 +8,18 @@ from middeck.plot.curves import bode_figure, decibels, draw_bode
 from middeck.plot.port_words import path_words
 from middeck.plot.style import COLOUR, FITTED, note, styled
 from middeck.study.chapters.measured_control.computation import MeasuredControl
-from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
+from middeck.study.measured_loop.drawing import (
+    LoopStyle,
+    begin_loops,
+    draw_measured,
+    draw_predicted,
+    end_loops,
+)
 
 LOOKS = {
-    "low": Look("CL1, low authority", COLOUR["low"], (0, (1, 2))),
-    "high": Look("CL2, high authority", COLOUR["high"], (0, (6, 3))),
-    "robust": Look("CL3, for two records", COLOUR["robust"], (0, (6, 2, 1, 2))),
+    "low": LoopStyle("CL1, low authority", COLOUR["low"], (0, (1, 2))),
+    "high": LoopStyle("CL2, high authority", COLOUR["high"], (0, (6, 3))),
+    "robust": LoopStyle("CL3, for two records", COLOUR["robust"], (0, (6, 2, 1, 2))),
 }
 
 

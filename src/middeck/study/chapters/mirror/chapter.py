@@ -1,6 +1,6 @@
 """A real fine steering mirror through the same data arm."""
 
-from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapter import Chapter, ChapterDrawing, ChapterEntry
 from middeck.study.chapters.mirror import computation, drawing, numbers_and_claims, text
 
 TITLE = "A real steering mirror, measured and fitted"
@@ -13,10 +13,19 @@ MIRROR = Chapter(
     share=0.04,
     stream=5,
     compute=computation.compute,
-    entries=(Entry("mirror", numbers_and_claims.mirror, claims=numbers_and_claims.mirror_claims),),
+    entries=(
+        ChapterEntry(
+            key="mirror", numbers=numbers_and_claims.mirror, claims=numbers_and_claims.mirror_claims
+        ),
+    ),
     drawings=(
-        Drawing(
-            "mirror", TITLE, drawing.mirror, sentence=text.mirror, tables=text.mirror_tables, note=SOURCE
+        ChapterDrawing(
+            key="mirror",
+            title=TITLE,
+            draw=drawing.mirror,
+            sentence=text.mirror,
+            tables=text.mirror_tables,
+            note=SOURCE,
         ),
     ),
     result=text.result,

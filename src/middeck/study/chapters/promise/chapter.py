@@ -1,6 +1,6 @@
 """From ground test to orbit: the promise, and its outcome."""
 
-from middeck.study.chapter import Chapter, Drawing, Entry
+from middeck.study.chapter import Chapter, ChapterDrawing, ChapterEntry
 from middeck.study.chapters.promise import computation, drawing, numbers_and_claims, text
 
 TITLE_A = "Promise and outcome in orbit"
@@ -13,12 +13,26 @@ PROMISE = Chapter(
     share=0.6,
     stream=6,
     compute=computation.compute,
-    entries=(Entry("promise", numbers_and_claims.promise, claims=numbers_and_claims.promise_claims),),
-    drawings=(
-        Drawing(
-            "promise", TITLE_A, drawing.promised_and_came, sentence=text.promise, tables=text.promise_tables
+    entries=(
+        ChapterEntry(
+            key="promise", numbers=numbers_and_claims.promise, claims=numbers_and_claims.promise_claims
         ),
-        Drawing("promise-routes", TITLE_B, drawing.routes, sentence=text.routes, tables=text.route_tables),
+    ),
+    drawings=(
+        ChapterDrawing(
+            key="promise",
+            title=TITLE_A,
+            draw=drawing.promised_and_came,
+            sentence=text.promise,
+            tables=text.promise_tables,
+        ),
+        ChapterDrawing(
+            key="promise-routes",
+            title=TITLE_B,
+            draw=drawing.routes,
+            sentence=text.routes,
+            tables=text.route_tables,
+        ),
     ),
     result=text.result,
     shortfalls=text.shortfalls,

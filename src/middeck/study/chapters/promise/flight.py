@@ -14,7 +14,7 @@ from middeck.files.studies.documents import Study
 from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
-from middeck.laboratory.rig.runs import Run, run_closed_loop
+from middeck.laboratory.rig.runs import RigRun, run_closed_loop
 from middeck.laboratory.rig_settings import RigSettings
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import once, port_indices
@@ -143,9 +143,9 @@ def _measure(
     periods: int,
     settings: RigSettings,
     rng: np.random.Generator,
-) -> Run:
+) -> RigRun:
     try:
         sampled = None if law is None else emulate(law, rig.period_s)
     except NumericalError as error:
-        return Run(cause=str(error))
+        return RigRun(cause=str(error))
     return run_closed_loop(rig, sampled, u, periods=periods, rng=rng, settle=SETTLE, rest_s=settings.rest_s)

@@ -9,7 +9,13 @@ from middeck.plot.port_words import path_words, port_words
 from middeck.plot.style import COLOUR, FITTED, note, styled
 from middeck.study.chapters.two_sensor_control.computation import FLEXIBLE_HZ, TwoSensorControl
 from middeck.study.chapters.two_sensor_control.measured_sensors import MeasuredSensors
-from middeck.study.measured_loop.drawing import Look, begin_loops, draw_measured, draw_predicted, end_loops
+from middeck.study.measured_loop.drawing import (
+    LoopStyle,
+    begin_loops,
+    draw_measured,
+    draw_predicted,
+    end_loops,
+)
 
 BELOW_DB = 9.0  # room under the curves for the zeros' marks
 
@@ -55,9 +61,9 @@ def _mark_zeros(axes: Axes, sensors: MeasuredSensors, output: int, floor_db: flo
     axes.set_ylim(bottom=level - 1.3 * BELOW_DB)
 
 
-PAYLOAD = Look("payload penalty, with lead", COLOUR["high"], (0, (6, 3)))
+PAYLOAD = LoopStyle("payload penalty, with lead", COLOUR["high"], (0, (6, 3)))
 ALONE = PAYLOAD._replace(who="payload penalty alone, with lead")
-BOTH = Look("payload and bus penalty", COLOUR["robust"], (0, (1, 2)))
+BOTH = LoopStyle("payload and bus penalty", COLOUR["robust"], (0, (1, 2)))
 
 
 @styled

@@ -1,7 +1,6 @@
 """Figure 7: closed-loop performance against authority; where a loop is unstable there are no decibels."""
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,11 +9,13 @@ from matplotlib.figure import Figure
 from middeck.control.loop.authority import FirstInstability
 from middeck.plot.style import COLOUR, LABEL, new_figure, note, styled
 from middeck.study.chapters.zero_g_control.computation import ZeroGControl
+from middeck.values import record
 
 TARGET_DB = -40.0  # the paper's wish for the 0-g system
 
 
-class Curve(NamedTuple):
+@record(kw_only=True)
+class Curve:
     """One line: which sub-model, where it is evaluated, how it looks."""
 
     which: str
@@ -25,14 +26,14 @@ class Curve(NamedTuple):
 
 
 FIGURE_7A = (
-    Curve("all", "orbit", "0-g, full model", "-", "o"),
-    Curve("rigid", "orbit", "0-g, without flexible modes", "--", "s"),
-    Curve("all", "lab", "1-g, full model", "-", "o"),
-    Curve("rigid", "lab", "1-g, without flexible modes", "--", "s"),
+    Curve(which="all", environment="orbit", label="0-g, full model", line="-", marker="o"),
+    Curve(which="rigid", environment="orbit", label="0-g, without flexible modes", line="--", marker="s"),
+    Curve(which="all", environment="lab", label="1-g, full model", line="-", marker="o"),
+    Curve(which="rigid", environment="lab", label="1-g, without flexible modes", line="--", marker="s"),
 )
 FIGURE_7B = (
-    Curve("flexible", "orbit", "0-g, flexible modes only", "-", "o"),
-    Curve("flexible", "lab", "1-g, flexible modes only", "-", "o"),
+    Curve(which="flexible", environment="orbit", label="0-g, flexible modes only", line="-", marker="o"),
+    Curve(which="flexible", environment="lab", label="1-g, flexible modes only", line="-", marker="o"),
 )
 
 
