@@ -27,8 +27,8 @@ class Qualified:
     Attributes:
         plant: Its name.
         setting: ``"continuous"``, or the sampling rate, as ``"250 Hz"``.
-        stability: By roots, delays exact; unstable is an outcome. None where ``unheld`` decides, or nothing
-            could.
+        stability: Stability by the roots, delays exact; unstable is an outcome. None where ``unheld``
+            decides, or nothing could.
         rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, delays exact
             (`measure_noise_rms`), of a sampled loop between the samples too; ``inf`` where unstable, and
             where a direct term passes on white sensor noise.

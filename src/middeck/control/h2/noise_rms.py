@@ -37,7 +37,7 @@ class NoiseOutcome:
     """Stability and rms of a loop under noise.
 
     Attributes:
-        stable: By `decide_stability`, delays exact.
+        stable: Whether the loop is stable (`decide_stability`), delays exact.
         rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, for one with
             a root that does not decay, and for white noise through a direct term.
     """

@@ -90,7 +90,7 @@ def measure_known(
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
         least: Largest change by the first move up to which no more are tried.
         cure: Ends the warning: what would tell.
-        stacklevel: Of the warning: 3 blames the line that called the caller of this.
+        stacklevel: Stack level of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
     moves = [vague(half) for half in halves]

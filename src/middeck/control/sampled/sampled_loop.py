@@ -32,8 +32,8 @@ class SampledOutcome:
     """Stability and rms of a sampled loop; an unstable loop is an outcome, not an error.
 
     Attributes:
-        stable: By the eigenvalues of the loop from sample to sample (`decide_stability`).
-        poles: Those eigenvalues, z-plane.
+        stable: Whether the loop from sample to sample is stable (`decide_stability`).
+        poles: Eigenvalues of that loop, z-plane.
         rms: Rms of each output z at all times, between samples too; ``inf`` for an unstable loop, and for
             one with a pole on the circle that noise drives, or may drive: not where exact zeros part them.
         rms_at_samples: Rms at the sampling instants alone (of the plant's state, without output delays).

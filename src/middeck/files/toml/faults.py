@@ -227,7 +227,7 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> Finding:
 
 
 def _elsewhere(key: str, form: type[Form]) -> str:
-    """Of which other tables of the document a key is, in this unit or another."""
+    """A hint naming the other tables that have this key, in this unit or another; "" for none or many."""
     places = {
         head: known
         for head, table in tables_of(form).items()

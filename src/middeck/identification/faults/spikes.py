@@ -139,7 +139,7 @@ def _beside(x: Signal, largest: Callable[..., np.ndarray], near: int) -> Signal:
 
 
 def _most_beside(window: Signal) -> Signal:
-    """Of each of the first BESIDE + 1 samples the largest that is neither it nor next to it."""
+    """The largest sample that is not next to it, for each of the first BESIDE + 1 samples."""
     before = np.maximum.accumulate(np.concatenate([[-np.inf, -np.inf], window]))[: BESIDE + 1]
     after = np.maximum.accumulate(window[::-1])[::-1][2 : BESIDE + 3]
     return np.maximum(before, after)

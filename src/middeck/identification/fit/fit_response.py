@@ -97,8 +97,8 @@ class FitResult:
         history: Cost of each step of the last search, in that search's weights.
         order_reason: Why the model has the order it has.
         warnings: What the user should know; empty if nothing.
-        standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is
-            said.
+        standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
+            concerns it.
         delay_standing: The same for the delay of each output; "sound" where none was fitted.
         lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
             modes.
@@ -167,9 +167,9 @@ def fit_response(
             residual term of modes below the band.
         integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
             rate. Not beside rigid modes.
-        relative_degree: Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up
-            to zero, so that the response falls with 1/s^2 as that of any structure from force to displacement
-            does.
+        relative_degree: Relative degree of every path: 0, a constant term; 1, none; 2, none, and complex
+            residues that add up to zero, so that the response falls with 1/s^2, as that of any structure
+            from force to displacement.
         cost: "weighted" least squares on the complex response, by the variance that comes with it (the total
             one, noise and nonlinear distortion, where `estimate_response` knows it). "likelihood": by its
             covariance, noise that outputs share and noise of the inputs included. "logarithmic": on log

@@ -43,7 +43,7 @@ class ImpactTest:
 
     Attributes:
         response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
-        coherence: Of each line and output: the share of the response explained by the force, over the good
+        coherence: Share of the response explained by the force at each line and output, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
         rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.

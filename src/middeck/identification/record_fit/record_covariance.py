@@ -152,7 +152,7 @@ def _scores_spread(
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))
-        Q, R = np.linalg.qr(W[at].T)  # of W^T J over all directions, no more than these few are nonzero
+        Q, R = np.linalg.qr(W[at].T)  # W^T J over all directions has no more than these nonzero rows
         rows = R @ own.removed(J[at])
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)

@@ -108,7 +108,7 @@ class BothKinds(NamedTuple):
     worth: float
 
     def likelier(self, odds: float) -> LocalFit:
-        """Of each window the likelier, if all windows together give forces the logarithm ``odds``."""
+        """The likelier fit of each window; ``odds`` are the log odds of forces from all windows together."""
         peaks = self.gain + odds > 0.0
         pairs = {
             f.name: (getattr(self.forces, f.name), getattr(self.sensors, f.name))

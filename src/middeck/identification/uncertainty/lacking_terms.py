@@ -105,11 +105,11 @@ class TermRows(NamedTuple):
 
 
 class TermScores(NamedTuple):
-    """Of each term the deviations by which it is not zero and its likeliest value.
+    """Distance ``z`` of each term from zero, in standard deviations, and its likeliest ``value``.
 
-    ``moves``: by how many of its deviations that moves the unknown that it moves most, ``of_modes`` the same
-    of each mode; terms beyond the band, which stand for anything there, do not count. All are zero where a
-    term cannot be told from the unknowns.
+    ``moves``: largest shift of an unknown by that value, in its deviations; ``of_modes``: the same for each
+    mode, without terms beyond the band, which stand for anything there. All are zero where a term cannot be
+    distinguished from the unknowns.
     """
 
     z: Float[np.ndarray, " term"]

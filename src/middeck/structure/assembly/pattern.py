@@ -80,12 +80,12 @@ def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
 
 @record(kw_only=True)
 class _Topology:
-    """All that a pattern hangs on.
+    """All that a pattern depends on.
 
     Attributes:
         size: Number of coordinates.
         frame, special, moves: Frame of each point, and `Special.point` and `Special.moves`.
-        indptr, indices: Of the Jacobian of the points.
+        indptr, indices: Sparse structure of the Jacobian of the points.
         groups: Name of each group, its elements and the ends of one.
         poses: The ends of all elements of the groups in turn.
     """

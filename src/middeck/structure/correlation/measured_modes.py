@@ -42,16 +42,17 @@ class MeasuredModes:
 
     Attributes:
         frequency_hz, damping: Natural frequencies [Hz] and damping ratios, NaN where none is stated.
-        node, direction: Of each channel: a node, a joint, a mesh node or one that a component recovers, and
-            "x", "y", "z" (translation along the world axes), "rx", "ry", "rz" (rotation about them) or, of
-            a joint relative to its carrier, "angle" or, where it slides, "travel"; or the name of one of
-            the article's sensors and "sensor", what it reads, or of one of its actuators and "actuator",
+        node, direction: Place and direction of each channel: a node, a joint, a mesh node or one that a
+            component recovers, with "x", "y", "z" (translation along the world axes) or "rx", "ry", "rz"
+            (rotation about them); a joint relative to its carrier, with "angle" or, where it slides,
+            "travel"; a sensor of the article, with "sensor": its reading; or an actuator, with "actuator":
             the motion that its force works on.
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
         position_m: Where each channel is, in world axes, where the test states it.
-        modal_mass: Of each real shape as it stands [kg], where it is known; what computes shapes knows it.
+        modal_mass: Modal mass [kg] of each real shape as it stands, where it is known, as for computed
+            shapes.
         lines: Nodes that lines of a picture join, one after the other, where the test states any.
         source: What a file says of the test: model, description, program, date.
         warnings: What the reader of a file found odd.

@@ -222,7 +222,7 @@ class _FrameMotion(NamedTuple):
 
 def _frame_motion(part: ComponentElement, w: Array, Q: Array, span: Array, turn: Array) -> _FrameMotion:
     weights, p, R = part.weights, part.arms @ Q.T, np.eye(3) + turn
-    between = R @ Q.T  # of each grid, the sum over its axes of b p'
+    between = R @ Q.T  # the sum over each grid's axes of b p'
     trace = np.trace(between, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     resists = _stiffness(weights[:, 0], p, span)
     resists = resists + np.einsum("g,gij->ij", weights[:, 1], np.swapaxes(between, 1, 2) - trace)

@@ -61,8 +61,8 @@ class GravityPath:
         match: Cross-orthogonality with the station before; 1 at the first.
         events: Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
             anything did.
-        warnings: Of the modes at the first station, whose names and kinds these are, and of branches that
-            change their order unexplained; none where there are no modes.
+        warnings: Warnings for the modes at the first station, whose names and kinds these are, and for
+            branches that change their order unexplained; none where there are no modes.
     """
 
     structure: Structure

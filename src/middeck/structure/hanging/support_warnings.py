@@ -12,8 +12,8 @@ from middeck.structure.model.environment import Environment
 # A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
 LARGE_TILT = np.radians(1.0)
 OVER = np.radians(90.0)
-SAGS = 0.5  # of the tilt: more bending than this is most of what nodes tilt by
-ASIDE = 0.1  # of the larger tilt: a smaller one is left alone
+SAGS = 0.5  # part of the nodes' tilt: more bending than this is most of it
+ASIDE = 0.1  # part of the larger tilt: a smaller one is not reported
 AXES = "xyz"
 
 

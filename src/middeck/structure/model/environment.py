@@ -96,7 +96,7 @@ class Suspension:
         held: World directions ("xyz" letters) held at each of them while the reactions are found.
         cable_length: Loaded length [m]; it sets the pendulum stiffness.
         bounce_hz: Bounce frequency to which every device is tuned.
-        kind, moving_mass, friction: Of every device, see `Device`.
+        kind, moving_mass, friction: Those of every device, see `Device`.
     """
 
     attach: tuple[str, ...]

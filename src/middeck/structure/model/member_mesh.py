@@ -61,11 +61,11 @@ def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
     count = np.array([m.elements for m in structure.members], dtype=int)
     member = np.repeat(np.arange(len(count)), count)
     begin = np.cumsum(count) - count
-    place = np.arange(len(member)) - begin[member]  # of an element along its member
+    place = np.arange(len(member)) - begin[member]  # place of an element along its member
     first, last = place == 0, place == count[member] - 1
     length = (clear / count)[member]
     along = triad[member, :, 0]
-    number = len(structure.nodes) + np.arange(len(member)) - member  # of the inner node at an element's end
+    number = len(structure.nodes) + np.arange(len(member)) - member  # inner node at an element's end
     frame = np.stack(
         [np.where(first, nodes[member, 0], number - 1), np.where(last, nodes[member, 1], number)], axis=1
     )

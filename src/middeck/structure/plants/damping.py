@@ -41,7 +41,7 @@ the frequency is then wrong by half its square times the relative distance of th
 UNCOUPLED = 1e-9
 """Part of the largest entry of phi' C phi below which an entry is rounding."""
 ROUNDING = 1e-6
-"""Of the energy of the stiffest modes."""
+"""Energy over that of the stiffest modes that is rounding."""
 
 
 @record(kw_only=True)

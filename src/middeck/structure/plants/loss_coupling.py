@@ -80,7 +80,7 @@ def coupled_pairs(
 
 
 def _energies(equilibrium: Equilibrium, shapes: np.ndarray, losses: Losses) -> Float[np.ndarray, "3 mode"]:
-    """Of strain, of the strain of devices, and what members lose of theirs."""
+    """Energies of strain and of the strain of devices, and the energy lost in members."""
     strain = strain_energy(equilibrium, shapes).sum(axis=1)
     member = member_energy(equilibrium, shapes) @ losses.member
     return np.array([strain, device_strain(equilibrium, shapes), member])

@@ -36,7 +36,7 @@ from middeck.values import record
 WHOLE = 300
 """Real modes that all enter; of more the lowest."""
 JOINED = 1e-10
-"""Of the momenta on rigid modes, what joins two of them; less is rounding."""
+"""Part of the momenta on rigid modes that joins two of them; less is rounding."""
 CLEAR = 1e-6
 """Part of a mode's frequency that the wheels make, from which on its whirl has a sense."""
 FAR = 4e-4

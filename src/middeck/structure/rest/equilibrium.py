@@ -42,7 +42,7 @@ UNLIKE = 1e-6  # of a bushing's stiffness: what it gains by other axes is felt
 ONE_HELD = 1e-3
 # Largest turn of a bushing: its law ends at pi, and beyond a right angle a fall may have passed that.
 MOST_TURN, HALF_ROUND = np.radians(179.5), 0.5 * np.pi
-LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
+LEVEL = 1e-9  # part of gravity along a roller's way that is none
 
 
 class Reaction(NamedTuple):
@@ -178,7 +178,7 @@ def solve_equilibrium(
 def _reactions(
     model: Model, environment: Environment, config: Configuration, loads: Loads, gradient: np.ndarray
 ) -> tuple[Reaction, ...]:
-    """Of clamps, whose force is dE/dq of what they hold at rest, then of bushings to the ground."""
+    """Reactions of clamps (dE/dq of the coordinates that they hold), then of bushings to the ground."""
     taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
     clamped = dict.fromkeys(clamp.node for clamp in environment.clamps)

@@ -59,7 +59,7 @@ def holding(K: sp.csr_array, M: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest or LEAST_DAMPING) * M)
 
 
-# Of the stiffness of each coordinate, in an article without mass: what holds less is neutral.
+# Part of the stiffness of each coordinate, in an article without mass, below which a motion is neutral.
 SOFT = 1e-9
 
 

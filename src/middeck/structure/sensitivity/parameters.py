@@ -31,7 +31,7 @@ from middeck.structure.model.section import CENTRES, INERTIA, STIFFNESS, Section
 from middeck.values import record
 
 AXES = "xyz"
-SIX = "123456"  # of a bushing: shifts along, then turns about its axes
+SIX = "123456"  # a bushing's shifts along its axes, then turns about them
 SHOWN = 5  # names in a hint
 # Fields of each part and their units. Not here is what changes no rest state and no small motion about it:
 # travels and torque limits, friction.

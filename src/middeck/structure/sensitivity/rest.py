@@ -92,9 +92,9 @@ class MovedRest(NamedTuple):
     tuned: tuple[TunedSuspension, ...]
     loads: tuple[Loads, ...]
     motion: np.ndarray
-    gradient: np.ndarray  # of the energy, in all coordinates: what joints hold
+    gradient: np.ndarray  # gradient of the energy in all coordinates, those held by joints too
     still: tuple[tuple[Afloat, Assembly], ...]
-    ties: tuple[TieChange, ...]  # of links and components as the rest state moves
+    ties: tuple[TieChange, ...]  # changes of links and components as the rest state moves
     drawn: np.ndarray  # how the frames move as drawn, a column each
 
 

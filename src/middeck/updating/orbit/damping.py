@@ -59,8 +59,8 @@ class Carried(NamedTuple):
 
     Attributes:
         zeta: The ratios.
-        open_part: Of what no test parts from the rest, in the deviations of a mode that was not seen.
-        noise: Of the tests.
+        open_part: Deviations by what no test separates from the rest, as those of a mode not seen.
+        noise: Deviations by the noise of the tests.
     """
 
     zeta: Float[np.ndarray, " mode"]

@@ -185,7 +185,7 @@ def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> Float[n
     point = umbilical_point(structure).name
     motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]
     most = 0.5 * structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
-    # Of the square of a number up to one.
+    # Mean and deviation of the square of a number uniform from zero to one.
     return np.outer([1.0 / 3.0, np.sqrt(4.0 / 45.0)], most)
 
 

@@ -57,8 +57,8 @@ class Measured:
     Attributes:
         drawn: Plants with all ports, and what was drawn for each.
         alone: Rms of the performance without a compensator.
-        noise: By compensator.
-        slipped: By compensator, and without under None; empty where the plan states no friction.
+        noise: Results under noise, by compensator.
+        slipped: Results with friction, by compensator (None: without one); empty where the plan states none.
         warned: What `noise_on` warned of.
     """
 

@@ -26,8 +26,8 @@ class LeftOut:
 
     Attributes:
         modes: How many were tried in place of the plan's.
-        shift_db: By name, how far their decibels move, where it is farther than the standard deviation of the
-            draws; infinite where the loop is then unstable.
+        shift_db: Shift of their decibels, by name, where it exceeds the standard deviation of the draws;
+            infinite where the loop is then unstable.
     """
 
     modes: int

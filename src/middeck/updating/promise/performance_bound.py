@@ -30,10 +30,10 @@ from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 STRIDE = np.log(30.0)
-"""Of the logarithm of 1/rho, in search of the interval that holds the best."""
+"""Step in the logarithm of 1/rho, in search of the interval that holds the best."""
 STRIDES = 16
 CLOSE = 0.1
-"""Of the logarithm of rho: the bound is flat about its best."""
+"""Tolerance in the logarithm of rho: the bound is flat about its best."""
 
 
 @record(kw_only=True)
@@ -45,9 +45,9 @@ class RobustBound:
     Attributes:
         draws: How many plants.
         worst_db: Largest of the compensator over the plants; ``inf`` where it is unstable on one.
-        no_linear_law_below_db: For any linear compensator between the same ports, of any order, whose effort
-            is no more on each of the plants, the largest over them is this at least; ``nan`` where no plant
-            has a bound.
+        no_linear_law_below_db: Lower bound of the largest over the plants, for any linear compensator between
+            the same ports, of any order, whose effort is no more on each of them; ``nan`` where no plant has
+            a bound.
     """
 
     draws: int

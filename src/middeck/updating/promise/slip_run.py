@@ -78,9 +78,9 @@ class SlipRun:
     """How every compensator, and under the key None no compensator, is simulated on all draws alike.
 
     Attributes:
-        order: Of the Pade approximation of the loop's delay, for the band of the noise. One for modes far
-            above it is no better there, and its poles nearly coincide with those of a compensator designed
-            on one: their residues cancel (7 % of a joint's answer within a step, at order 40 of 30 ms).
+        order: Order of the Pade approximation of the loop's delay, for the band of the noise. One for modes
+            far above it is no better there, and its poles nearly coincide with those of a compensator
+            designed on one: residues cancel (7 % of a joint's response in a step, at order 40 of 30 ms).
         alone: Records of each draw without a compensator.
     """
 
@@ -221,7 +221,7 @@ def _run(asked: SlipRun, plants: Sequence[Plant], first: int) -> dict[str | None
 
 
 def _slipped(parts: Sequence[Sequence[_Squares]], sticks: Bool[np.ndarray, " draw"], joints: int) -> Slipped:
-    """By draw, from the parts of its records; a loop that does not decay has none."""
+    """Results of each draw from the parts of its records; a loop that does not decay has no parts."""
     db, variance = np.full(len(parts), np.inf), np.zeros(len(parts))
     travel = np.full((len(parts), joints), np.inf)
     for at, each in enumerate(parts):
@@ -233,7 +233,7 @@ def _slipped(parts: Sequence[Sequence[_Squares]], sticks: Bool[np.ndarray, " dra
 
 
 def _decaying(asked: SlipRun, around: Mapping[str | None, Sequence[StateSpace]]) -> list[_Loop]:
-    """By compensator, then by draw."""
+    """The loops that decay, sorted by compensator, then by draw."""
     forms = [(name, k, pole_form(p)) for name, systems in around.items() for k, p in enumerate(systems)]
     return [
         _Loop(name=name, draw=draw, form=form, records=range(asked.records_of(name)))

@@ -25,7 +25,7 @@ from middeck.updating.promise.slip_run import Slipped
 from middeck.values import record
 
 LEVELS = (0.01, 0.025, 0.25, 0.5, 0.75, 0.975, 0.99)
-"""Of the distribution of decibels, from the best to the worst."""
+"""Levels of the distribution of decibels, from the best to the worst."""
 COMPARED = 12
 """Unstable draws whose leading mode is looked for."""
 
@@ -44,7 +44,7 @@ class FrictionOutlook:
 
     Attributes:
         without_db: Decibels of each draw without it, drag included.
-        sticks: By draw, whether the loop with its joints held by their presliding springs does not grow.
+        sticks: Whether each draw's loop, with its joints held by their presliding springs, does not grow.
             Where it grows it hunts: it moves until joints slip, and a loop that is stable then stays bounded.
         travel: Rms of each joint's angle over its slip angle, median of the draws.
         error_db: Standard error of a draw's decibels by the length of its simulation.

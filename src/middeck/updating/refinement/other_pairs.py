@@ -23,7 +23,7 @@ from middeck.updating.unknowns.unknowns import product_slopes
 ALIKE = 0.8
 # Least likelihood, over that of the pairs as they are, of another pair that is named.
 LIKELY = 0.05
-# Of pairs that are drawn along; a cost that no pair has.
+# Sweeps over the pairs that move with one; a cost that no pair has.
 SWEEPS, FORBIDDEN = 4, 1e12
 
 
@@ -135,7 +135,7 @@ def other_pairs(refined: Refined) -> tuple[OtherPair, ...]:
 
 
 def _rows(refined: Refined, asked: Sequence[np.ndarray]) -> _Rows:
-    """Of the pairs as they are, then of what is ``asked`` of each survey."""
+    """Rows of the pairs as they are, then of the pairs ``asked`` for each survey."""
     spread = np.array([u.spread for u in refined.unknowns])
     parts, count, first = [], 0, 0
     for c, pairs in zip(refined.compared, asked, strict=True):

@@ -64,7 +64,7 @@ STARTS = 8
 
 
 class Prior(NamedTuple):
-    """Of the unknowns, mean and deviations; of the model's errors, what is thought likely, one a sort."""
+    """Mean and deviations of the unknowns; the ``usual`` deviation of each sort of model error."""
 
     mean: np.ndarray
     spread: np.ndarray

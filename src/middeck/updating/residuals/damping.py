@@ -34,7 +34,7 @@ class ComparedDamping:
     Attributes:
         pairs: (mode, measured mode) of each row.
         zeta: The model's damping ratios.
-        residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
+        residual, std, slope: ln zeta, measured less the model's; the survey's deviations of it; its slopes.
         likeness: Part of each complex mode that is its real one.
         left_out: Paired measured modes whose ratio is zero, not stated or not determined.
         frequency_hz: Frequency of the complex modes of all pairs of the survey, in their order.

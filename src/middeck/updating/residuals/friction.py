@@ -128,7 +128,7 @@ def equivalent(
     if friction.random:
         slips = angle / (np.sqrt(2.0) * friction.amplitude)
         t = slips * (1.0 + BEYOND[:, None])
-        # Of exp(-u) u du with u = (A/rms)^2/2 = t^2.
+        # Weights of exp(-u) u du with u = (A/rms)^2/2 = t^2.
         A, weights = (
             np.sqrt(2.0) * friction.amplitude * t,
             4.0 * STEP * np.exp(3.0 * np.log(t) - t**2) * (t - slips),

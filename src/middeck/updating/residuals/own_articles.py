@@ -36,10 +36,10 @@ class OwnArticles:
     """The articles side by side, all with the same number of modes.
 
     Attributes:
-        modes: Of the articles, one behind the other, each in the order of the free modes that they have most
-            of.
+        modes: Modes of the articles, one article after the other, each in the order of the free modes that
+            they resemble most.
         count: Modes of each article.
-        turn: What they, in columns, have of the free ones; None without friction, where one article serves
+        turn: Parts of the free modes in them, by columns; None without friction, where one article serves
             all.
     """
 

@@ -115,7 +115,7 @@ class Paired(NamedTuple):
     Attributes:
         pairs: (mode, measured mode), one to one.
         column: Mode that each pair is (second axis) in the article of each.
-        added: By friction.
+        added: Stiffness and loss added by friction.
     """
 
     own: OwnArticles

@@ -46,7 +46,7 @@ class PlantOutcomes:
 
     Attributes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
-        stable: By roots. A loop of infinite rms does not count as stable: a root on the axis drifts.
+        stable: Stability by the roots. A loop of infinite rms is not stable: a root on the axis drifts.
         rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
             unstable. Of a sampled loop at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
@@ -289,7 +289,7 @@ def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> li
     if turning <= low:
         return [False] * len(plants)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of an uncertainty that is far below the half left
+        warnings.simplefilter("ignore")  # its uncertainty is far below the half left
         try:
             most = peak_gain(law, (low, np.inf)).gain
         except NumericalError:

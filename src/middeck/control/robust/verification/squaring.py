@@ -165,7 +165,7 @@ def _square(
     while True:
         power, k = powers[-1], len(powers) - 1
         size = _norm(power)
-        most_trace = size * size  # of the next power
+        most_trace = size * size  # largest trace of the next power
         peak = max(peak, size)
         if size < SMALL:
             return powers, int(feigned * peak * peak * 3.0 * 2.0**k < DOUBT)

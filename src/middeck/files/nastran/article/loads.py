@@ -21,8 +21,8 @@ BY_GRIDS: dict[str, tuple[str, ...]] = {
 }
 DIRECT = ("FORCE", "MOMENT", *BY_GRIDS)
 TAKEN = (*DIRECT, "PLOAD1", "GRAV")
-LEAST = 1e-9  # of the largest coordinate: the length of a line that rounding of places may be
-ALIKE = 1e-6  # of gravity: fields of eight columns
+LEAST = 1e-9  # length of a line, over the largest coordinate, that may be rounding of places
+ALIKE = 1e-6  # relative difference of gravity in fields of eight columns
 INSIDE = "how its member bends between its ends, which move and turn as under it"
 
 

@@ -18,8 +18,8 @@ _COMMON = "mm-kg-s-mN m-kg-s-N mm-t-s-N in-slinch-s-lbf mm-kg-ms-kN mm-g-ms-N ft
 COMMON = tuple(_COMMON.split())
 # Range of Young's modulus, density and size of structures, from wood to carbon fibres and tungsten.
 YOUNG, DENSITY, SIZE = (1e8, 1.5e12), (100.0, 2.3e4), (1e-3, 2e3)
-BUILT = (1e10, 5e11)  # of the most common: light alloys, fibres, steel
-ROUNDING = 1e-6  # of a force that people round
+BUILT = (1e10, 5e11)  # Young's moduli of the most common: light alloys, fibres, steel
+ROUNDING = 1e-6  # relative rounding of a force by people
 
 
 class Units(NamedTuple):

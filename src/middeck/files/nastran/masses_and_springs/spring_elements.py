@@ -18,7 +18,7 @@ from middeck.files.nastran.members.members import own_axes
 from middeck.files.toml.faults import Fault
 
 ROW = 8
-APART = 1e-9  # of a length, and the sine between directions that are one
+APART = 1e-9  # relative length, and sine between directions, that are zero
 BASIC_AXES = "0 for the basic axes"
 ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 

@@ -11,7 +11,7 @@ from middeck.files.nastran.deck.coordinates import Places
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.nastran.members.members import Bar, own_axes
 
-NOTHING = 1e-9  # of a grid's largest stiffness, of shifts or of turns
+NOTHING = 1e-9  # zero stiffness, over a grid's largest, shifts and turns apart
 
 
 def is_firm(bar: Bar) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from middeck.structure.model.section_torsion import Wall, torsion_of_polygon, twist_walls
 
 PI = float(np.pi)
-ROUNDING = 1e-12  # of a product moment over the second moments, of a place over the sizes
+ROUNDING = 1e-12  # rounding of a product moment over the second moments, of a place over the sizes
 
 
 class SectionShape(NamedTuple):

@@ -138,7 +138,7 @@ def device_strain(
 
 
 def _device_energies(equilibrium: Equilibrium, shapes: np.ndarray) -> Inexact[np.ndarray, "2 mode"]:
-    """By their strain and by their pull."""
+    """Energy [J] in devices, springs and bushings to the ground by their strain, then by their pull."""
     model, loads = equilibrium.model, equilibrium.loads
     places, moves = points_in_world(model.points, equilibrium.poses), equilibrium.moves(shapes)
     state = spring_state(loads.law, places[loads.attach_point] - loads.anchor)
