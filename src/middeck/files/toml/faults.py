@@ -73,7 +73,7 @@ class Fault:
 
 @record(kw_only=True)
 class Finding:
-    """A fault before it is known in which file and on which line it lies."""
+    """A fault whose file and line are not yet known."""
 
     path: Path
     message: str

@@ -12,7 +12,7 @@ NEAR = 3  # lines above the one that the parser names: it notices an open bracke
 
 
 class Trouble(NamedTuple):
-    """One way in which a line goes wrong: how it is known, what it is and the cure, in its named groups."""
+    """A kind of syntax fault: its pattern, what it is and the cure, in its named groups."""
 
     pattern: str
     what: str

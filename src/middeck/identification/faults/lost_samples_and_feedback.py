@@ -1,4 +1,4 @@
-"""Faults seen where outputs answer inputs: samples lost in between, feedback, delays of half a record.
+"""Faults in the relation of outputs to inputs: lost samples, feedback, delays of half a record.
 
 Both sides are whitened first, each by what its own past foretells of it: the answer of a lightly damped mode
 then lasts for few samples, and the correlation of the two is noise but where one answers the other.

@@ -35,7 +35,7 @@ FALLS = 1.5
 
 
 def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[Found]:
-    """One to nine samples far outside of all that is beside them, of the signal's tail and of any answer.
+    """Runs of one to nine samples far outside of their neighbours, the signal's tail and any response.
 
     ``driven`` are spikes of the inputs, which an output may answer.
     """
@@ -49,7 +49,7 @@ def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[F
 
 
 def spike_runs(x: Signal, levels: Levels) -> Runs:
-    """Samples outside of what is beside them that are no large samples like others of the signal.
+    """Samples outside of their neighbours, other than large samples as elsewhere in the signal.
 
     >>> from middeck.identification.faults.equal_runs import levels_of
     >>> rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Faults of the answer within a record: channels that stick for a while, and gains that change slowly.
+"""Faults of the response within a record: channels that stick for a while, and gains that drift slowly.
 
 Each output is foretold from its own past and the inputs until then, by one regression. Free motion is of the
 past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
@@ -85,7 +85,7 @@ class _Regression:
 
 
 def find_stuck(record: Record) -> list[Fault]:
-    """Inputs that stand still while the outputs show that they move, and outputs that begin to live late."""
+    """Inputs that stand still while the outputs show that they move, and outputs that respond only later."""
     found: list[Fault] = []
     for e, (u, y) in enumerate(_experiments(record)):
         at_inputs = [
@@ -106,7 +106,7 @@ def find_stuck(record: Record) -> list[Fault]:
 
 
 def find_gain_drift(record: Record) -> list[Fault]:
-    """Outputs whose gain to the inputs, or whose delay, changes from the beginning of the record to its end.
+    """Outputs whose gain from the inputs, or whose delay, changes over the record.
 
     Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces tell.
     """

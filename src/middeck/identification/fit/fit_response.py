@@ -73,7 +73,7 @@ Cost = Literal["weighted", "likelihood", "logarithmic"]
 
 @record
 class ModelAlone:
-    """A fitted model without how well it is known: what was free of it, ``error`` and ``order_reason``."""
+    """A fitted model without its covariance: which parts were free, ``error`` and ``order_reason``."""
 
     model: MeasurementModel
     structure: ModelStructure
@@ -227,7 +227,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
 
 def fit_model(measured: FrequencyResponse, asked: FitOptions) -> ModelAlone:
-    """`fit_lines` without deviations and doubts, which take long, for what goes on from a model."""
+    """`fit_lines` without standard deviations and warnings, which take long."""
     run = _searched(measured, asked, "weighted")
     _, model = _causal(run)
     error = _errors(measured, model_response(model, measured.frequency_hz) - measured.H)

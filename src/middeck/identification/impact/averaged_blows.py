@@ -186,12 +186,12 @@ def windowed_spectra(
 
 
 def exponential_window(size: int, sample_hz: float, window_s: float) -> Float[np.ndarray, " sample"]:
-    """One where the pulse begins."""
+    """The exponential window, one where the pulse begins."""
     return np.exp(-(np.arange(size) - BEFORE) / (sample_hz * window_s))
 
 
 def lines_alike(size: int, sample_hz: float, window_s: float) -> float:
-    """Lines of white noise under the window that tell no more than one.
+    """Number of lines of white noise under the window that count as one independent line.
 
     Two lines correlate as the Fourier transform of the window's square, at their distance: the sum of its
     squared size, by Parseval's theorem, is that of the window's fourth power.

@@ -338,7 +338,7 @@ def _shorter(
 
 
 def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tuple[float, float] | None:
-    """The band, cut at half the rate, with a warning where it ends beyond; infinity is no end."""
+    """The band, cut at half the rate, with a warning where it ends beyond (but not for infinity)."""
     if band_hz is None or not band_hz[0] < 0.5 * sample_hz < band_hz[1]:
         return band_hz
     if band_hz[1] < np.inf:

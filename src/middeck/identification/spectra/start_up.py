@@ -1,4 +1,4 @@
-"""The transient at the beginning of a repeated signal, and its drift: told from noise, and taken out.
+"""The transient at the beginning of a repeated signal, and its drift: distinguished from noise, removed.
 
 What repeats is the same in every period. An output minus itself a period later is therefore free motion,
 

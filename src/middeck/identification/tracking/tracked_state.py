@@ -29,7 +29,7 @@ FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 
 @record(kw_only=True)
 class Drift:
-    """How parameters are thought to move.
+    """Assumed random drift of the parameters.
 
     Attributes:
         frequency, damping, gain: Relative drift of each in one second; it grows with the square root of time.

@@ -204,7 +204,7 @@ def _factor(r: TermRows, size: int) -> Float[np.ndarray, "few column"]:
 
 
 def lacking_of(terms: list[Term], found: TermScores, model: MeasurementModel) -> Lacking:
-    """The kind of term that is most clearly lacking: what is left follows others, too."""
+    """The kind of term that is most clearly lacking, as the residual may follow others, too."""
     z = np.where(found.moves > MOVED, np.abs(found.z), 0.0)
     order = sorted(range(len(z)), key=lambda k: (-round(z[k], 6), found.value[k]))
     told = [k for k in order if terms[k].kind == terms[order[0]].kind and z[k] > TOLD]

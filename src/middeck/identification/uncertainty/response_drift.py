@@ -74,7 +74,7 @@ class ResponseDrift:
 
     @property
     def sentence(self) -> str:
-        """One sentence: what moved."""
+        """One sentence: what changed."""
         if not self.bands:
             return f"the response moved on none of {len(self.frequency_hz)} lines at the level {self.level:g}"
         parts = [

@@ -98,7 +98,7 @@ def taper_notes(made: Mapping[str, ArticleSections]) -> list[str]:
 
 
 def lumps(bar: Bar) -> list[Mass]:
-    """Halves at the ends, of one that tapers with its mass and its centre along it.
+    """Half masses at the ends of a member that tapers with its mass and its centre along it.
 
     Those of a CBEAM turn about its axis, those of a bar or rod do not.
     """

@@ -123,7 +123,7 @@ class LoadSets:
         return {"gravity_m_s2": size, "gravity_direction": along}, notes
 
     def down(self) -> np.ndarray | None:
-        """The direction of gravity, of the sets that are converted or else of all GRAV, if they have one."""
+        """Common direction of gravity of the converted sets, or else of all GRAV; None without one."""
         falls = [g for g in self.gravity.values() if np.any(g)]
         falls = falls or [self._acceleration(1.0, e, []) for e in self.entries if e.name == "GRAV"]
         ways = [g / np.linalg.norm(g) for g in falls if np.any(g)]

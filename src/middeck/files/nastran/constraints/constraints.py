@@ -51,7 +51,7 @@ class Constraint(NamedTuple):
 def read_constraints(
     deck: Deck, places: Places, points: Container[int], still: Container[int], faults: list[Fault]
 ) -> list[Constraint]:
-    """All constraints, whether they mean anything or not; appends to ``faults`` what is wrong.
+    """All constraints, with or without an effect; appends to ``faults`` what is wrong.
 
     The ground holds the scalar ``points`` that are ``still``: they have no part in an equation.
     """
@@ -67,7 +67,7 @@ def read_constraints(
 
 
 def that_matter(constraints: list[Constraint], used: Container[int]) -> list[Constraint]:
-    """Those that do more than say how a grid moves on which nothing stands.
+    """Constraints that do more than say how a grid moves on which nothing stands.
 
     Two that share a motion of such a grid join what else they name.
     """
@@ -91,7 +91,7 @@ def joined_components(constraints: list[Constraint]) -> dict[int, str]:
 def check_dependent(
     constraints: list[Constraint], carriers: dict[int, int], held: dict[int, str], faults: list[Fault]
 ) -> None:
-    """Appends to ``faults`` what depends twice, or depends and is held."""
+    """Append to ``faults`` components that are dependent twice, or dependent and held."""
     first: dict[tuple[int, str], Constraint] = {}
     for c in constraints:
         for grid, component in c.dependent:

@@ -85,7 +85,7 @@ def guess_units(materials: Sequence[tuple[float, float]], size: float) -> list[U
 
 
 def doubt_modulus(units: Units, E: float) -> str:
-    """What is wrong with a Young's modulus in ``units``, and in which others it is one; else nothing.
+    """A warning for an implausible Young's modulus in ``units``, with plausible units; else empty.
 
     A power of ten is one for form's sake, of a beam that is given by E A and E I.
 

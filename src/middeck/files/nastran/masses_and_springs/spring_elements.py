@@ -39,7 +39,7 @@ class Tie(NamedTuple):
 
 
 def arm_from(place: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """From a place to a point; zero where only their rounding is between them."""
+    """Vector from a place to a point; zero where it is rounding."""
     arm = point - place
     return arm if np.linalg.norm(arm) > APART * np.linalg.norm(place) else np.zeros(3)
 

@@ -40,7 +40,7 @@ def loose_shifts(
     carriers: Mapping[int, int],
     places: Places,
 ) -> list[int]:
-    """Those of ``grids`` that shift in some direction without resistance, square to what is ``held``."""
+    """Those of ``grids`` that nothing holds against shifts in some direction normal to what is ``held``."""
     firm = {carriers.get(grid, grid) for bar in bars if is_firm(bar) for grid in bar.grids}
     stiffness = {grid: np.zeros((3, 3)) for grid in grids if grid not in firm}
     for bar in bars:

@@ -56,7 +56,7 @@ class Bar(NamedTuple):
 
     @property
     def length(self) -> float:
-        """From end to end."""
+        """Distance between the ends."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
 

@@ -34,7 +34,7 @@ class TextSource:
         self.format = PLAIN
 
     def fail(self, what: str) -> NoReturn:
-        """Raise with the place."""
+        """Raise `DataError` with the place."""
         named = f", matrix {self.matrix!r}" if self.matrix else ""
         raise DataError(what, where=f"{self.path}{named}, line {self.at}", hint="write the file once more")
 
