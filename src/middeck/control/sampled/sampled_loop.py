@@ -54,7 +54,7 @@ class SampledOutcome:
 def measure_sampled_loop(
     plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
-    """The loop of ``plant`` and a sampled law under the noises of ``weights``, delays and hold exact.
+    """The loop of ``plant`` and a sampled compensator under the noises of ``weights``, delays and hold exact.
 
     The covariance at the samples solves a discrete Lyapunov equation; between the samples it is propagated
     under held inputs and averaged.
@@ -115,7 +115,7 @@ def measure_held(
 
 
 def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
-    """The law with its ports in the order of the plant's groups y and u.
+    """The compensator with its ports in the order of the plant's groups y and u.
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """

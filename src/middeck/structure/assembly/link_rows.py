@@ -51,7 +51,7 @@ class LinkRows:
 
 
 class LinkState(NamedTuple):
-    """The numbers that links hold at zero, and how poses (``slope``) and coordinates in W move them."""
+    """The numbers that links hold at zero, with derivatives by poses (``slope``) and coordinates in W."""
 
     rows: LinkRows
     value: Inexact[np.ndarray, " row"]

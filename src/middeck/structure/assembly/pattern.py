@@ -1,4 +1,4 @@
-"""Where the entries of element matrices go in the matrices of a model: found once, filled in repeatedly.
+"""Places of the entries of element matrices in the matrices of a model: found once, filled repeatedly.
 
 An entry B_ij between coordinates i and j of poses adds A_ia B_ij A_jb to K_ab for every pair of coordinates a
 and b that move them. Which these are depends on topology alone, so that K is a sum over a fixed list.
@@ -37,7 +37,7 @@ class _Products(NamedTuple):
 
 
 class Pattern(NamedTuple):
-    """The pattern of a symmetric sparse matrix in coordinates, and what each group of elements adds to it."""
+    """The pattern of a symmetric sparse matrix in coordinates, and places of each group of elements in it."""
 
     indptr: np.ndarray
     indices: np.ndarray

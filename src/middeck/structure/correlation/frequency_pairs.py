@@ -1,4 +1,4 @@
-"""Which mode of the model a measured frequency is, where there are no shapes.
+"""Pairs of measured frequencies and modes of the model, without shapes.
 
 Errors of ln f are taken as Gaussian, all of one deviation, the likeliest of `SCATTER`. A measured mode has no
 partner once in ten times, and then lies anywhere within an octave either way. The likeliest pairs follow: the

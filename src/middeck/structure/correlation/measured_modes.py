@@ -207,7 +207,7 @@ def real_shapes(measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
 
 
 def every_channel(model: Model) -> list[tuple[str, str]]:
-    """Six directions at every node of the article, then the angle or travel of every joint that moves."""
+    """Six directions at every node of the article, then the angle or travel of every moving joint."""
     moving = dynamic_coordinates(model)[6 * model.tree.roots :]
     joints = [j for j, free in zip(model.structure.joints, moving, strict=True) if free]
     nodes = [(n.name, d) for n in model.structure.nodes for d in AXES]
@@ -324,7 +324,7 @@ def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> l
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
-    """Where a node, joint, mesh node, attach point or point inside a component was drawn [m]."""
+    """Place [m] of a node, joint, mesh node, attach point or point inside a component, as drawn."""
     if (inside := points_inside(model).get(name)) is not None:
         return drawn_inside(model, *inside)
     frame, offset = _place(model, name)
@@ -380,7 +380,7 @@ def _chosen(modes: Modes, chosen: Sequence[int] | None) -> np.ndarray:
 
 
 def called(measured: MeasuredModes, j: int) -> str:
-    """A measured mode as sentences call it: they count from 1, as tests do."""
+    """Words for a measured mode, counted from 1 as in tests."""
     return f"measured mode {j + 1} of {measured.frequency_hz[j]:.4g} Hz"
 
 

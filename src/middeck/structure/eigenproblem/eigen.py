@@ -63,7 +63,7 @@ class Eigenpairs(NamedTuple):
 
 
 def all_cost_less(K: sp.csr_array, count: int = 0) -> bool:
-    """Whether all modes cost less than the lowest ``count``."""
+    """Whether all modes cost less to compute than the lowest ``count``."""
     return order(K) <= max(SMALL, 4 * count)
 
 

@@ -81,7 +81,7 @@ class ComponentState(NamedTuple):
     modal: int
 
     def seen(self, motion: Inexact[np.ndarray, "n mode"]) -> Inexact[np.ndarray, "n mode"]:
-        """Motions in W in the axes of the component's frame, those as one body with them."""
+        """Motions in W as the component's frame sees them, those as one body included."""
         grids = len(motion) - self.modal
         turned = np.einsum("ji,gjm->gim", self.axes, motion[:grids].reshape(grids // 3, 3, motion.shape[1]))
         return np.concatenate([turned.reshape(grids, -1), motion[grids:]])

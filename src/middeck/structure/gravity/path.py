@@ -96,7 +96,7 @@ class GravityPath:
 
     @property
     def exchanged(self) -> Bool[np.ndarray, "station branch"]:
-        """Where a branch is past a veering: its shape is no longer that of its name."""
+        """Whether a branch is past a veering: its shape is no longer that of its name."""
         past = np.zeros(self.omega2.shape, dtype=bool)
         for event in self.events:
             if event.kind is EventKind.VEERING:
@@ -105,7 +105,7 @@ class GravityPath:
 
     @property
     def doubtful(self) -> tuple[tuple[int, int], ...]:
-        """(station, branch) where less than half of a shape is what it was a station before."""
+        """(station, branch) whose shape has less than half in common with that a station before."""
         return tuple((int(i), int(j)) for i, j in np.argwhere(self.match < HALF_SHAPE))
 
 

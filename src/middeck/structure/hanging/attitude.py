@@ -50,7 +50,7 @@ class Attitude:
 
 
 def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
-    """How the article hangs in ``equilibrium``; raises `ConfigError` where there is no gravity."""
+    """Attitude of the article in ``equilibrium``; raises `ConfigError` where there is no gravity."""
     gravity = equilibrium.environment.gravity
     if not np.any(gravity):
         raise ConfigError(

@@ -26,7 +26,7 @@ class Doubt(NamedTuple):
 
 
 def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Doubt]:
-    """Attach points on which nothing pulls, and directions in which nothing holds while devices are tuned."""
+    """Attach points without load, and directions that nothing holds while devices are tuned."""
     if not environment.hung:
         return
     ties = (*environment.hung, *environment.springs)
@@ -49,7 +49,7 @@ def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Do
 
 
 def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Doubt]:
-    """A tilt beyond `LARGE_TILT`, and the offsets that would level it; or what has turned over."""
+    """A tilt beyond `LARGE_TILT`, with offsets that would level it; or parts that have turned over."""
     tilt = float(np.linalg.norm(attitude.tilt))
     if tilt <= LARGE_TILT:
         return

@@ -55,7 +55,7 @@ class Link:
 
     @property
     def free_axis(self) -> str:
-        """Letters of the axes about which it leaves a turn."""
+        """Letters of the axes about which the frames may turn."""
         return "".join(letter for letter in LETTERS if letter not in self.about)
 
 

@@ -1,4 +1,4 @@
-"""Members as arrays: where they run, and how they are cut into elements. Analytic in every number."""
+"""Members as arrays: their geometry, and their division into elements. Analytic in every number."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class CutMembers(NamedTuple):
 
 
 def member_geometry(structure: Structure) -> MemberGeometry:
-    """Where all members run."""
+    """Geometry of all members."""
     index = {n.name: i for i, n in enumerate(structure.nodes)}
     nodes = np.array([(index[m.start], index[m.end]) for m in structure.members], dtype=int).reshape(-1, 2)
     position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)

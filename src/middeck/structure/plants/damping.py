@@ -1,4 +1,4 @@
-"""The damping ratio of every mode, from where its energy goes.
+"""The damping ratio of every mode, from the losses of the parts that hold its energy.
 
 Three sources add up: a base (of flexibility and suspension, or from a measured table), the loss in the
 material, and viscous devices. A mode that is given its own ratio has that and nothing else.

@@ -84,7 +84,7 @@ class GyroscopicModes:
 
     @property
     def sense(self) -> tuple[str, ...]:
-        """How the wheels' axes circle: "forward" with the spin, "backward" against it, "" not at all."""
+        """Sense of the wheels' axes: "forward" circling with the spin, "backward" against it, "" for none."""
         return tuple("" if abs(w) < CLEAR else "forward" if w > 0.0 else "backward" for w in self.whirl)
 
     @property
@@ -160,7 +160,7 @@ def solve_gyroscopic_modes(
 
 
 def momentum_warnings(modes: Modes, spin: Spin, zeta: Float[np.ndarray, " mode"]) -> tuple[str, ...]:
-    """What the modes beyond those with the ratios ``zeta`` would change in the others where wheels spin."""
+    """Warnings of the change in the other modes by those beyond the ratios ``zeta``, where wheels spin."""
     kept = len(zeta)
     if not spin.turns:
         return ()

@@ -90,7 +90,7 @@ class Equilibrium:
 
     @functools.cached_property
     def poses(self) -> Poses:
-        """Where the frames are at rest."""
+        """Poses of the frames at rest."""
         return frame_poses(self.model.tree, self.config)
 
     @functools.cached_property
@@ -267,7 +267,7 @@ class Imbalance(NamedTuple):
 
 
 def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
-    """How well forces and moments balance in ``equilibrium``; its ``residual`` is the larger of both."""
+    """Residuals of forces and moments in ``equilibrium``; its ``residual`` is the larger of both."""
     model, loads = equilibrium.model, equilibrium.loads
     scale = imbalance_scale(model, loads)
     weight = imbalance_weight(model, loads)
@@ -290,14 +290,14 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
 
 
 def node_shifts(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:
-    """How far every node has moved since drawn [m], in W."""
+    """Displacement of every node since drawn [m], in W."""
     since, rest = equilibrium.config.since_drawn, equilibrium.model.rest
     shift = equilibrium.config.x - rest.x if since is None else whole_motion(since)[0]
     return {node.name: shift[i] for i, node in enumerate(equilibrium.model.structure.nodes)}
 
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
-    """A rest state that is not stable; a node that turned by more than `FAR_TURN`, probably by mistake."""
+    """Warnings: an unstable rest state; a node that turned by more than `FAR_TURN`, probably by mistake."""
     found = list(link_warnings(equilibrium.model, equilibrium.config))
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")

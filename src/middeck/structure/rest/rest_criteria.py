@@ -1,4 +1,4 @@
-"""Where a search for a rest state ended, and what counts as rest."""
+"""End of a search for a rest state, and the criteria of rest."""
 
 from typing import NamedTuple
 
@@ -35,7 +35,7 @@ LONGEST_STEP = 0.5
 
 
 class Settled(NamedTuple):
-    """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
+    """End of Newton's method, and (load factor, residual, damping) of every iteration.
 
     The residual counts as rest below ``enough``. ``followed`` says that it is the branch of the drawn state.
     """
@@ -64,7 +64,7 @@ SOFT = 1e-9
 
 
 def is_stable(model: Model, config: Configuration, at: Assembly, loads: Loads) -> bool:
-    """Whether nothing grows at a rest state with the assembly ``at``, the free joints held."""
+    """Whether no motion grows at a rest state with the assembly ``at``, the free joints held."""
     if is_unstrained(model, config, at, loads):
         return True
     free, mass = static_freedom(model, config), carried_mass(model, config, loads)

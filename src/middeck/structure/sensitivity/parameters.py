@@ -110,7 +110,7 @@ def find_parameters(
 def choose_parameters(
     parameters: Sequence[Parameter], patterns: Sequence[str], *, missing: bool = False
 ) -> tuple[Parameter, ...]:
-    """`find_parameters` among ``parameters``; with ``missing`` names that fit none are left out."""
+    """`find_parameters` among ``parameters``; with ``missing``, names without a match are left out."""
     every = {p.name: p for p in parameters}
     found: dict[str, Parameter] = {}
     for pattern in patterns:
@@ -147,7 +147,7 @@ def _became(pattern: str, every: Iterable[str]) -> str:
 def set_parameter(
     structure: Structure, environment: Environment, parameter: Parameter, value: complex
 ) -> tuple[Structure, Environment]:
-    """Both with ``parameter`` at ``value``, which may be complex; what it does not touch stays as it is."""
+    """Both with ``parameter`` at ``value``, which may be complex; all else unchanged."""
     both: dict[str, Any] = {"structure": structure, "environment": environment}
     for side, *path in parameter.spots:
         both[side] = _put(both[side], tuple(path), value, parameter.scales)

@@ -35,7 +35,7 @@ class Losses(NamedTuple):
 
     @staticmethod
     def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> Losses:
-        """Those of some modes: the suspension's are what its ratio and its dampers add.
+        """Losses of some modes: the suspension's are what its ratio and its dampers add.
 
         That is never negative: weight that softens a mode takes no loss from what holds it.
         """

@@ -70,16 +70,16 @@ class Prediction:
     ground_hz: Float[np.ndarray, " mode"]
 
     def damping_alone(self, unseen: float) -> Float[np.ndarray, " mode"]:
-        """Deviations of ln zeta beside what is shared; ``unseen`` is that of what was not measured."""
+        """Deviations of ln zeta without the shared part; ``unseen``: that of a mode never measured."""
         return np.hypot(self.damping_spread, self.damping_own * unseen)
 
     def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
-        """Deviations of ln zeta, all told; ``unseen`` as in `damping_alone`."""
+        """Total deviations of ln zeta; ``unseen`` as in `damping_alone`."""
         return np.hypot(np.linalg.norm(self.damping_root, axis=1), self.damping_alone(unseen))
 
     @property
     def log_std(self) -> Float[np.ndarray, " mode"]:
-        """Standard deviation of the logarithms of the frequencies, all told."""
+        """Total standard deviations of ln f."""
         return np.hypot(np.linalg.norm(self.log_root, axis=1), self.log_rest)
 
     @property
@@ -94,14 +94,14 @@ class Prediction:
         return self.frequency_hz[:, None] * np.exp(half)
 
     def below(self, number: int) -> Prediction:
-        """Those that are among the lowest ``number`` modes, rigid ones counted."""
+        """Those of the modes that are among the lowest ``number``, rigid ones counted."""
         kept = self.index < number
         rows = [f.name for f in dataclasses.fields(self) if f.name != "modes"]
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
 
 
 class There(NamedTuple):
-    """The refined article in an environment: its modes, which of them are told, and their slopes.
+    """The refined article in an environment: its modes, those that are predicted, and their slopes.
 
     Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
     is asked for. ``roots`` are of the complex modes where damping was refined.
@@ -142,7 +142,7 @@ def predict_modes(
 
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
-    """The prediction of ``refined`` for modes that are solved already."""
+    """The prediction of ``refined`` for modes already solved."""
     modes, index, slope, finer, curvature, roots = there
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None

@@ -1,4 +1,4 @@
-"""What modes beyond those of the promised plants change: on the most probable article, by the model alone."""
+"""Effect of modes beyond those of the promised plants, on the most probable article by the model alone."""
 
 from __future__ import annotations
 

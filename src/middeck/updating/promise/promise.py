@@ -1,4 +1,4 @@
-"""What compensators will do where they cannot be tested: distributions over drawn plants."""
+"""Predictions of compensators where they cannot be tested: distributions over drawn plants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured modes that may be other modes of the model than those they were compared with.
+"""Measured modes that may be other modes of the model than those that they were paired with.
 
 Where shapes cannot distinguish two modes, the frequency can; where the priors allow it for either, nothing
 can. Other pairs, one at a time and all that one draws along by the unknowns that it asks for, are compared by
@@ -28,7 +28,7 @@ SWEEPS, FORBIDDEN = 4, 1e12
 
 
 class OtherPair(NamedTuple):
-    """Frequencies [Hz] of a measured mode, of that it was paired with, and of that it may be as well.
+    """Frequencies [Hz] of a measured mode, of the mode paired with it, and of another that is possible.
 
     If it is, ``unknown`` is off by so many of its stated deviations, the most of all.
     """
@@ -109,7 +109,7 @@ class _Rows(NamedTuple):
 
 
 def other_pairs(refined: Refined) -> tuple[OtherPair, ...]:
-    """The likeliest other mode of each measured one that may be another, and that moves an unknown."""
+    """The likeliest alternative mode of each measured mode, where it would move an unknown."""
     asked = [_candidates(c) for c in refined.compared]
     if not any(map(len, asked)):
         return ()

@@ -1,4 +1,4 @@
-"""Channels of a survey that read other than the model moves where the rest of the survey agrees with it."""
+"""Channels of a survey that contradict the model where the rest of the survey agrees with it."""
 
 import itertools
 from collections.abc import Sequence
@@ -139,7 +139,7 @@ def _by_a_factor(read: np.ndarray, moved: np.ndarray) -> bool:
 
 
 def how_it_reads(read: np.ndarray, moved: np.ndarray, still: float) -> str:
-    """The matter with an instrument that reads ``read`` where the model moves by ``moved``.
+    """The likely fault of an instrument that reads ``read`` where the model moves by ``moved``.
 
     No motion below ``still`` counts, whatever it is alike.
     """

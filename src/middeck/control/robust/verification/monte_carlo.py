@@ -183,7 +183,7 @@ def noise_on(
 def which_decay(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> Bool[np.ndarray, " plant"]:
-    """Loops that are stable and of finite rms by `noise_on`, which does not compute it for this.
+    """Which loops are stable and of finite rms in `noise_on`, without computing the rms.
 
     Above the modes of a plant the phase of its delay is not kept where the gain of the loop is small there.
     """

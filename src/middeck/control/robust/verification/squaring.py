@@ -101,7 +101,7 @@ def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
 
 
 class Found(NamedTuple):
-    """Which loops are proved stable and which to grow; of the proved, rms, their errors, and residuals."""
+    """Loops proved stable, and proved to grow; rms of the former, their errors, and residuals."""
 
     proved: np.ndarray
     grown: np.ndarray

@@ -86,7 +86,7 @@ def deformation_names(
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
 ) -> list[Wording]:
-    """The deformation of each mode, not numbered.
+    """Words for the deformation of each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
     strain energy is in a mast (see `BeamMotion`). Of any other that is slender, or is strained axially, it is

@@ -1,4 +1,4 @@
-"""What is drawn of an article: lines with several points a member, marks, and how shapes move the points.
+"""Drawing of an article: lines with several points a member, marks, and the motion of points in shapes.
 
 One value for pictures, pages and files: whatever shows a shape shows these arrays.
 """
