@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.special import betaincinv
 
 CONFIDENCE = 0.95
-TIE = 1e-9  # of a rank, by rounding
+TIE = 1e-9  # rounding of a rank
 
 
 def level(db: Float[np.ndarray, " draw"], share: float) -> float:

@@ -62,7 +62,7 @@ class Ledger:
         except BaseException:
             self._base.close()
             raise
-        # By this hash rows know their campaign.
+        # Rows know their campaign by this hash.
         self.campaign = hashlib.sha256(repr(sorted(identity.items())).encode()).hexdigest()
 
     def _claim(self, identity: Mapping[str, str]) -> None:
@@ -150,7 +150,7 @@ def _changes(name: str, was: object, now: object) -> Iterator[str]:
 
 
 def _parsed(value: object) -> object:
-    with contextlib.suppress(ValueError):  # of a text that only begins like JSON
+    with contextlib.suppress(ValueError):  # a text that only begins like JSON
         return json.loads(value) if isinstance(value, str) and value[:1] in ("{", "[") else value
     return value
 

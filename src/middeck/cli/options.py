@@ -29,7 +29,7 @@ RESPONSES = (".uff", ".unv", ".uf", ".58")
 # Help of options that `design` and `qualify` share.
 SENSOR_NOISE = "Sensor noise, two-sided, output unit/sqrt(Hz)."
 INPUT_NOISE = "Noise at the inputs, two-sided, unit/sqrt(Hz)."
-# Of the app and of each verb, which may be called by itself.
+# Settings of the app, and of each verb, which may be called by itself.
 HELP = {"help_option_names": ["-h", "--help"]}
 STREAMS = (".h5", ".hdf5", ".csv")
 ARTICLES = (".toml",)
@@ -49,7 +49,7 @@ class Verb(click.Command):
         try:
             seen: list[click.Parameter] = self.make_parser(ctx).parse_args(list(args))[2]
         except click.UsageError as error:
-            error.ctx = ctx  # of which click tells only some
+            error.ctx = ctx  # click sets it in some errors only
             raise
         for param in dict.fromkeys(seen):
             if isinstance(param, click.Option) and _is_single(param) and seen.count(param) > 1:

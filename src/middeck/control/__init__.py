@@ -1,4 +1,4 @@
-"""Control: from a `Plant` to a `Compensator`, and what the closed loop then does.
+"""Control: from a `Plant` to a `Compensator`, and the behaviour of the closed loop.
 
 Feedback sign: a compensator's output is ADDED at the plant's input, u = K(s) y; a minus sign is inside K.
 """

@@ -27,8 +27,8 @@ class Qualified:
     Attributes:
         plant: Its name.
         setting: ``"continuous"``, or the sampling rate, as ``"250 Hz"``.
-        stability: By roots, delays exact; unstable is an outcome. None where ``unheld`` decides, or nothing
-            could.
+        stability: Stability by the roots, delays exact; unstable is an outcome. None where ``unheld``
+            decides, or nothing could.
         rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2 under process and sensor noise, delays exact
             (`measure_noise_rms`), of a sampled loop between the samples too; ``inf`` where unstable, and
             where a direct term passes on white sensor noise.
@@ -104,7 +104,7 @@ def _try(name: str, plant: Plant, compensator: Compensator, weights: LQGWeights)
 
 
 def align_plant(plant: Plant, compensator: Compensator) -> Plant:
-    """The plant whose groups u and y are the compensator's ports, in its own order where it has them.
+    """The plant with groups u and y of the compensator's ports, in its own order where it has them.
 
     Inert modes are left out, but of a sampled plant. Raises `ConfigError` as `locate_ports`.
     """
@@ -119,7 +119,7 @@ def align_plant(plant: Plant, compensator: Compensator) -> Plant:
 
 
 def sampled_forms(compensator: Compensator, rates_hz: Sequence[float]) -> tuple[Compensator, ...]:
-    """The compensator at each rate: by Tustin's rule, or a sampled one as it is.
+    """The compensator at each rate: by Tustin's rule, or unchanged if it is sampled.
 
     Raises `ConfigError` for a rate that is not positive, and for one that is not a sampled compensator's own.
     """

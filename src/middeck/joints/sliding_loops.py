@@ -20,7 +20,7 @@ from middeck.errors import ConfigError
 from middeck.values import record
 
 PASSES = 2
-"""Of the torque at a step's end, which the way depends on; each shrinks the error by `GIVEN`."""
+"""Iterations for the torque at the end of a step; each shrinks the error by `GIVEN`."""
 GIVEN = 0.02
 BLOCK = 16
 """Steps in a block: fewer take more calls for the poles, more take more sums within the block."""
@@ -33,8 +33,8 @@ class SlidingLoops:
 
     Attributes:
         poles: One of each conjugate pair [rad/s].
-        drives, reads: Of each pole, the response of the angles to a torque being the real part of the sum of
-            reads exp(poles t) drives.
+        drives, reads: Factors of each pole: the response of the angles to a torque is the real part of the
+            sum of reads exp(poles t) drives.
         stiffness, slip_torque: Those of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
         records: How often each loop runs, under other noise each time.
     """
@@ -140,7 +140,7 @@ class _Sliders:
         )
         answer = np.concatenate(answers, axis=3)
         self._at_once, self._pull = answer[0], self._stiffness * answer[0]
-        # By the springs of all joints together, each of its own stiffness.
+        # The springs of all joints act together, each with its own stiffness.
         given = np.sum(np.abs(answer[0]) * self._stiffness[:, None], axis=0).max(initial=0.0)
         if not given <= GIVEN:
             raise ConfigError(

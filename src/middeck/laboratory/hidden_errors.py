@@ -16,7 +16,7 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.values import record
 
 MODES = 400  # whose damping is drawn
-DAMPING_SPREAD = 0.3  # of the logarithm of each mode's ratio
+DAMPING_SPREAD = 0.3  # standard deviation of the logarithm of each mode's ratio
 
 Factors = tuple[tuple[str, float], ...]
 ThreeFactors = tuple[tuple[str, tuple[float, float, float]], ...]
@@ -28,11 +28,11 @@ class HiddenErrors:
 
     Attributes:
         modulus, strut: Factor on E of all members, and another on each bending stiffness.
-        mass, inertia: Of each node's mass and each principal inertia, by node; nodes that are not named keep
-            theirs.
-        payload_inertia, payload_cg: Of each principal inertia, and of the distance of the centre of mass, by
-            payload joint.
-        bounce, cable_length: Bounce and cable length of the suspension.
+        mass, inertia: Factors on each node's mass and principal inertias, by node; nodes that are not named
+            keep theirs.
+        payload_inertia, payload_cg: Factors on each principal inertia, and on the distance of the centre of
+            mass, by payload joint.
+        bounce, cable_length: Factors on bounce frequency and cable length of the suspension.
         damping: Standard normal numbers, one a mode from the lowest: its ratio is multiplied with exp(0.3 d).
         delay_s: Added to the rig's total delay.
         gain: Gain of each sensor, by name.

@@ -43,7 +43,7 @@ class RigLoop:
 
     Attributes:
         percent: Shift of the pair of modes.
-        stable: By the eigenvalues of the sampled loop.
+        stable: Stability by the eigenvalues of the sampled loop.
         growth_hz, growth_rad_s: Frequency and real part of the pole that grows fastest or decays slowest.
         improvement_db: 20 log10 of the closed-loop rms of the first output in the band over the open-loop one
             on the same bench; None for an unstable loop, as are the margins.

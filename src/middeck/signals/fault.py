@@ -23,7 +23,7 @@ class RecordFault:
         side, channel: Which of the record's ports.
         experiment: Counted from zero; None where all are meant.
         samples: Runs (first, last + 1), counted through the periods of the experiment; the first hundred.
-        what, hint: For people: what was found with its figures, and what to try.
+        what, hint: Sentences for people: what was found with its figures, and what to try.
     """
 
     kind: str

@@ -79,8 +79,8 @@ class Chapter(Generic[T]):
             chapter.
         needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``;
             values that several chapters need are computed once.
-        result, shortfalls: Of the summary: the line of what came out, and those of what does not hold beside
-            claims and warnings.
+        result, shortfalls: Lines of the summary: the result, and the shortfalls other than claims and
+            warnings.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""From tests on the ground to what will happen in orbit: unknowns, residuals, refinement, extrapolation."""
+"""From tests on the ground to predictions for orbit: unknowns, residuals, refinement, extrapolation."""
 
 import lazy_loader
 

@@ -235,7 +235,7 @@ def _damping(modes: md.Modes, ours: np.ndarray, measured: np.ndarray) -> dict[st
         return {"measured_damping": None, "damping": None}
     try:
         model = estimate_damping(modes, count=int(max(ours)) + 1).zeta[ours].tolist()
-    except ConfigError:  # of ratios that do not reach so far; `modes` says why
+    except ConfigError:  # the ratios do not reach so far; `modes` says why
         model = [None] * len(ours)
     return {"measured_damping": stated, "damping": model}
 

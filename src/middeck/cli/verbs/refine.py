@@ -221,7 +221,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | Scre
         return f"{std:.4g}" if u["added"] else f"{100.0 * std * math.exp(x):.2f} %"
 
     def errors(model: Sequence[float | None], measured: Sequence[float]) -> list[str]:
-        """Of modes that had no partner before, none."""
+        """Relative errors [%] as texts, "-" for a mode that had no partner before."""
         both = zip(model, measured, strict=True)
         return ["-" if ours is None else f"{100.0 * (ours / hz - 1.0):+.3f}" for ours, hz in both]
 

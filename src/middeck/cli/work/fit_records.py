@@ -147,7 +147,7 @@ def _fit_record(
     fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=asked_hz, tell=tell)
     sampled = fit.model.sample_hz is not None
     band_hz = asked_hz or recognise_excitation(taken).band_hz
-    told = sampled or fit.model.hold_s is not None  # by the record, or by the data
+    told = sampled or fit.model.hold_s is not None  # the record or the data show the hold
     reaches = not told and band_hz[1] > HELD_ABOVE * taken.sample_hz
     warnings = _chosen(settings, band_hz[1], taken, of_samples=True) if reaches else []
     shown_hz = asked_hz if sampled else band_hz

@@ -1,4 +1,4 @@
-"""Tables of text, as results print themselves."""
+"""Tables of text for printed results."""
 
 from collections.abc import Sequence
 

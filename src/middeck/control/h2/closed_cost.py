@@ -1,4 +1,4 @@
-"""The H2 cost of one model under one law, and its gradient, from one real Schur form.
+"""The H2 cost of one model under one compensator, and its gradient, from one real Schur form.
 
 With A the closed loop's matrix, J = tr(C X C') where A X + X A' + B B' = 0, and with A' P + P A + C'C = 0
 the gradient is dJ = 2 tr(P X dA') + 2 tr(P B dB') + 2 tr(C X dC') (Levine and Athans 1970; for dynamic laws
@@ -21,7 +21,7 @@ from middeck.values import record
 
 @record
 class Law:
-    """A strictly proper law x' = A x + B y, u = C x; integrals of measurements are its last states."""
+    """A strictly proper compensator x' = A x + B y, u = C x; its last states integrate measurements."""
 
     A: Float[np.ndarray, "law law"]
     B: Float[np.ndarray, "law y"]
@@ -94,7 +94,7 @@ def law_gradient(
     P: Float[np.ndarray, "state state"],
     halves: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> LawCost:
-    """Gradient by the law's matrices from half of dJ/dA, dJ/dB and dJ/dC (PX, PB and CX of an H2 cost)."""
+    """Gradient by a `Law`'s matrices, from half of dJ/dA, dJ/dB and dJ/dC (PX, PB and CX of an H2 cost)."""
     PX, PB, CX = halves
     n, through = len(model.A), model.D22 @ law.C
     return LawCost(

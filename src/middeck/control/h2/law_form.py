@@ -29,7 +29,7 @@ class Station:
 
 @record
 class LawForm:
-    """The form of a law u = after K before y; K is strictly proper.
+    """The form of a compensator u = after K before y; K is strictly proper.
 
     Attributes:
         order: States of K; None for as many as the design model has.
@@ -60,7 +60,7 @@ class LawForm:
 
 @record
 class Free:
-    """Which entries of a law may change."""
+    """Free entries of a `Law`."""
 
     A: Bool[np.ndarray, "law law"]
     B: Bool[np.ndarray, "law y"]
@@ -68,7 +68,7 @@ class Free:
 
 
 def order_of(form: LawForm, default: int) -> int:
-    """States of the free law."""
+    """Number of states of the free `Law`."""
     if form.stations:
         return sum(station.order for station in form.stations)
     return default if form.order is None else form.order
@@ -152,7 +152,7 @@ def decouple(law: Law, integrals: int) -> Law:
 
 
 def split_law(law: Law, integrals: int) -> tuple[Law, Law]:
-    """The law without its integrals, and these alone."""
+    """The `Law` without its integrals, and the integrals alone."""
     n = len(law.A) - integrals
     parts = slice(None, n), slice(n, None)
     first, second = (Law(law.A[s, s], law.B[s], law.C[:, s]) for s in parts)
@@ -160,7 +160,7 @@ def split_law(law: Law, integrals: int) -> tuple[Law, Law]:
 
 
 def add_laws(first: Law, second: Law) -> Law:
-    """Both side by side: their commands add up."""
+    """Both side by side: the sum of their commands."""
     return Law(
         np.asarray(sla.block_diag(first.A, second.A)),
         np.vstack([first.B, second.B]),
@@ -202,12 +202,12 @@ def unpack(x: Float[np.ndarray, " parameter"], law: Law, free: Free) -> Law:
 
 
 def shifted(law: Law, rate: float) -> Law:
-    """The law whose states decay faster by ``rate``."""
+    """The `Law` with the decay of its states faster by ``rate``."""
     return dataclasses.replace(law, A=law.A - rate * np.eye(len(law.A)))
 
 
 def join_stations(laws: list[Law], stations: list[tuple[list[int], list[int], int]], ny: int, nu: int) -> Law:
-    """Laws of the stations side by side."""
+    """One `Law` of those of the stations, side by side."""
     order = sum(len(law.A) for law in laws)
     B, C = np.zeros((order, ny)), np.zeros((nu, order))
     first = 0

@@ -37,7 +37,7 @@ class NoiseOutcome:
     """Stability and rms of a loop under noise.
 
     Attributes:
-        stable: By `decide_stability`, delays exact.
+        stable: Whether the loop is stable (`decide_stability`), delays exact.
         rms, control_rms: (E[z' W^2 z])^1/2 and (E[u' R u])^1/2; ``inf`` for an unstable loop, for one with
             a root that does not decay, and for white noise through a direct term.
     """
@@ -82,7 +82,7 @@ def integrate_noise(
 def integrate_band_noise(
     plant: Plant, compensator: Compensator, weights: LQGWeights, band_hz: tuple[float, float]
 ) -> tuple[float, float]:
-    """(E[z' W^2 z])^1/2 and (E[u' R u])^1/2 of what lies in ``band_hz``, delays exact.
+    """(E[z' W^2 z])^1/2 and (E[u' R u])^1/2 within ``band_hz``, delays exact.
 
     Of a loop that decays: stability is not looked at. Raises `ConfigError` as `integrate_noise`, and for a
     band that is not 0 <= low < high < inf.

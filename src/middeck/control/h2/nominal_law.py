@@ -12,7 +12,7 @@ from middeck.systems.state_space.statespace import StateSpace
 
 
 def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
-    """The law with its integrals, the regulator's and the filter's solution, and the cost."""
+    """The optimal `Law` with its integrals, the solutions of regulator and filter, and the cost."""
     rows, n = [row for row, _ in model.integrals], len(model.A)
     A, B = append_integrals(model.A, model.B2, model.C2, model.D22, rows)
     price = model.D12.T @ model.D12
@@ -31,5 +31,5 @@ def solve_lqg(model: GeneralizedPlant) -> tuple[Law, RiccatiSolution, RiccatiSol
 
 
 def lqg_law(model: GeneralizedPlant) -> Law:
-    """The law alone."""
+    """The optimal `Law` alone."""
     return solve_lqg(model)[0]

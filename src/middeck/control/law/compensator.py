@@ -1,4 +1,4 @@
-"""Compensators: dynamic control laws from named measurements to named inputs."""
+"""Compensators: dynamic feedback from named measurements to named inputs."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Compensator:
 
     @property
     def system(self) -> StateSpace:
-        """The continuous law; raises `ConfigError` for a sampled one."""
+        """The continuous system; raises `ConfigError` for a sampled compensator."""
         if isinstance(self.dynamics, SampledStateSpace):
             rate = 1.0 / self.dynamics.period_s
             raise ConfigError(
@@ -95,7 +95,7 @@ class Compensator:
 
     @property
     def sampled(self) -> SampledStateSpace:
-        """The sampled law; raises `ConfigError` for a continuous one."""
+        """The sampled system; raises `ConfigError` for a continuous compensator."""
         if not isinstance(self.dynamics, SampledStateSpace):
             raise ConfigError(
                 "a continuous compensator where a sampled one is asked for",
@@ -110,7 +110,7 @@ def locate_ports(
     outputs: Sequence[Port],
     owner: str = "plant",
 ) -> tuple[list[int], list[int]]:
-    """Positions among ``inputs`` of what the compensator drives, and among ``outputs`` of what it reads.
+    """Positions of the compensator's outputs among ``inputs``, and of its inputs among ``outputs``.
 
     Raises `ConfigError` for a port that ``owner`` does not have, or has in another unit; a port without a
     unit fits any.
@@ -140,7 +140,7 @@ def _locate(wanted: Sequence[Port], there: Sequence[Port], verb: str, side: str,
 
 
 def arrange_ports(compensator: Compensator, y: Sequence[Port], u: Sequence[Port]) -> Compensator:
-    """The same law with its ports in the order of a plant's groups ``y`` and ``u``.
+    """The same compensator with its ports in the order of a plant's groups ``y`` and ``u``.
 
     Raises `ConfigError` where they are not the same ports, or in other units.
     """
@@ -174,7 +174,7 @@ def driven_ports(plant: Plant) -> tuple[Port, ...]:
 
 
 def idle_compensator(plant: Plant) -> Compensator:
-    """The compensator that does nothing: the loop stays open."""
+    """A compensator of zero gain: the loop stays open."""
     inputs, outputs = measured_ports(plant), driven_ports(plant)
     return Compensator(gain_system(np.zeros((len(outputs), len(inputs)))), inputs, outputs)
 
@@ -192,7 +192,7 @@ def evaluate_compensator(
 
 
 def require_loop(plant: object, compensator: object) -> None:
-    """Raise `ConfigError` where other kinds of value stand in place of a plant and its compensator."""
+    """Raise `ConfigError` for values other than a plant and its compensator."""
     require_plant(plant)
     hint = "the compensator behind the plant; Compensator(system, inputs, outputs)"
     require_kind(compensator, Compensator, "compensator", hint)

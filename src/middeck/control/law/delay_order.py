@@ -25,7 +25,7 @@ def pade_order(phase: float) -> int:
 
 
 def phase_of_modes(plant: Plant, law: System | None = None) -> float:
-    """Largest frequency of a pole of plant or law times the largest delay [rad]."""
+    """Largest frequency of a pole of plant or compensator times the largest delay [rad]."""
     inside = poles(remove_delays(partition_modes(plant).active).system)
     turning = np.abs(np.imag(inside if law is None else np.append(inside, poles(law))))
     return float(turning.max(initial=0.0) * plant.delay_s.max(initial=0.0))

@@ -50,7 +50,7 @@ def partition_modes(plant: Plant) -> ModePartition:
 
 
 def set_inert_aside(plant: Plant) -> ModePartition:
-    """Set aside the modes that are neither reachable from any input nor observed by any output.
+    """Set aside the modes that are neither controllable from any input nor observable in any output.
 
     Modal dynamics use `inert_modes`, of rigid modes combined by `align_rigid`; a state space loses the states
     of one name that exact zeros separate from all other states and ports. Modes that grow stay, and so do
@@ -69,7 +69,7 @@ def set_inert_aside(plant: Plant) -> ModePartition:
 
 
 def pose_states(plant: Plant, *, driven: bool = True) -> Plant:
-    """The plant in states that are not mixed (`unmix_states`), for a design, which squares them.
+    """The plant in unmixed states (`unmix_states`), for a design, which squares their condition.
 
     Raises `NotStabilisableError` where a mode of mixed states does not decay and no measurement sees it (no
     input reaches it, where the plant is to be ``driven``).

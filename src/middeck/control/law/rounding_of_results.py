@@ -1,4 +1,4 @@
-"""Whether rounding of the matrices of plant or law moves the numbers computed from their loop.
+"""Rounding of the matrices of plant or compensator: whether it changes the results of their loop.
 
 States mixed by a matrix of condition k multiply the rounding of each entry by up to k^2 at the poles. What
 the matrices lost when they were stored no algorithm finds again. So each number is computed again from
@@ -49,18 +49,18 @@ def _moved(dynamics: Dynamics, names: Sequence[str], rng: np.random.Generator) -
 
 
 def is_vague_half(half: Plant | Compensator, share: float = VAGUE) -> bool:
-    """Whether rounding moves poles of a plant or a law (`is_vague`): of modal form never."""
+    """Whether rounding moves poles of a plant or compensator (`is_vague`): never those of modal form."""
     dynamics = half.dynamics
     return not isinstance(dynamics, ModalSystem) and is_vague(dynamics, share)
 
 
 def is_doubtful(half: Plant | Compensator) -> bool:
-    """Whether rounding may move numbers of its loop: from `DOUBTFUL` of a pole's decay."""
+    """Whether rounding may change results of the loop: where it moves a pole by `DOUBTFUL` of its decay."""
     return is_vague_half(half, DOUBTFUL)
 
 
 def move_half(half: Half, rng: np.random.Generator) -> Half:
-    """The plant or law with its entries moved (`moved_entries`)."""
+    """The plant or compensator with its entries moved (`moved_entries`)."""
     dynamics = half.dynamics
     if isinstance(dynamics, ModalSystem):
         moved = _moved(dynamics, ("omega", "zeta", "psi", "phi"), rng)
@@ -81,7 +81,7 @@ def measure_known(
     cure: str = CURE,
     stacklevel: int = 3,
 ) -> Found:
-    """The result of ``measure``; warns (`UserWarning`) where rounding of vague plants or laws moves it.
+    """The result of ``measure``; warns (`UserWarning`) where rounding of vague halves changes it.
 
     Halves that are not ``vague`` cost nothing more (`is_doubtful`).
 
@@ -90,7 +90,7 @@ def measure_known(
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
         least: Largest change by the first move up to which no more are tried.
         cure: Ends the warning: what would tell.
-        stacklevel: Of the warning: 3 blames the line that called the caller of this.
+        stacklevel: Stack level of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
     moves = [vague(half) for half in halves]

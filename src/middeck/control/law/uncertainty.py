@@ -96,7 +96,7 @@ def parameter_names(uncertainty: Uncertainty) -> tuple[str, ...]:
 
 
 def perturb_plant(plant: Plant, uncertainty: Uncertainty, position: Sequence[float] | np.ndarray) -> Plant:
-    """The plant at a position of the box, each number from -1 to 1 (`parameter_names`), not yet finished.
+    """The plant at a position of the box, each number from -1 to 1 (`parameter_names`), before ``finish``.
 
     Raises `ConfigError` for modes that do not exist, a position of another length, or an uncertain delay of a
     plant that has none.
@@ -134,7 +134,7 @@ def finished_plants(
 
 
 def end_positions(uncertainty: Uncertainty) -> Float[np.ndarray, "plant parameter"]:
-    """The middle, and both ends of each parameter alone: 1 + 2 n plants.
+    """The centre, and both ends of each parameter alone: 1 + 2 n plants.
 
     >>> end_positions(Uncertainty(shifts=(ModeShift(("a", "b"), 0.02),))).ravel().tolist()
     [0.0, -1.0, 1.0]
@@ -146,7 +146,7 @@ def end_positions(uncertainty: Uncertainty) -> Float[np.ndarray, "plant paramete
 def corner_positions(
     uncertainty: Uncertainty, count: int | None = None, rng: np.random.Generator | None = None
 ) -> Float[np.ndarray, "plant parameter"]:
-    """The middle and all 2^n corners of the box, or ``count`` of them drawn with ``rng``."""
+    """The centre and all 2^n corners of the box, or ``count`` of them drawn with ``rng``."""
     n = len(parameter_names(uncertainty))
     if count is not None:
         if rng is None:

@@ -19,7 +19,7 @@ from middeck.values import record
 
 Design = Callable[[float], Compensator]
 """From authority to compensator; e.g. ``functools.partial(design_lqg, plant, weights, kalman=kalman)``."""
-STEP, RESOLUTION = 0.25, 0.005  # of log10 authority, in the search for the first instability
+STEP, RESOLUTION = 0.25, 0.005  # in log10 authority, for the search for the first instability
 
 
 @record(kw_only=True)

@@ -42,7 +42,7 @@ class ClosedLoop:
 
 
 def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
-    """Join them by port name; the compensator's output is added at the plant's input.
+    """Closed loop, joined by port names; the compensator's output is added at the plant's input.
 
     Raises `ConfigError` where the plant lacks a port of the compensator, or has it in another unit, or where
     the loop through the direct terms has no solution. Warns (`UserWarning`) where rounding leaves its

@@ -56,7 +56,7 @@ def loop_metric(loop: ClosedLoop, performance: Performance) -> float:
 
 
 def require_one_each(what: str, count: int, ports: Sequence[str]) -> None:
-    """Raise `ConfigError` unless there are as many as names of ``ports``."""
+    """Raise `ConfigError` unless there is one value for each of ``ports``."""
     if count != len(ports):
         raise ConfigError(
             f"{count} {what} for {len(ports)} ports ({', '.join(ports)})", hint="one for each, in their order"

@@ -121,7 +121,7 @@ def _design(
     active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)
     try:
-        # Of mixed states the last digits decide which ones a filter's gain is of.
+        # The last digits of mixed states decide to which of them a filter's gain belongs.
         mixed = active != part.active
         unit = own_units(model, None if mixed else part.unit, shaping)
         if kalman is not None:

@@ -213,7 +213,7 @@ def join_estimator(
     injection: Float[np.ndarray, "x y"],
     integral: Sequence[int],
 ) -> StateSpace:
-    """u = -K (xhat, integrals of some rows of y); these are of the measurements, hence known exactly."""
+    """Compensator u = -K (xhat, integrals of some rows of y); these are of measurements, hence exact."""
     n, rows = len(plant.A), list(integral)
     A = np.zeros((n + len(rows), n + len(rows)))
     A[:n] = -moves_estimate(plant, injection) @ gain
@@ -223,5 +223,5 @@ def join_estimator(
 
 
 def moves_estimate(plant: StateSpace, injection: Float[np.ndarray, "x y"]) -> Float[np.ndarray, "x u"]:
-    """How a command moves the estimate: by the plant's input, and by the answer that is expected at once."""
+    """Effect of a command on the estimate: by the plant's input, and by the response expected at once."""
     return plant.B - injection @ plant.D

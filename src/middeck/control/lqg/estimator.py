@@ -62,7 +62,7 @@ def design_filter(plant: Plant, weights: LQGWeights, shaping: Shaping | None = N
 
 
 def find_filter(plant: Plant, weights: LQGWeights, shaping: Shaping) -> tuple[KalmanFilter, LQGProblem]:
-    """The filter and what it was posed as; as `design_filter`, rounding apart."""
+    """The filter and its design model; as `design_filter`, but without its check of rounding."""
     part = partition_modes(plant)
     posed = pose_states(part.active, driven=False)
     model = pose_problem(posed, weights, shaping)
@@ -114,6 +114,6 @@ def estimate_states(model: LQGProblem) -> RiccatiSolution:
 
 
 def observed_model(model: LQGProblem) -> StateSpace:
-    """What a filter of the problem observes: from process noise and control to the measurements."""
+    """Model of a filter: from process noise and control to the measurements."""
     drive, through = np.hstack([model.noise, model.control]), np.hstack([model.D21, model.D22])
     return StateSpace(model.A, drive, model.C2, through)

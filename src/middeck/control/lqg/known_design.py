@@ -1,4 +1,4 @@
-"""Designs, and whether rounding of the plant's matrices moves them."""
+"""Designs, and whether rounding of the plant's matrices changes them."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def design_known(
 
 
 def is_mixed(half: Plant | Compensator) -> bool:
-    """Whether rounding may move a design: poles (`is_vague_half`), or what reaches and sees weak modes."""
+    """Whether rounding may change a design: by poles (`is_vague_half`), or by ports of weak modes."""
     return is_vague_half(half) or (isinstance(half, Plant) and unmix_states(half)[1] > MIXED)
 
 

@@ -157,7 +157,7 @@ def pick(filters: PortFilters, names: Iterable[str]) -> list[StateSpace | None]:
 
 
 def require_states(states: int) -> None:
-    """Raise `ConfigError` where there are none."""
+    """Raise `ConfigError` for a model without states."""
     if not states:
         raise ConfigError(
             "nothing to design for: no state of the plant is moved by an input or seen by an output",

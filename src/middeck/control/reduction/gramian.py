@@ -1,4 +1,4 @@
-"""Gramians as Cholesky factors: a product would lose half the digits.
+"""Gramians as Cholesky factors, since products lose half the digits.
 
 Hammarling (1982, IMA J. Numer. Anal. 2, "Numerical solution of the stable, non-negative definite Lyapunov
 equation"), in complex Schur form and with as many rows of the right-hand side as the system has ports

@@ -1,4 +1,4 @@
-"""Search over methods for a law of lower order that stabilises every plant."""
+"""Search over methods for a compensator of lower order that stabilises every plant."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LOOSE, TIDY = 1e-3, 1e-6
 
 @record(kw_only=True)
 class Tested:
-    """Result of one method: law, first truncation, whether it stabilises all plants, description."""
+    """Result of one method: compensator, first truncation, whether it stabilises all plants, description."""
 
     law: StateSpace
     method: Method
@@ -118,7 +118,7 @@ def _mean_cost(law: StateSpace, loops: Sequence[WeightedLoop]) -> float:
 
 @record
 class Withdrawal:
-    """Fraction of the remainder withdrawn, the law there, and the number of descents (``stops``)."""
+    """Withdrawn fraction of the remainder, the `Law` there, and the number of descents (``stops``)."""
 
     law: Law
     share: float
@@ -126,7 +126,7 @@ class Withdrawal:
 
 
 def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: TruncatedLaw) -> Withdrawal:
-    """The law of the candidate's order at the end of a stability homotopy, or where it was blocked.
+    """The `Law` of the candidate's order at the end of a stability homotopy, or where it was blocked.
 
     K(a) = K_r + (1 - a) R with the remainder R = K - K_r of the first cut: at a = 0 it is K, at a = 1 it is
     K_r. On the way K_r descends the H2 cost of the loops, which grows without bound at the stability limit,
@@ -155,7 +155,7 @@ def withdraw_remainder(models: Sequence[GeneralizedPlant], candidate: TruncatedL
 
 
 def polish_law(models: Sequence[GeneralizedPlant], law: Law) -> Law | None:
-    """The law at the end of a descent of the mean cost; None where it does not stabilise all models."""
+    """The `Law` at the end of a descent of the mean cost; None where it does not stabilise all models."""
     found = improve(law, models, [], power=1.0, tolerance=TIDY, steps=AT_THE_END)
     return None if found is None else found[0]
 

@@ -42,7 +42,7 @@ MIRROR = 1e-2
 
 @record
 class TruncatedLaw:
-    """A law K_r of lower order, its ``remainder`` K - K_r, and the singular values of its choice."""
+    """A compensator K_r of lower order, its ``remainder`` K - K_r, and the singular values of its choice."""
 
     law: StateSpace
     remainder: StateSpace

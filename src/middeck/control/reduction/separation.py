@@ -43,7 +43,7 @@ def separate_unstable(system: StateSpace) -> Separation:
 
 
 def does_not_decay(system: StateSpace, values: Complex[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
-    """Which of a system's poles ``values`` are not known to decay."""
+    """Whether each of a system's poles ``values`` is not known to decay."""
     size = float(np.linalg.norm(balance_states(system).A, 2)) if len(system.A) else 0.0
     return np.real(values) > -_known_to(values, size)
 

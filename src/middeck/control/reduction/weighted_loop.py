@@ -65,7 +65,7 @@ def proper_law(system: StateSpace) -> Law:
 
 
 def absorb(model: GeneralizedPlant, beside: StateSpace) -> GeneralizedPlant:
-    """The model with the fixed feedback ``beside`` closed around it, for a free law added at u.
+    """The model with the fixed feedback ``beside`` closed around it, for a free compensator added at u.
 
     Direct white noise in u is left out: its cost would be infinite for every law.
     """
@@ -97,7 +97,7 @@ def response_in_loop(model: GeneralizedPlant, law: StateSpace) -> StateSpace:
 
 
 def gramians_in_loop(models: Sequence[GeneralizedPlant], law: Law) -> GramianFactors:
-    """Gramians of the law's states in the loop under the model's noises and cost, mean over the models.
+    """Gramians of the compensator's states in the loop under noises and cost, mean over the models.
 
     For a stable K they are Enns' Gramians with the weights (I - G K)^-1 behind y and (I - K G)^-1 before u;
     they exist for an unstable K too.

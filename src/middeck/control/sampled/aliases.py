@@ -45,7 +45,7 @@ class Alias:
 
 @record
 class AliasReport:
-    """The loop of one law at one rate.
+    """The loop of one compensator at one rate.
 
     Attributes:
         rate_hz: Sampling rate.

@@ -27,7 +27,7 @@ PADE_ORDER = 3
 
 @record(kw_only=True)
 class SamplingRow:
-    """One law at one rate.
+    """One compensator at one rate.
 
     Attributes:
         method: ``"direct, current"`` and ``"direct, predictor"``; ``"hold"``, ``"tustin"`` or ``"matched"``
@@ -48,7 +48,7 @@ class SamplingRow:
 
 @record
 class SamplingComparison:
-    """All laws at all rates; ``print`` shows them as a table.
+    """All compensators at all rates; ``print`` shows them as a table.
 
     The table has one row for each law and rate: metric relative to no control (negative decibels for an
     improvement), control rms, smallest margins. ``-``: the plant alone has no metric, or no gain or phase

@@ -87,7 +87,7 @@ def sample_cost(held: HeldPlant, weights: LQGWeights, authority: float) -> Sampl
 def design_sampled_lqg(
     plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form = "predictor"
 ) -> SampledLQG:
-    """The sampled law that minimises the continuous E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
+    """The sampled compensator of least continuous E[z' W^2 z + rho u' diag(input) u], rho = 1/authority.
 
     Inputs are held over ``period_s`` and each path is delayed by its own true delay.
     Delays that are no sums of an input's and an output's are approximated (`place_delays`), no others.

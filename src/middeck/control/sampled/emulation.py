@@ -1,4 +1,4 @@
-"""A continuous law made sampled: by a hold, by Tustin's rule, or pole by pole and zero by zero.
+"""A continuous compensator made sampled: by a hold, by Tustin's rule, or pole by pole and zero by zero.
 
 None of them knows the plant or the hold. They are what a direct design is compared with (Franklin, Powell and
 Workman 1998, chapter 6).
@@ -35,7 +35,7 @@ Roots = tuple[complex, ...]
 def emulate(
     compensator: Compensator, period_s: float, rule: Rule = "tustin", *, match_hz: float | None = None
 ) -> Compensator:
-    """The continuous law converted to one sampled every ``period_s``.
+    """The continuous compensator converted to one sampled every ``period_s``.
 
     Args:
         compensator, period_s: The law, and the time from sample to sample [s].
@@ -122,7 +122,7 @@ def _warped_period(period_s: float, omega: float) -> float:
 
 
 def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledStateSpace:
-    """The law of one input and one output with its roots mapped, its gain met at ``omega`` [rad/s].
+    """The compensator of one path with its roots mapped, its gain equal at ``omega`` [rad/s].
 
     Sections in series, in the differences of their roots, so that slow roots beside z = 1 lose no digits
     (Franklin, Powell and Workman 1998, section 6.2).

@@ -32,8 +32,8 @@ class SampledOutcome:
     """Stability and rms of a sampled loop; an unstable loop is an outcome, not an error.
 
     Attributes:
-        stable: By the eigenvalues of the loop from sample to sample (`decide_stability`).
-        poles: Those eigenvalues, z-plane.
+        stable: Whether the loop from sample to sample is stable (`decide_stability`).
+        poles: Eigenvalues of that loop, z-plane.
         rms: Rms of each output z at all times, between samples too; ``inf`` for an unstable loop, and for
             one with a pole on the circle that noise drives, or may drive: not where exact zeros part them.
         rms_at_samples: Rms at the sampling instants alone (of the plant's state, without output delays).
@@ -54,7 +54,7 @@ class SampledOutcome:
 def measure_sampled_loop(
     plant: Plant, compensator: Compensator, weights: LQGWeights, authority: float
 ) -> SampledOutcome:
-    """The loop of ``plant`` and a sampled law under the noises of ``weights``, delays and hold exact.
+    """The loop of ``plant`` and a sampled compensator under the noises of ``weights``, delays and hold exact.
 
     The covariance at the samples solves a discrete Lyapunov equation; between the samples it is propagated
     under held inputs and averaged.
@@ -115,7 +115,7 @@ def measure_held(
 
 
 def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
-    """The law with its ports in the order of the plant's groups y and u.
+    """The compensator with its ports in the order of the plant's groups y and u.
 
     Raises `ConfigError` for other ports, another period, and a loop within the sample.
     """

@@ -1,4 +1,4 @@
-"""Faults of clamps and bushings beyond the form of their keys: what their values cannot be."""
+"""Faults of clamps and bushings beyond the form of their keys: impossible values."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
@@ -22,7 +22,7 @@ F = TypeVar("F", bound=Form)
 def clamp_findings(
     path: Path, items: Iterable[tuple[int, Table]], form: type[ClampForm]
 ) -> Iterator[PathFault]:
-    """Clamps that hold nothing or what they cannot, and the second that holds a degree of freedom."""
+    """Faults of clamps: nothing held, an impossible direction, or a degree of freedom held twice."""
     held: list[Clamp] = []
     for i, table in items:
         try:
@@ -40,7 +40,7 @@ def bushing_findings(
     form: type[F],
     build: Callable[[F], Bushing | GroundBushing],
 ) -> Iterator[PathFault]:
-    """Axes that make no plane, and stiffnesses that are not symmetric or indefinite."""
+    """Faults of bushings: axes that make no plane, stiffnesses not symmetric or indefinite."""
     for i, table in items:
         try:
             bushing = build(form.model_validate(table))

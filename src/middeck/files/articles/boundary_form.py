@@ -22,7 +22,7 @@ APART = 1e-6
 
 
 def stiffness_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
-    """Six numbers of a diagonal or six rows of six; whether it can be is checked with the article."""
+    """A 6x6 stiffness from its diagonal or its rows; whether it is possible is checked with the article."""
     allowed = {"allowed": "six numbers, the diagonal, or six rows of six, symmetric: N/m, N, N m/rad"}
     matrix = real_numbers(value)
     matrix = np.diag(matrix) if matrix.shape == (6,) else matrix
@@ -42,13 +42,13 @@ Stiffness = Annotated[Any, PlainValidator(stiffness_matrix)]
 
 
 class AxesForm(Form):
-    """Axes of its own in W; their lengths do not matter."""
+    """Own axes in W; their lengths do not matter."""
 
     x_axis: Vector = (1.0, 0.0, 0.0)
     y_axis: Vector = (0.0, 1.0, 0.0)
 
     def axes(self, where: str) -> Float[np.ndarray, "3 3"]:
-        """Unit vectors as columns, y in the plane of both; raises `ConfigError` where the two are one."""
+        """Unit vectors as columns, y in the plane of both; raises `ConfigError` where both are parallel."""
         x, y = np.array(self.x_axis), np.array(self.y_axis)
         across = np.cross(x, y)
         if not np.linalg.norm(across) > APART * np.linalg.norm(x) * np.linalg.norm(y):
@@ -70,7 +70,7 @@ class ClampForm(AxesForm):
 
 
 class PrescribedForm(ClampForm):
-    """Those that are moved from where the article was drawn, in the axes of the clamp."""
+    """Held degrees of freedom moved from where the article was drawn, in the axes of the clamp."""
 
     shift_m: Vector = ORIGIN
     turn_deg: Vector = ORIGIN
@@ -112,7 +112,7 @@ class MassForm(Form):
 
 
 class LoadCaseForm(Form):
-    """What is hung on the article, pushes it or displaces it in one test."""
+    """Masses, loads and displacements of one test."""
 
     name: Name
     load: Annotated[tuple[LoadForm, ...], Field(strict=False)] = ()

@@ -190,7 +190,7 @@ class ProofMassForm(Form):
 
 
 class WheelForm(Form):
-    """A rotor on a frame: its inertia about the axis it spins about. How fast says the environment."""
+    """A rotor on a frame: its inertia about its spin axis. The environment states its speed."""
 
     name: Name
     frame: str

@@ -1,4 +1,4 @@
-"""Forms of links, interpolations and linear equations, their values, and what these cannot be."""
+"""Forms of links, interpolations and linear equations, their values, and their faults."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
@@ -98,7 +98,7 @@ def build_link(form: LinkForm | InterpolationForm | EquationForm) -> AnyLink:
 
 
 def link_findings(data: Table, joints: list[str]) -> Iterator[PathFault]:
-    """Links that tie nothing, axes that make no plane, weights and coefficients that cannot be."""
+    """Faults: links that tie nothing, axes that make no plane, impossible weights and coefficients."""
     for table, form in FORMS.items():
         for i, item in tables(data, table):
             try:

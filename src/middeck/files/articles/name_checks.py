@@ -1,4 +1,4 @@
-"""Faults of the names in an article: given twice, or of things that do not exist."""
+"""Faults of the names in an article: given twice, or without a thing that they name."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -15,7 +15,7 @@ AT_POINT = {"force": "a force", "accelerometer": "an accelerometer", "displaceme
 
 
 def name_findings(data: Table) -> Iterator[PathFault]:
-    """Names that stand twice, and names of what is not there."""
+    """Faults of names: given twice, or without a thing that they name."""
     yield from _names(data)
     yield from _references(data)
 
@@ -64,7 +64,7 @@ def given_twice(named: Sequence[tuple[Path, Any]], kind: str) -> Iterator[PathFa
 
 
 def given_again(named: Sequence[tuple[Path, Any]], message: str, hint: str) -> Iterator[PathFault]:
-    """Names that stand before in ``named``; what is no text, the form has refused."""
+    """Names given before in ``named``; the form has refused those that are no text."""
     seen: set[Any] = set()
     for path, name in named:
         if isinstance(name, str) and name in seen:

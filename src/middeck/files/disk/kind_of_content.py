@@ -91,7 +91,7 @@ KEYS: dict[str, frozenset[str]] = {
 
 
 def looks_like(path: str | Path) -> str:
-    """The kind of what is at ``path``, as one says it; empty if nothing can be read there."""
+    """The kind of the file at ``path`` in words; empty if it cannot be read."""
     file = Path(path)
     if file.is_dir():
         return FOLDER

@@ -105,7 +105,7 @@ def load_mat(
     Args:
         path: File of version 5 or 7.3.
         variable: The structure that holds A, B, C and D; empty where they stand by themselves.
-        period_s: For a file without Ts, or with Ts = -1; 0 for a continuous system.
+        period_s: Sampling period [s] of a file without Ts, or with Ts = -1; 0 for a continuous system.
 
     A compensator is always returned for u = K y added: one written for u = -K y is turned.
 

@@ -61,7 +61,7 @@ def _as_plant(value: Exchangeable) -> Plant:
 
 
 def negated(system: System) -> System:
-    """The system whose outputs have the other sign."""
+    """The system with negated outputs."""
     # 0.0 - x, since -0.0 would come back as another zero.
     return dataclasses.replace(system, C=0.0 - system.C, D=0.0 - system.D)
 

@@ -59,7 +59,7 @@ def from_control(
     Args:
         system: ``control.StateSpace`` or ``control.TransferFunction``.
         like: Ports whose namesakes here get their units and transducers.
-        period_s: For a system whose dt is None or True; 0 for a continuous one.
+        period_s: Sampling period [s] of a system whose dt is None or True; 0 for a continuous one.
         delay_s: Delay [s] of all paths, or of each, which python-control has no place for; kept exact.
 
     Raises `ConfigError` for a complex or improper system, an open time base, a negative delay, the delay of a

@@ -32,7 +32,7 @@ def build_foreign(matrices: Mapping[str, Any], period_s: float | None, what: str
 
 
 def with_delay(plant: Plant, delay_s: Any) -> Plant:
-    """``plant`` with one delay [s] for all paths, or one for each; no row or column stands for others."""
+    """``plant`` with one delay [s] for all paths, or one for each; a single row or column is refused."""
     delays = np.asarray(delay_s, dtype=float)
     if delays.ndim and delays.shape != plant.delay_s.shape:
         raise ConfigError(

@@ -14,7 +14,7 @@ LEAST_STRAIN = 5e-4
 
 
 def mode_numbers(modes: Modes, count: int) -> dict[str, Any]:
-    """The lowest ``count`` modes and how far they are to be trusted."""
+    """The lowest ``count`` modes with their residuals and warnings."""
     return {
         "frequency_hz": modes.frequency_hz[:count],
         "kind": modes.kind[:count],

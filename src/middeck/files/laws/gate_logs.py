@@ -74,7 +74,7 @@ class GateLog:
         self._write({"step": step.name, "passed": step.passed, "said": step.said})
 
     def end(self, verdict: GateVerdict) -> None:
-        """Add that the gate came to its end, and its verdict."""
+        """Add the end of the gate and its verdict."""
         self._write({"ends": verdict.passed, "tripped": verdict.tripped})
 
     def _write(self, what: Mapping[str, Any]) -> None:

@@ -72,7 +72,7 @@ def load_package(path: str | Path) -> ControllerPackage:
 
 
 def package_document(package: ControllerPackage) -> dict[str, Any]:
-    """The JSON twin; null stands for a limit that is not there."""
+    """The JSON twin; null stands for an absent limit."""
     core = package.core
     vectors = package.vectors
     assert vectors is not None  # the hash has asked for them

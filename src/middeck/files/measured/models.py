@@ -77,7 +77,7 @@ def load_fitted(path: str | Path) -> tuple[MeasurementModel, ModelCovariance | N
 
 
 def load_standing(path: str | Path) -> tuple[Standing, ...]:
-    """Whether each mode of the model in file ``path`` is to be believed; empty where the file says nothing.
+    """Standing of each mode of the model in file ``path`` (`Standing`); empty where the file has none.
 
     Raises `DataError` as `load_model` does, and for words that are none.
     """

@@ -34,7 +34,7 @@ LENGTHS = {1: 1.0, 2: 3.28084, 3: 1.0, 4: 3.28084, 5: 1e3, 6: 1e2, 7: 39.3701, 8
 
 @record(kw_only=True)
 class Shape:
-    """One mode: frequency [Hz], eigenvalue, damping ratio, complex motions by node number, what is odd."""
+    """One mode: frequency [Hz], eigenvalue, damping ratio, complex motions by node number, oddities."""
 
     hz: float
     root: complex

@@ -25,7 +25,7 @@ from middeck.updating.promise.promise import set_sites
 from middeck.updating.refinement.refine import Refined, refine
 
 FIELDS = ("environment", "block")
-"""Of a case: which environment of the plan, from 0, and which block of its draws."""
+"""Fields of a case: which environment of the plan, from 0, and which block of its draws."""
 LATEST: dict[tuple[str, str, tuple[tuple[str, str], ...]], tuple[Site, ...]] = {}
 """What the latest article, plan and digests of this process make, for all blocks that it measures."""
 

@@ -126,7 +126,7 @@ def _beside(value: float, whole: float) -> float:
 
 
 def hash_files(files: Sequence[Path]) -> tuple[tuple[str, str], ...]:
-    """Name and SHA-256 of each, to be taken before the work: what is saved later was not promised on."""
+    """Name and SHA-256 of each file, to be taken before the work, so that later changes do not count."""
     return tuple((file.name, sha256_of(file)) for file in files)
 
 
@@ -353,5 +353,5 @@ def _with_friction(friction: FrictionOutlook, plan: Plan) -> dict[str, Any]:
 
 
 def few(value: float, digits: int = DIGITS) -> float | None:
-    """``value`` to the digits that are promised; None for what is not finite."""
+    """``value`` rounded to the digits that are promised; None where it is not finite."""
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None

@@ -20,7 +20,7 @@ RISES = rule(lambda ends: ends[0] <= ends[1], "must rise")
 
 
 class Said(Form):
-    """A table of which what is read is checked: later documents may say more."""
+    """A table whose keys in use are checked: later documents may have more."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -97,7 +97,7 @@ class SaidForm(Said):
 
 
 def further_findings(form: SaidForm) -> Iterator[PathFault]:
-    """Faults between keys."""
+    """Faults between several keys."""
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):
         at = ("environments", k)

@@ -1,4 +1,4 @@
-"""What came of a promise, and the sealed document that compares both."""
+"""Outcomes of a promise, and the sealed document that compares both."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -32,7 +32,7 @@ COMPARISON = "middeck.comparison/1"
 
 
 class ModeOutcomeForm(Form):
-    """A mode as it came."""
+    """The outcome of a mode."""
 
     environment: str
     name: str | None = None
@@ -48,7 +48,7 @@ class SurveyOutcomeForm(Form):
 
 
 class LoopOutcomeForm(Form):
-    """A compensator as it did."""
+    """The outcome of a compensator."""
 
     environment: str
     name: str
@@ -57,7 +57,7 @@ class LoopOutcomeForm(Form):
 
 
 class ReadingOutcomeForm(Form):
-    """A gauge as it read, in the unit of the promise: degrees of angles, else SI."""
+    """The outcome of a gauge, in the unit of the promise: degrees for angles, else SI."""
 
     environment: str
     load_case: str

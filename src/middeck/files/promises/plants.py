@@ -1,4 +1,4 @@
-"""The plants that a promise was made on, for whoever tries another compensator on them."""
+"""The plants of a promise, on which other compensators may be tried."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -33,7 +33,7 @@ class PromisedPlants:
 
 
 def plants_document(promises: Mapping[str, Promise], plan: Plan) -> dict[str, Any]:
-    """The sealed document of all plants that were drawn, every number whole."""
+    """The sealed document of all plants that were drawn, with all digits."""
     drawn = {
         f"{place} {number}": _described(plant)
         for place, promise in promises.items()

@@ -1,4 +1,4 @@
-"""How good many promises were: the score over comparisons that were sealed before."""
+"""The score of many promises over comparisons that were sealed before."""
 
 from collections.abc import Sequence
 from pathlib import Path

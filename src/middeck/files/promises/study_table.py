@@ -15,7 +15,7 @@ from middeck.updating.promise.slip import JointSlip
 
 
 def build_modal_test(form: PromiseForm) -> ModalTest:
-    """The ground test."""
+    """The modal test of the table."""
     return ModalTest(
         inputs=form.inputs,
         outputs=form.outputs,

@@ -40,7 +40,7 @@ from middeck.values import record
 
 # A rate [Hz] below which a heading in seconds is rather that of milliseconds.
 SLOWEST = 0.5
-SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # of a column of times
+SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}  # units of a column of times
 # Headings of such a column, and a unit that is part of the name, as in time_s.
 TIMES = re.compile(
     r"(?:t|zeit|epoch|timestamp|(?:unix|elapsed)?[ _]?time(?:[ _]stamp)?)(?:[ _](s|sec|ms|us|µs))?",
@@ -60,7 +60,7 @@ NAMES_FIRST = (
     "one line names the columns and comes first, units in brackets behind the names; begin other words with #"
 )
 DATES = "times as seconds in a column headed time [s], in place of dates and clock times"
-SEPARATOR_LINE = re.compile(r"sep=.?", re.IGNORECASE)  # for a spreadsheet program
+SEPARATOR_LINE = re.compile(r"sep=.?", re.IGNORECASE)  # a line for spreadsheet programs
 Row = tuple[int, list[str]]
 
 
@@ -78,7 +78,7 @@ class Opening:
     periods: int | None
     separator: str
     samples: int | None = None
-    second: float = 1.0  # of the unit of the times
+    second: float = 1.0  # unit of the times [s]
     in_words: bool = True  # whether the heading says that unit
 
     def check_samples(self, count: int, file: Path) -> None:
@@ -340,7 +340,7 @@ def _line(row: Row, width: int, file: Path) -> list[float]:
     if len(cells) != width:
         what = f"mismatched lengths: {len(cells)} values for {width} columns"
         commas = "decimal commas? part the columns with semicolons, or write decimal points"
-        # Of a number without a fraction a decimal comma makes one value, of others two.
+        # A decimal comma makes two values of one number, but one of a number without a fraction.
         several = commas if len(cells) == 2 * width else f"{commas}; or name every column"
         hint = NAMES_FIRST if width == 1 else several if width < len(cells) <= 2 * width else cut
         raise DataError(what, where=where, hint=hint)

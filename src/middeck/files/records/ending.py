@@ -62,7 +62,7 @@ def is_short(cell: str, others: Sequence[str]) -> bool:
 
 
 def is_rarely_short(cell: str, others: Sequence[str]) -> bool:
-    """Whether of many numbers with decimals nearly all have more significant digits than ``cell``.
+    """Whether nearly all of many numbers with decimals have more significant digits than ``cell``.
 
     >>> is_rarely_short("0.1", ["0.125", "1.25"] * 100), is_rarely_short("12", ["125", "13"] * 100)
     (True, False)

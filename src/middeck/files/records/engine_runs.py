@@ -11,7 +11,7 @@ from middeck.signals.fault import RecordFault
 
 
 def read_run_file(file: Path, variable: str) -> Raw:
-    """One experiment from the first sample to the last; samples that are missing are NaN, and said."""
+    """One experiment from the first sample to the last; missing samples are NaN, with a fault."""
     run = read_run(file)
     if not len(run.records):
         raise DataError("no samples: no whole block of records", where=str(file), hint="record it again")

@@ -13,7 +13,7 @@ SUFFIXES = (".npz", ".csv", *HDF5, ".mat", ".npy", *UFF, RUN)
 
 
 def reader_of(file: Path) -> Callable[[Path, str], Raw]:
-    """It takes a file, and a variable of it or "". `DataError` for an ending without a reader."""
+    """Reader of a file and a variable of it (or ""); raises `DataError` for an ending without a reader."""
     suffix = file.suffix.lower()
     match suffix:
         case ".npz":

@@ -25,7 +25,7 @@ SYSTEM = frozenset("ABCD")
 SIDES: dict[str, Side] = {"u": "input", "y": "output"}
 RATES = ("fs", "Fs", "Ts", "sample_hz")
 TIMES = ("t", "time", "Time")
-LINES = 8192  # of which the stamps show their last digit
+LINES = 8192  # lines whose stamps show the last digit
 # Version 5 counts bytes in 32 bits.
 MOST_BYTES = 2**31
 SPARSE = "MATLAB_sparse"  # attribute of a group: the number of rows

@@ -96,7 +96,7 @@ def read_rate(value: Any, where: str) -> float:
 
 
 def read_flag(arrays: Mapping[str, Any], key: str, where: str) -> bool:
-    """Whether the record is ``key``."""
+    """Whether the flag ``key`` of the record is set."""
     value = arrays[key]
     flag = np.asarray(value)
     if flag.size != 1 or flag.dtype.kind not in "biu":

@@ -37,7 +37,7 @@ def last_digit(texts: Iterable[str]) -> float:
 
 
 def rate_of(step: float, samples: int, digit: float) -> float:
-    """The roundest rate [Hz] that a step fitted to so many stamps may be.
+    """The roundest rate [Hz] that agrees with a step fitted to so many stamps.
 
     Rounding errors have the deviation digit / sqrt(12), so that the slope of a line through N of them has
     digit / N^1.5. Decimal stamps carry no more than nine digits in any case.
@@ -51,7 +51,7 @@ def rate_of(step: float, samples: int, digit: float) -> float:
 
 
 def open_share(rate: float, samples: int, digit: float) -> float:
-    """The share by which rounded stamps leave the rate open, found with `rate_of`."""
+    """Relative uncertainty of the rate (`rate_of`) from rounded stamps."""
     return 2.0 * SURE * digit / samples**1.5 * rate
 
 

@@ -85,7 +85,7 @@ class Dataset:
 
     @property
     def numbers(self) -> int:
-        """How many real numbers a value has: one or two, and one more with an abscissa of its own."""
+        """Reals in a value: one or two, and one more with an abscissa of its own."""
         return 1 + ORDINATES[self.ordinate][0] + (self.step is None)
 
 

@@ -34,7 +34,7 @@ Channel = Annotated[
 
 
 class CandidateForm(Form):
-    """A modal test that may be made: a survey without its modes, and how well it would measure them."""
+    """A candidate modal test: a survey without its modes, and the deviations that it would have."""
 
     name: str
     environment: str = "lab"
@@ -47,7 +47,7 @@ class CandidateForm(Form):
 
 
 class CandidatesForm(Form):
-    """Tests that may be made, the refinement that each adds to, and what is promised."""
+    """Candidate tests, the refinement that each adds to, and what is promised."""
 
     schema_: Literal["middeck.candidates/1"] = Field(alias="schema")
     refinement: str

@@ -1,4 +1,4 @@
-"""Documents of a refinement: tests on the ground, and what may be changed to fit them; refined articles."""
+"""Documents of a refinement: tests on the ground and unknowns; refined articles."""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Friction of joints in refinements: its prior values, and how far joints moved in a survey."""
+"""Friction of joints in refinements: its prior values, and the amplitudes of joints in a survey."""
 
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ class FrictionForm(Form):
 
 
 class AmplitudeForm(Form):
-    """How far a joint with friction moved: in every mode alike, or a value a mode."""
+    """Amplitude of a joint with friction: one for all modes, or one a mode."""
 
     joint: str
     angle_deg: Positives

@@ -22,7 +22,7 @@ ENDING = {"shift": "m", "tilt": "deg", "force": "n", "moment": "nm"}
 UNIT = {"m": 1.0, "deg": np.pi / 180.0, "n": 1.0, "nm": 1.0}
 # What a reading states of its kind: of a test, and of one that may be made.
 VALUED, PLANNED = ("value", "std"), ("std",)
-# Of load cases that nothing reads, and of gauges that nothing loads.
+# Words for load cases that nothing reads, and for gauges that nothing loads.
 NOTHING, ONE_OF_EACH = "nothing is promised", "[[load_case]] and [[gauge]], one of each at least, or modes"
 
 

@@ -1,4 +1,4 @@
-"""What an article carried in a test, in documents."""
+"""Loads on an article in a test, in documents."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -40,7 +40,7 @@ def case_of(form: LoadingForm) -> LoadCase | str | None:
 
 
 def survey_load_findings(data: Any) -> list[PathFault]:
-    """Surveys that name a load case beside loads of their own."""
+    """Faults of surveys that name a load case beside loads of their own."""
     return [f for i, test in tables(data, "survey") for f in loaded_twice(("survey", i), test)]
 
 
@@ -50,7 +50,7 @@ def own_loads(test: dict[str, Any]) -> list[str]:
 
 
 def loaded_twice(path: Path, test: dict[str, Any]) -> Iterator[PathFault]:
-    """A load case by name beside loads of the test's own."""
+    """The fault of a test that names a load case beside loads of its own."""
     own = own_loads(test)
     if own and "load_case" in test:
         yield finding((*path, "load_case"), f"beside {own[0]} of its own", hint="one or the other")

@@ -67,7 +67,7 @@ class PromisedLoads:
             raise ConfigError(NOTHING, where=str(self.files[0]), hint=ONE_OF_EACH)
 
     def of(self, refined: Refined) -> tuple[Deflection, ...]:
-        """The readings that are promised of the refined article."""
+        """Gauge readings to be promised for the refined article."""
         return predict_deflections(
             refined, self.environment, self.load_cases, self.gauges,
             since_unloaded=self.since_unloaded, series=self.series,

@@ -8,7 +8,7 @@ from middeck.files.toml.form import Finite, Form, Positive
 
 
 class UnknownForm(Form):
-    """Parameters that move together, and how well they are known before."""
+    """Parameters that move together, with the mean and standard deviation of their prior."""
 
     name: str
     parameters: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]

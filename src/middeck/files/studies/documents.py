@@ -71,7 +71,7 @@ class Study:
 
     @property
     def account(self) -> str | None:
-        """Whose account the claims of the report are; without one nothing is claimed."""
+        """Source of the report's claims; without one there are none."""
         return self.form.account
 
     @property

@@ -110,7 +110,7 @@ class AuthorityForm(Form):
 
 
 class ImprovementForm(Form):
-    """The improvement to be predicted, by the lowest level of authority that does, and why so much."""
+    """The improvement to be predicted, by the lowest authority that reaches it, and the reason for it."""
 
     predicted_db: Positive
     reason: Annotated[str, Field(min_length=1)]

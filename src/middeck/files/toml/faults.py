@@ -73,7 +73,7 @@ class DocumentFault:
 
 @record(kw_only=True)
 class PathFault:
-    """A fault before it is known in which file and on which line it lies."""
+    """A fault whose file and line are not yet known."""
 
     path: Path
     message: str
@@ -229,7 +229,7 @@ def _unknown_key(path: Path, key: str, value: Any, form: type[Form]) -> PathFaul
 
 
 def _elsewhere(key: str, form: type[Form]) -> str:
-    """Of which other tables of the document a key is, in this unit or another."""
+    """A hint naming the other tables that have this key, in this unit or another; "" for none or many."""
     places = {
         head: known
         for head, table in tables_of(form).items()

@@ -124,7 +124,7 @@ def whole(least: int, most: int) -> AfterValidator:
 
 
 def rule(holds: Callable[[Any], object], message: str, hint: str = "") -> AfterValidator:
-    """A check of a whole value, whose parts have their form, with the words for where it does not hold."""
+    """A check of a whole value whose parts are valid; ``message`` and ``hint`` report where it fails."""
 
     def check(value: Any) -> Any:
         if not holds(value):

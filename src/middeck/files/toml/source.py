@@ -30,7 +30,7 @@ WANTED: dict[Kind, str] = dict(zip(("article", "environment", "study"), DOCUMENT
 
 @record
 class Source:
-    """A parsed document: its tables and where their keys stand, which nobody asks of a valid one."""
+    """A parsed document: its tables and a function for the lines of their keys, called only for faults."""
 
     file: str
     data: Any

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 KEY = r"^\s*(?P<key>[\w.\"-]+)\s*"
-HEAD = r"(?!\s*(?:\[[^\[\]]+\]|\[\[[^\[\]]+\]\])\s*(?:#|$))"  # of no table that is closed
+HEAD = r"(?!\s*(?:\[[^\[\]]+\]|\[\[[^\[\]]+\]\])\s*(?:#|$))"  # not the head of a closed table
 BARE = r"^[^\"'#]*"  # before any text or comment
 NEAR = 3  # lines above the one that the parser names: it notices an open bracket late
 
 
 class Trouble(NamedTuple):
-    """One way in which a line goes wrong: how it is known, what it is and the cure, in its named groups."""
+    """A kind of syntax fault: its pattern, what it is and the cure, in its named groups."""
 
     pattern: str
     what: str

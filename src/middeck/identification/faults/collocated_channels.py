@@ -70,7 +70,7 @@ def _duplicate(y: Runs, z: Runs, other: Port) -> list[FaultDraft]:
 
 
 def _unsure(same: FaultDraft) -> FaultDraft:
-    """Of outputs without noise: two sensors of one mode are equal as well."""
+    """The finding as a note, for outputs without noise: two sensors of one mode are equal as well."""
     what = f"{same.what}; no noise tells whether both are one signal or one mode"
     return replace(same, what=what, severity="note")
 

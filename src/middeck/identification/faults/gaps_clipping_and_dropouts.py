@@ -1,4 +1,4 @@
-"""Faults of samples that stay where they are, or are none: gaps, clipping, dropouts."""
+"""Faults of samples that stand still or are missing: gaps, clipping, dropouts."""
 
 import numpy as np
 

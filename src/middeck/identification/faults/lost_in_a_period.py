@@ -34,7 +34,7 @@ SURE, FEWEST = 7.0, 8
 
 
 def find_lost_in_period(x: Signal, period: int) -> list[FaultDraft]:
-    """The period that answers later or earlier than the others from one of its samples on; of two, both."""
+    """The period whose response is shifted from one of its samples on; both, if there are only two."""
     rows = x.reshape(-1, period)
     if len(rows) < 2 or period < 2 * PARTS:
         return []

@@ -1,4 +1,4 @@
-"""Faults seen where outputs answer inputs: samples lost in between, feedback, delays of half a record.
+"""Faults in the relation of outputs to inputs: lost samples, feedback, delays of half a record.
 
 Both sides are whitened first, each by what its own past foretells of it: the answer of a lightly damped mode
 then lasts for few samples, and the correlation of the two is noise but where one answers the other.
@@ -147,7 +147,7 @@ def _shift(
 
 
 def _events(U: Float[np.ndarray, "input sample"]) -> float:
-    """Of how many samples of one size the power of the inputs is: of steps, as many as there are."""
+    """Number of samples of equal size with the power of the inputs; for steps, their number."""
     power = U**2
     return float(np.max(power.sum(axis=1) ** 2 / np.maximum(np.sum(power**2, axis=1), 1e-300)))
 
@@ -323,7 +323,7 @@ def _fed_back(share: float) -> FaultDraft:
 def beside(
     x: Float[np.ndarray, "channel sample"], shifts: range, first: int, count: int, every: int = 1
 ) -> Float[np.ndarray, "row sample"]:
-    """Of ``count`` samples from ``first`` on each ``every``-th, shifted by each of ``shifts``."""
+    """Each ``every``-th of ``count`` samples from ``first``, shifted by each of ``shifts``."""
     return np.vstack([x[:, first + k : first + k + count : every] for k in shifts])
 
 

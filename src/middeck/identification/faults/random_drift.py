@@ -1,4 +1,4 @@
-"""A sensor that drifts at random: what no input makes falls with the square of the frequency.
+"""A sensor that drifts at random: the part no input causes falls with the square of the frequency.
 
 Around each of the lowest lines response, transient and one mode are smooth (local rational models, McKelvey
 and Guerin 2012); a random walk is not. Its power falls by four from each octave to the next.
@@ -29,7 +29,7 @@ RANK = 1e-8
 
 
 def find_random_drift(record: Record) -> list[tuple[FaultDraft, Port, int]]:
-    """Outputs of each experiment that wander at random, besides what the inputs make of them."""
+    """Outputs of each experiment that drift at random, beside their response to the inputs."""
     found: list[tuple[FaultDraft, Port, int]] = []
     for e in range(len(record.u)):
         u, y = (x[e].reshape(-1, x.shape[3]) for x in (record.u, record.y))

@@ -43,7 +43,7 @@ FALLS = 1.5
 
 
 def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[FaultDraft]:
-    """One to nine samples far outside of all that is beside them, of the signal's tail and of any answer.
+    """Runs of one to nine samples far outside of their neighbours, the signal's tail and any response.
 
     ``driven`` are spikes of the inputs, which an output may answer.
     """
@@ -57,7 +57,7 @@ def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[F
 
 
 def spike_runs(x: Signal, levels: Levels) -> Runs:
-    """Samples outside of what is beside them that are no large samples like others of the signal.
+    """Samples outside of their neighbours, other than large samples as elsewhere in the signal.
 
     >>> from middeck.identification.faults.equal_runs import levels_of
     >>> rng = np.random.default_rng(0)
@@ -147,7 +147,7 @@ def _beside(x: Signal, largest: Callable[..., np.ndarray], near: int) -> Signal:
 
 
 def _most_beside(window: Signal) -> Signal:
-    """Of each of the first BESIDE + 1 samples the largest that is neither it nor next to it."""
+    """The largest sample that is not next to it, for each of the first BESIDE + 1 samples."""
     before = np.maximum.accumulate(np.concatenate([[-np.inf, -np.inf], window]))[: BESIDE + 1]
     after = np.maximum.accumulate(window[::-1])[::-1][2 : BESIDE + 3]
     return np.maximum(before, after)

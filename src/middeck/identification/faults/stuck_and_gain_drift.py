@@ -1,4 +1,4 @@
-"""Faults of the answer within a record: channels that stick for a while, and gains that change slowly.
+"""Faults of the response within a record: channels that stick for a while, and gains that drift slowly.
 
 Each output is foretold from its own past and the inputs until then, by one regression. Free motion is of the
 past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
@@ -85,7 +85,7 @@ class _Regression:
 
 
 def find_stuck(record: Record) -> list[RecordFault]:
-    """Inputs that stand still while the outputs show that they move, and outputs that begin to live late."""
+    """Inputs that stand still while the outputs show that they move, and outputs that respond only later."""
     found: list[RecordFault] = []
     for e, (u, y) in enumerate(_experiments(record)):
         at_inputs = [
@@ -106,7 +106,7 @@ def find_stuck(record: Record) -> list[RecordFault]:
 
 
 def find_gain_drift(record: Record) -> list[RecordFault]:
-    """Outputs whose gain to the inputs, or whose delay, changes from the beginning of the record to its end.
+    """Outputs whose gain from the inputs, or whose delay, changes over the record.
 
     Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces tell.
     """
@@ -212,7 +212,7 @@ def _is_even(u: Signal) -> bool:
 
 
 def _change(of: _Regression) -> float | None:
-    """By how much the gain of the inputs' part changes over the record, on a line; None where chance may."""
+    """Linear change of the gain from the inputs over the record; None where it may be chance."""
     if of.rows.shape[1] < ROWS * len(of.rows):
         return None
     weights = of.weights()
@@ -229,16 +229,16 @@ def _change(of: _Regression) -> float | None:
     spread = share @ time**2
     change = float(share @ (time * gains) / spread)
     rest = gains - share @ gains - change * time
-    # Of few parts those at the ends may scatter little by chance: by all of them, or by their own.
+    # The larger scatter, of all parts or weighted by place: the few at the ends may agree by chance.
     scatter = max(share**2 @ (time * rest) ** 2, (share**2 @ time**2) * (share @ rest**2))
     deviation = np.sqrt(scatter * PARTS / (PARTS - 2)) / spread
     return change if abs(change) > max(CHANGE, SURE * deviation) else None
 
 
 def _slip(u: Float[np.ndarray, "input sample"], y: Signal) -> float | None:
-    """By how many samples the output's delay grows over the record; None where a gain tells as much.
+    """Growth of the output's delay over the record [samples]; None where a gain explains as much.
 
-    Of the response by averaged spectra, P in each piece, a delay that grows by d leaves -d i omega P.
+    P is the averaged response to the inputs in each piece; a delay that grows by d leaves -d i omega P.
     """
     size = u.shape[1] // PIECES
     U, Y = (_pieces(x, size) for x in (u, y[None]))

@@ -31,7 +31,7 @@ HEAVIEST = 10.0
 
 
 def find_unlike_experiments(record: Record) -> list[RecordFault]:
-    """Outputs that answer the inputs in one experiment otherwise than in the first."""
+    """Outputs that respond to the inputs otherwise than in the first experiment."""
     experiments, periods, samples, _ = record.u.shape
     if experiments < 2 or periods * samples < FEWEST_SAMPLES:
         return []

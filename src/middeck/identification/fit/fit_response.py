@@ -73,7 +73,7 @@ Cost = Literal["weighted", "likelihood", "logarithmic"]
 
 @record
 class ModelAlone:
-    """A fitted model without how well it is known: what was free of it, ``error`` and ``order_reason``."""
+    """A fitted model without its covariance: which parts were free, ``error`` and ``order_reason``."""
 
     model: MeasurementModel
     structure: ModelStructure
@@ -97,8 +97,8 @@ class FitResult:
         history: Cost of each step of the last search, in that search's weights.
         order_reason: Why the model has the order it has.
         warnings: What the user should know; empty if nothing.
-        standing: Of each mode, whether its numbers may be believed (`Standing`); "sound" where nothing is
-            said.
+        standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
+            concerns it.
         delay_standing: The same for the delay of each output; "sound" where none was fitted.
         lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
             modes.
@@ -167,9 +167,9 @@ def fit_response(
             residual term of modes below the band.
         integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
             rate. Not beside rigid modes.
-        relative_degree: Of every path: 0, a constant term; 1, none; 2, none, and complex residues that add up
-            to zero, so that the response falls with 1/s^2 as that of any structure from force to displacement
-            does.
+        relative_degree: Relative degree of every path: 0, a constant term; 1, none; 2, none, and complex
+            residues that add up to zero, so that the response falls with 1/s^2, as that of any structure
+            from force to displacement.
         cost: "weighted" least squares on the complex response, by the variance that comes with it (the total
             one, noise and nonlinear distortion, where `estimate_response` knows it). "likelihood": by its
             covariance, noise that outputs share and noise of the inputs included. "logarithmic": on log
@@ -227,7 +227,7 @@ def fit_lines(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weig
 
 
 def fit_model(measured: FrequencyResponse, asked: FitOptions) -> ModelAlone:
-    """`fit_lines` without deviations and doubts, which take long, for what goes on from a model."""
+    """`fit_lines` without standard deviations and warnings, which take long."""
     run = _searched(measured, asked, "weighted")
     _, model = _causal(run)
     error = _errors(measured, model_response(model, measured.frequency_hz) - measured.H)

@@ -37,7 +37,7 @@ ALONE = 30.0
 
 
 def checked_covariance(covariance: ModelCovariance) -> ModelCovariance:
-    """``covariance`` with what rounding leaves open of decay rates, frequencies and delays.
+    """``covariance`` plus the rounding errors of decay rates, frequencies and delays.
 
     Raises `FitError` where it is not finite: then no number of the fit has a deviation.
     """
@@ -161,7 +161,7 @@ def poles_of_one_line(measured: FrequencyResponse, model: MeasurementModel) -> l
 
 
 def beside_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[int]:
-    """Modes near a line that no mode explains: it is wrong, and a pole that follows it takes up a part."""
+    """Modes near a line that no mode explains: a pole that follows it takes up a part of them."""
     f, width, odd = natural_hz(model), _half_power_hz(model), poles_of_one_line(measured, model)
     near = np.abs(f[:, None] - f[odd]) < BESIDE * width[:, None]
     return [m for m in np.flatnonzero(near.any(axis=1)).tolist() if m not in odd]
@@ -172,7 +172,7 @@ def _half_power_hz(model: MeasurementModel) -> np.ndarray:
 
 
 def doubts_of_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[str]:
-    """A warning for the lines that poles of no width follow, and for the modes beside them."""
+    """A warning for lines that poles without width follow, and for the modes beside them."""
     f, odd = natural_hz(model), poles_of_one_line(measured, model)
     if not odd:
         return []

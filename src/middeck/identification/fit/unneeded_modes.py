@@ -48,7 +48,7 @@ def tidied(measured: FrequencyResponse, data: Data, best: Polished, spread: Exce
 
 
 def parted(data: Data, best: Polished, spread: ExcessVariance) -> Polished:
-    """``best`` with each mode that is two so described.
+    """``best`` with two modes in place of each one that they describe better.
 
     Two modes closer than their width are one to a subspace. They are taken for two where that shortens the
     description, and then leaves noise: friction leaves the same form beside a mode, but more with it.
@@ -57,7 +57,7 @@ def parted(data: Data, best: Polished, spread: ExcessVariance) -> Polished:
 
 
 def pairs_of(run: SearchedModel) -> Complex[np.ndarray, " pair"]:
-    """Its oscillating poles [rad/s]."""
+    """Oscillating poles of the run [rad/s]."""
     return run.start.point.poles[: run.layout.pairs]
 
 
@@ -66,7 +66,7 @@ def split(
     pairs: Callable[[State], Complex[np.ndarray, " pair"]],
     in_two: Callable[[State, int], State | None],
 ) -> State:
-    """Modes in two where ``in_two`` finds that better and both halves stay where the mode was."""
+    """The run with modes split where ``in_two`` finds that better and both halves stay near the mode."""
     m = 0
     while m < len(poles := pairs(state)):
         found = in_two(state, m)
@@ -93,7 +93,7 @@ def _in_two(data: Data, run: Polished, m: int, spread: ExcessVariance) -> Polish
 
 
 def own_lines(data: Data, pole: complex) -> Bool[np.ndarray, " line"]:
-    """Those within some half-power widths of a mode, and the nearest at any rate."""
+    """Lines within some half-power widths of a mode, at least the nearest."""
     width = max(OWN * abs(pole.real), 2.0 * float(np.diff(data.omega).min()))
     return np.abs(data.omega - abs(pole)) < width
 

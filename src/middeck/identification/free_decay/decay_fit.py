@@ -20,8 +20,8 @@ from middeck.errors import DataError, FitError
 from middeck.identification.free_decay.releases import dominant_hz, find_releases, without_tail
 from middeck.values import record
 
-ROOM = 1.0  # of log amplitude, for phases and starts to be found
-POINTS = 801  # of log amplitude
+ROOM = 1.0  # margin in log amplitude, for phases and starts to be found
+POINTS = 801  # points in log amplitude
 # Log of the largest and least rate that a search may try: time must advance from point to point in double
 # precision.
 STEEPEST = 14.0
@@ -56,15 +56,15 @@ def decay_curve(
     return CubicSpline(time, np.column_stack([at.log, phase]))
 
 
-COEFFICIENTS = (1, 2, 3, 4, 5, 6, 8, 10)  # of the splines that are tried
-STEPS = 40  # of a search: of one mode it takes about five
+COEFFICIENTS = (1, 2, 3, 4, 5, 6, 8, 10)  # coefficients of the splines that are tried
+STEPS = 40  # most steps of a search: one mode takes about five
 UNEXPLAINED = 0.5  # largest part of the energy that may be left
 TOLD = 25  # amplitudes of the result
-CLEAR = 3.0  # least amplitude told, in rms of the residual
-ITSELF = 0.1  # of its frequency: what is nearer to the mode belongs to it
+CLEAR = 3.0  # least amplitude reported, in rms of the residual
+ITSELF = 0.1  # part of its frequency: what is nearer to the mode belongs to it
 BAND = 9  # lines that count as one: a decaying oscillation is no sharp line
-LINE = 0.2  # of the energy of a residual in one band: another oscillation
-DEPTH = 0.005  # least amplitude at which rates change, of the largest
+LINE = 0.2  # share of the residual's energy in one band that makes it another oscillation
+DEPTH = 0.005  # least amplitude at which rates change, over the largest
 
 
 @record(kw_only=True)
@@ -74,14 +74,14 @@ class FreeDecay:
     Attributes:
         amplitude: In the unit of the samples, ascending, even on a log scale.
         frequency_hz, damping: Rate of the phase over 2 pi; ratio of the decay rate to the rate of the phase.
-        frequency_std_hz, damping_std: By leaving out one decay at a time (Efron and Tibshirani 1993, sec.
-            11.5), which counts whatever differs between decays, and what the last coefficient changed;
-            infinite for fewer than three decays.
+        frequency_std_hz, damping_std: Standard deviations by leaving out one decay at a time (Efron and
+            Tibshirani 1993, sec. 11.5), which counts all that differs between decays, and by the last
+            coefficient; infinite for fewer than three decays.
         decays: Samples of each decay that were used.
         residual_rms: Residual rms of each decay.
         one_exponential_rms: Residual rms of all decays at constant frequency and damping.
         coefficients: Number for each of two splines: that of the MDL (Schwarz 1978) and one more.
-        warnings: For another oscillation in the residual: deviations do not include its effect.
+        warnings: Other oscillations in the residual: the deviations do not include their effect.
     """
 
     amplitude: Float[np.ndarray, " amplitude"]

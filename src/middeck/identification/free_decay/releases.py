@@ -1,4 +1,4 @@
-"""Where an article was let go: the samples of each free decay in a record of several."""
+"""The samples of each free decay in a record of several releases."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ABOVE = 2.0  # rms of the tail from which on a part is decay
 
 
 def dominant_hz(samples: Float[np.ndarray, " sample"], sample_hz: float) -> float:
-    """The frequency of the highest line, of an oscillation in parts of the record that move about."""
+    """Frequency of the highest line of an oscillation, in the parts of the record that move."""
     steps = np.diff(samples)  # a slow push has little of its power there
     power = np.abs(np.fft.rfft(steps * np.hanning(len(steps)))) ** 2
     return float(np.fft.rfftfreq(len(steps), 1.0 / sample_hz)[1 + int(np.argmax(power[1:]))])

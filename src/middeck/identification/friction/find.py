@@ -126,11 +126,11 @@ class _Problem:
     The unknowns x are slip torques, logarithms of slip angles, and the delay.
 
     Attributes:
-        U, Y: Of each line; Y also by the noise of each output.
+        U, Y: Spectra at each line; Y also over the noise of each output.
         weight: One over the noise of each experiment.
         angles: Angles of the joints, and ``rms`` of each.
         line, motor: Lines of the band, and the input of each joint.
-        late: Delay that is told, or tried first [s]; ``told`` says which.
+        late: Delay [s] that is given (``told``), or else tried first.
     """
 
     U: Complex[np.ndarray, "line experiment input"]

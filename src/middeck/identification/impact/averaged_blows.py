@@ -43,7 +43,7 @@ class ImpactTest:
 
     Attributes:
         response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
-        coherence: Of each line and output: the share of the response explained by the force, over the good
+        coherence: Share of the response explained by the force at each line and output, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
         rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.
@@ -186,12 +186,12 @@ def windowed_spectra(
 
 
 def exponential_window(size: int, sample_hz: float, window_s: float) -> Float[np.ndarray, " sample"]:
-    """One where the pulse begins."""
+    """The exponential window, one where the pulse begins."""
     return np.exp(-(np.arange(size) - BEFORE) / (sample_hz * window_s))
 
 
 def lines_alike(size: int, sample_hz: float, window_s: float) -> float:
-    """Lines of white noise under the window that tell no more than one.
+    """Number of lines of white noise under the window that count as one independent line.
 
     Two lines correlate as the Fourier transform of the window's square, at their distance: the sum of its
     squared size, by Parseval's theorem, is that of the window's fourth power.

@@ -25,7 +25,7 @@ from middeck.identification.uncertainty.response_derivatives import entry_slopes
 
 
 def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
-    """``fit`` of the averaged response with the covariance that noise of the force and the blows ask for."""
+    """``fit`` with the covariance that noise of the force and the scatter of blows ask for."""
     known, (heard, apart) = fit.covariance, _parts(test)
     s = 2j * np.pi * test.response.frequency_hz
     measured = spread_of(test.response, relative=False).variance[:, :, 0]

@@ -61,7 +61,7 @@ class FitOptions:
 
     @property
     def delay_of(self) -> Delay | None:
-        """Whose delays there are: each output's, each path's or one for all; None without."""
+        """Which delays there are: each output's, each path's or one for all; None without."""
         return self.delay if isinstance(self.delay, str) else "output" if self.delay else None
 
     @property
@@ -122,7 +122,7 @@ def may_be_of_paths(options: FitOptions, asked: FitOptions) -> bool:
 
 
 def usual_constants(outputs: Sequence[Port], sample_hz: float | None) -> Constants:
-    """Real ones of relative degree two, but for a sampled model and for rates and accelerations.
+    """Default constants: real ones of relative degree two, but not for sampled models or rates.
 
     >>> usual_constants([Port("tip", "m")], None), usual_constants([Port("tip", "m/s^2")], None)
     ('real', 'complex')

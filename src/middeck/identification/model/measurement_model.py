@@ -35,12 +35,12 @@ class MeasurementModel:
             (`plants`).
         sample_hz: None for a continuous model; else the rate at which its inputs are held and outputs
             sampled.
-        path_delay_s: What each path is late beyond its output's ``delay_s`` [s]; None where that is all.
+        path_delay_s: Delay of each path beyond its output's ``delay_s`` [s]; None for none.
         rigid: R = Phi Psi of free rigid-body modes, two states at zero for each of its rank; None without.
         integral: Q of integrators, one state at zero for each of its rank; None without.
-        hold_s: Of a continuous model, the period over which the inputs of its data were held: that hold is
-            taken out, and the model is of what is behind it. Zero where they were not held. None where that
-            is not known: if they were, half a period is in the delays.
+        hold_s: Period over which the inputs of a continuous model's data were held [s]: that hold is taken
+            out, and the model is of what is behind it. Zero where they were not held. None where that is
+            not known: if they were, half a period is in the delays.
     """
 
     poles: Complex[np.ndarray, " mode"]

@@ -21,7 +21,7 @@ ROUNDING = 1e-13
 
 
 def check_word(what: str, word: object, words: Sequence[object]) -> None:
-    """Raise `ConfigError` for an option that is none of its ``words``; None is left to others.
+    """Raise `ConfigError` for an option that is none of its ``words``; None passes.
 
     >>> check_word("cost", "logarithmic", ("weighted", "logarithmic"))
     """

@@ -57,7 +57,7 @@ def held_response(
 def folded_response(
     model: MeasurementModel, frequency_hz: np.ndarray, rate_hz: float, kept: Bool[np.ndarray, " mode"]
 ) -> Complex[np.ndarray, "line output input"]:
-    """The part of `held_response` that sampling folds back from beyond half the rate.
+    """The part of `held_response` that sampling folds back from above half the rate.
 
     The constant term is left out: it stands for what is above the band, where it is not constant. So are
     modes that are not ``kept``.

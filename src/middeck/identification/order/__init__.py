@@ -1,1 +1,1 @@
-"""How many states: races between orders, modes that are lacking, stabilisation."""
+"""How many states: races between orders, missing modes, stabilisation."""

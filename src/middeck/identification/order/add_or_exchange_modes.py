@@ -51,13 +51,13 @@ def exchanges(
 
 
 def grown(data: Data, options: FitOptions, best: Polished, spread: ExcessVariance) -> Start:
-    """``best`` with one pair more, where it tells most."""
+    """``best`` with one pair more, where it lowers the cost most."""
     at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))
     return _with(at_best, options, best, np.arange(len(best.layout.pair)), _found_pole(at_best, best))
 
 
 def shrunk(data: Data, options: FitOptions, best: Polished, spread: ExcessVariance) -> Start | None:
-    """``best`` without the pair that is missed least; None where it has no two."""
+    """``best`` without its least needed pair; None where it has fewer than two."""
     layout = best.layout
     if layout.pairs < 2:
         return None

@@ -45,7 +45,7 @@ def race(data: Data, spread: ExcessVariance, options: FitOptions) -> Polished:
 
 
 def spread_to_follow(best: Polished, spread: ExcessVariance) -> ExcessVariance:
-    """The spread itself for a model that explains its data, the even one for a model that leaves more."""
+    """The spread for a model that explains its data; ``spread.even`` for one that does not."""
     return spread if leaves_noise(best, spread) else spread.even
 
 
@@ -65,7 +65,7 @@ def heats(part: Data, spread: ExcessVariance, started: list[tuple[Start, float |
 
 
 def further(part: Data, spread: ExcessVariance, run: Polished, steps: int) -> Polished:
-    """A run refined by so many steps more; itself where none leads on."""
+    """A run refined by so many steps more; the run itself where no step lowers the cost."""
     return polish(part, run.start, spread, steps=steps, rounds=1, share=run.share) or run
 
 
@@ -92,12 +92,12 @@ def _exchange(part: Data, spread: ExcessVariance, options: FitOptions, best: Pol
 
 
 def model_error(best: Polished, spread: ExcessVariance) -> float:
-    """Part of the variance behind the weights that is not the measured one."""
+    """Part of the variance behind the weights beyond the measured one."""
     return float(best.share * np.mean(spread.size / spread.at(best.share)))
 
 
 def leaves_noise(best: Polished, spread: ExcessVariance) -> bool:
-    """Whether what a model leaves may be noise alone; no where none was measured."""
+    """Whether a model's residual may be noise alone; False where no noise was measured."""
     most = spread.mean * (1.0 + BY_CHANCE * spread.chance)
     return model_error(best, spread) <= max(EXPLAINED, 1.0 - 1.0 / most)
 

@@ -83,7 +83,7 @@ def is_settled(length: Sequence[float]) -> bool:
 
 
 def has_met(tried: Sequence[TriedOrder]) -> bool:
-    """Whether lines kept out ask for no more states, where the description would never end.
+    """Whether held-out lines require no more states where the description would shorten without end.
 
     >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1), (12, 0.2), (14, 0.1)]
     >>> has_met([TriedOrder(n, -n, e, False) for n, e in rows]), has_met([TriedOrder(2, 0.0, 0.5, False)])
@@ -95,7 +95,7 @@ def has_met(tried: Sequence[TriedOrder]) -> bool:
 
 
 def choose(tried: Sequence[TriedOrder]) -> OrderChoice:
-    """One order, with its reason and what lines kept out of the fit say of it.
+    """The recommended order with its reason and its error on held-out lines.
 
     Where some order leaves noise alone: that of the minimum description length (MDL), or the smallest of
     those that are as short, of orders that do not meet the lines kept out clearly worse than smaller ones.

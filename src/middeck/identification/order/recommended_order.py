@@ -43,7 +43,7 @@ LACKING = 0.2
 def recommend_states(
     measured: FrequencyResponse, data: Data, spread: ExcessVariance, options: FitOptions
 ) -> OrderChoice:
-    """The order that `choose` takes, each from the best of a few starts and of the order before.
+    """The order that `choose` recommends; each is the best of a few starts and of the order before.
 
     As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
     sizes do not find is no sign that there is nothing more.

@@ -61,7 +61,7 @@ class Stabilisation:
 
     @property
     def stable(self) -> Bool[np.ndarray, " pole"]:
-        """Stable in all three."""
+        """Whether each pole is stable in frequency, damping and shape."""
         return self.stable_frequency & self.stable_damping & self.stable_shape
 
 

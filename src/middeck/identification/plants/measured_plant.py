@@ -44,7 +44,7 @@ def rational_statespace(model: MeasurementModel) -> StateSpace | SampledStateSpa
 
 
 def state_names(model: MeasurementModel) -> tuple[str, ...]:
-    """One for each state of `modal_statespace`, so that a design can say which pole it cannot hold."""
+    """Names of the states of `modal_statespace`, so that a design can name an uncontrollable pole."""
     pairs = zip(natural_hz(model), model.is_pair, strict=True)
     poles = tuple(f"pole at {hz:.4g} Hz" for hz, pair in pairs for _ in range(1 + pair))
     rigid = tuple(f"rigid-body mode {1 + k}" for k in range(rank_of(model.rigid)) for _ in range(2))

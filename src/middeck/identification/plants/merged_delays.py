@@ -48,7 +48,7 @@ class MergedDelays:
 
 
 def merge_delays(covariance: ModelCovariance, *, level: float = LEVEL) -> MergedDelays:
-    """The fitted model with one delay for all outputs, or paths, that a test does not tell apart.
+    """The fitted model with one delay for all outputs, or paths, that a test cannot distinguish.
 
     Delays nearest to each other, in their deviations, are joined one after the other; of the partitions on
     that way the coarsest is taken whose joint test has a probability of ``level`` or more. Where the

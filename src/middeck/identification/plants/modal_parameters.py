@@ -33,8 +33,8 @@ class ModalParameters:
             mass if a drive point was given, otherwise with a largest entry of size one.
         real_shapes: Their real parts, whose largest entry is positive (the masses that the sign rule of
             models weighs by are not known here).
-        modal_mass: Of the shape that is one at the drive point, 1 / A there [kg for m from N]; None without
-            one.
+        modal_mass: Modal mass for the shape that is one at the drive point, 1 / A there [kg for m from N];
+            None without one.
         complexity: Modal phase collinearity (Juang and Pappa 1985): 1 for a real shape, 0 for a travelling
             wave.
         mac: |phi_m^H phi_n|^2 / (phi_m^H phi_m phi_n^H phi_n) of the complex shapes (Allemang and Brown

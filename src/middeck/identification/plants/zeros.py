@@ -82,7 +82,7 @@ class Zeros:
 
     @property
     def is_nonminimum_phase(self) -> np.ndarray:
-        """True in the right half-plane: more phase lag than the magnitude tells, and a bound on feedback."""
+        """True in the right half-plane: phase lag beyond that of the magnitude, and a bound on feedback."""
         return np.real(self.value) > ON_THE_AXIS * np.abs(self.value)
 
 

@@ -38,7 +38,7 @@ class Transient:
     steady: Complex[np.ndarray, "column line"] | None = None
 
     def drift_and_edges(self, s: np.ndarray, degree: int) -> Complex[np.ndarray, "column line"]:
-        """A basis of the spectra at ``s`` that hang on no pole, much alike where the band is narrow.
+        """Basis of the spectra at ``s`` that depend on no pole, nearly dependent where the band is narrow.
 
         Drift, a ramp and to the second degree a parabola, each to the mean square of one; samples that may be
         anything; and what is steady.
@@ -97,7 +97,7 @@ class Data:
         return w, w * self.H.mT
 
     def reweighted(self, weight: Float[np.ndarray, "output line column"]) -> Data:
-        """The same with other weights, on which no term of the transient hangs."""
+        """The same with other weights, on which no term of the transient depends."""
         again = dataclasses.replace(self, weight=weight)
         again.__dict__["_drift_and_edges"] = self._drift_and_edges
         if self.transient is not None:
@@ -106,12 +106,12 @@ class Data:
 
     @functools.cached_property
     def a_sample_late(self) -> Complex[np.ndarray, " line"]:
-        """exp(-s T), by which a delay of one sample multiplies a record's spectra."""
+        """exp(-s T), the factor of a record's spectra for a delay of one sample."""
         assert self.transient is not None
         return np.exp(-self.s * self.transient.period_s)
 
     def drift_and_edges(self, degree: int) -> Complex[np.ndarray, "column line"]:
-        """Terms of the transient that hang on no pole, to first or to second degree."""
+        """Terms of the transient that depend on no pole, to first or to second degree."""
         assert self.transient is not None
         if degree not in self._drift_and_edges:
             self._drift_and_edges[degree] = self.transient.drift_and_edges(self.s, degree)

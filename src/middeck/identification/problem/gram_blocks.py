@@ -106,9 +106,9 @@ class Alone(NamedTuple):
         return self.by.conj() * v
 
     def inner(self, *rows: np.ndarray) -> list[Float[np.ndarray, "group row other"]]:
-        """Of the first rows with themselves and with each of the others, by factors.
+        """Inner products of the responses of the first rows with those of themselves and of the others.
 
-        Factors are [group, row, path, function], or the same for all groups.
+        Rows are factors [group, row, path, function], or the same for all groups.
         """
         places = [_rows_in_paths(of) for of in rows]
         found = [np.zeros((len(self.y), rows[0].shape[1], of.shape[1])) for of in rows]
@@ -137,7 +137,7 @@ class Together(NamedTuple):
         return np.einsum("akl,gkl->gal", self.by.conj(), v)
 
     def inner(self, *rows: np.ndarray) -> list[Float[np.ndarray, "group row other"]]:
-        """Of the first rows with themselves and with each of the others, by factors as of `Alone`."""
+        """Inner products of the responses of the first rows with those of all rows, as in `Alone`."""
         places = [_rows_in_paths(of) for of in rows]
         found = [np.zeros((1, rows[0].shape[1], of.shape[1])) for of in rows]
         for i, j, M in self.grams:

@@ -25,7 +25,7 @@ class TransientProjection:
             self._factors = found * weight.shape[1] if once else found
 
     def coincident(self, share: float) -> bool:
-        """Whether some column of B is the rest, up to ``share``."""
+        """Whether some column of B is a combination of the rest, up to ``share``."""
         return any(
             bool(np.abs(np.diag(R)).min() <= share * np.abs(np.diag(R)).max()) for _, R in self._factors
         )

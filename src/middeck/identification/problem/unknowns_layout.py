@@ -137,7 +137,7 @@ class Layout:
 
     @property
     def unknowns(self) -> int:
-        """All unknowns of the model: theta and the linear ones, less what ties these."""
+        """Number of unknowns of the model: theta and the linear ones, less their constraints."""
         ties = self.inputs if self.options.zero_sum else 0
         return self.size + self.outputs * (self.columns - ties)
 

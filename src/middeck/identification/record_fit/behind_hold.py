@@ -1,4 +1,4 @@
-"""The fit of what is behind a hold of the inputs: a first model tells what the hold folds back."""
+"""The fit of what is behind a hold of the inputs: a first model estimates what the hold folds back."""
 
 import dataclasses
 from collections.abc import Callable
@@ -22,7 +22,7 @@ class Made(NamedTuple):
 
 
 class First(NamedTuple):
-    """A model of which it is not asked how well it is known, and whether its constants are real."""
+    """A model without its covariance, and whether its constants are real."""
 
     model: MeasurementModel
     real: bool
@@ -31,7 +31,7 @@ class First(NamedTuple):
 def fit_behind_hold(
     fit: Callable[[Record, Record], Made], given: Record, record: Record, first: First, last_hz: float
 ) -> Made:
-    """The fit of what is behind the hold; what ``first`` folds back is taken off."""
+    """The fit of what is behind the hold, less the response that ``first`` folds back."""
     behind = release_inputs(record)
     behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
     made = fit(given, behind)

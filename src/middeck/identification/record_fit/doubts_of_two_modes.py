@@ -1,4 +1,4 @@
-"""What is said of modes that may be two."""
+"""Warnings for modes that may be two."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from middeck.identification.record_fit.unneeded_modes_and_sines import BY_CHANCE
 
 
 def doubts_of_two(fit: Tidied) -> list[str]:
-    """Warnings for modes that two would describe better, where the order asked for has none to give."""
+    """Warnings for modes that two would describe better, where the given order allows no more."""
     return [
         f"mode at {hz:.4g} Hz: two modes in its place describe the record better (by over {CLEARLY:g} of "
         "description length); the stated standard deviations are too small; ask for two more states"

@@ -187,7 +187,7 @@ def fit_samples(
     if sampled is None:
         sampled = not asked.only_continuous and is_held(record, band_hz)
     asked = dataclasses.replace(asked, sample_hz=record.sample_hz if sampled else None)
-    trend = not (asked.residuals or asked.at_zero)  # of inputs, as of outputs
+    trend = not (asked.residuals or asked.at_zero)  # inputs may have one, as outputs may
     if record.periodic and periods > 1:
         record, trend = with_one_input(record, level=trend), False  # no ramp repeats
     degree = 2 if asked.residuals or asked.rigid else 1
@@ -338,7 +338,7 @@ def _shorter(
 
 
 def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tuple[float, float] | None:
-    """The band, cut at half the rate, with a warning where it ends beyond; infinity is no end."""
+    """The band, cut at half the rate, with a warning where it ends beyond (but not for infinity)."""
     if band_hz is None or not band_hz[0] < 0.5 * sample_hz < band_hz[1]:
         return band_hz
     if band_hz[1] < np.inf:
@@ -394,7 +394,7 @@ def _local_fit(record: Record, lines: FrequencyResponse, asked: FitOptions) -> M
     """
     band_hz = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
     fit = functools.partial(fit_model, asked=asked)
-    with warnings.catch_warnings():  # of noise of inputs, which the fit of the samples counts itself
+    with warnings.catch_warnings():  # noise of inputs: the fit of the samples counts it itself
         warnings.simplefilter("ignore")
         if asked.states is not None:
             with contextlib.suppress(FitError):

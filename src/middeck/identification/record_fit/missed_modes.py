@@ -36,7 +36,7 @@ def grown(data: Data, options: FitOptions, run: RecordRun) -> Start | None:
 
 
 def exchanges(data: Data, options: FitOptions, run: RecordRun) -> Iterator[Start]:
-    """``run`` with one of the pairs that are missed least at the peak of what is left without it."""
+    """``run`` with one of its least needed pairs moved to the peak of the residual without it."""
     at = data.reweighted(1.0 / np.sqrt(run.variance))
     point, pair = run.start.point, np.asarray(run.layout.pair)
     without: list[tuple[float, Start, np.ndarray]] = []

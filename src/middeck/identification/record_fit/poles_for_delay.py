@@ -26,7 +26,7 @@ ROUNDS, STEPS = 3, 20
 def poles_instead(
     data: Data, run: RecordRun, model: MeasurementModel, standing: Sequence[Standing]
 ) -> PolesInstead | None:
-    """What describes the record as shortly as ``run``; None where nothing does.
+    """Poles that describe the record as shortly as ``run`` with its delay; None without such.
 
     Where all modes are sound only what is shorter counts: a short delay and a far pole look alike.
     """

@@ -26,7 +26,7 @@ def record_covariance(
     input_noise: Float[np.ndarray, "part sample input"] | None = None,
     floor: Float[np.ndarray, "*lines input"] | float = 0.0,
 ) -> tuple[ModelCovariance, Float[np.ndarray, " input"]]:
-    """That of the weighted fit, A^-1 B A^-1, the transients among the unknowns.
+    """Covariance of the weighted fit, A^-1 B A^-1, with the transients among the unknowns.
 
     The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
     So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
@@ -101,7 +101,7 @@ class Rows:
         return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
 
     def bias(self, power: Float[np.ndarray, "line input"]) -> Float[np.ndarray, "unknown input"]:
-        """Mean of the scores under noise of the inputs, for each."""
+        """Mean of the scores under noise of each input."""
         model, data = self.model, self.data
         found = np.zeros((places_of(model, self.structure).size, power.shape[1]))
         for o, i in np.ndindex(model.direct.shape):
@@ -152,7 +152,7 @@ def _scores_spread(
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))
-        Q, R = np.linalg.qr(W[at].T)  # of W^T J over all directions, no more than these few are nonzero
+        Q, R = np.linalg.qr(W[at].T)  # W^T J over all directions has no more than these nonzero rows
         rows = R @ own.removed(J[at])
         followed = own.leverage() + np.sum(rows**2, axis=0).reshape(columns, -1)
         left = 1.0 - np.minimum(followed.reshape(columns, lines, 2).mean(axis=2), MOST_LEVERAGE)

@@ -93,7 +93,7 @@ def driven_lines(
 
 
 def with_one_input(record: Record, *, level: bool) -> Record:
-    """Periods of one input, which each has the mean of all: what differs is noise of its measurement.
+    """The record with the mean period as the input of all: differences are noise of its measurement.
 
     On silent lines, where that noise moves nothing, the input is then zero. Without the mean of each, if
     ``level``.
@@ -104,7 +104,7 @@ def with_one_input(record: Record, *, level: bool) -> Record:
 
 
 def without_drift(record: Record) -> Record:
-    """A record without the mean of each channel, nor its ramp where that holds over a tenth of its power.
+    """A record without each channel's mean, nor its ramp where that has over a tenth of its power.
 
     The transient of a fit has a ramp anyway; but starts, and samples held out, would suffer. A lesser ramp is
     left: it may be slow response, which a short record can ill spare.
@@ -123,7 +123,7 @@ def without_drift(record: Record) -> Record:
 
 
 def without_trend(record: Record, *, inputs: bool, degree: int = 1) -> Record:
-    """A record without the offset and the ramp of each output, and of each input if those are to be.
+    """A record without the offset and the ramp of each output, and of each input if asked.
 
     The transient of a fit has a ramp anyway, so that this changes no fit; but a start, and what a model is
     compared with, would suffer. A plant with a pole at zero makes of the ramp of an input more than a ramp;

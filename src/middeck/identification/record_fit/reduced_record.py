@@ -34,7 +34,7 @@ def is_large(data: Data) -> bool:
 
 
 def has_many_outputs(data: Data) -> bool:
-    """Whether a search on a few of its outputs is worth one on all."""
+    """Whether a search on a few of its outputs saves time over one on all."""
     return len(data.H) > FEW and is_large(data)
 
 

@@ -28,7 +28,7 @@ LEAST = 0.05
 
 
 def growth_score(data: Data, run: RecordRun, heard: Heard) -> Float[np.ndarray, " output"]:
-    """Score of each output: standard normal for noise of constant size beside ``heard``."""
+    """Score of each output: standard normal for constant noise beside input noise (``heard``)."""
     r = run.residual(data)
     size = np.sqrt(noise_variance(r, driven=data.driven))
     noise = without_transients(heard, data, run, size)

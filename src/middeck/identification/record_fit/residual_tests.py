@@ -169,7 +169,7 @@ def causes_of(
 
 
 def doubts_of_level(record: Record, data: Data, run: RecordRun, heard: Heard) -> list[str]:
-    """Warnings for a signal that repeats and is distorted: what is left repeats with it.
+    """Warnings for a repeated, distorted signal: its residual repeats with it.
 
     The fit counts that on each line, so that modes and their standard deviations are valid.
     """
@@ -218,7 +218,7 @@ def _size_and_noise(data: Data, run: RecordRun, heard: Heard) -> tuple[np.ndarra
 
 @contextlib.contextmanager
 def named_cause(record: Record) -> Generator[None]:
-    """A refused fit with the fault of the record that may be why, where there is one."""
+    """The error of a refused fit with the fault of the record that may be its cause, if there is one."""
     try:
         yield
     except FitError as error:
@@ -232,7 +232,7 @@ def named_cause(record: Record) -> Generator[None]:
 def heard_of(
     record: Record, data: Data, run: RecordRun, noise: Float[np.ndarray, "part sample input"] | None
 ) -> Heard:
-    """Responses of the outputs to parts of noise of the inputs; no part where it is not known."""
+    """Responses of the outputs to parts of noise of the inputs; empty where it is unknown."""
     if noise is None or not len(noise):
         return np.zeros((*data.H.shape[:2], 0), dtype=complex)
     N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(noise.shape[1])

@@ -32,7 +32,7 @@ SHIFT = 1e-6
 
 
 def chance_of_no_second(run: RecordRun, data: Data, covariance: ModelCovariance, m: int) -> float:
-    """The chance by which one mode leaves as much of the form that a second beside pair ``m`` would have.
+    """Probability of a residual that is as much of the form of a second mode beside pair ``m``.
 
     Unknowns are two of each output for the driven motion, and two for the free motion of each of its
     experiments. The noise is taken as that of sensors: what one mode leaves of two would pass for noise of

@@ -87,7 +87,7 @@ def covering_variance(
 
 
 def lines_alike(driven: Bool[np.ndarray, " line"] | None, lines: int) -> list[Bool[np.ndarray, " line"]]:
-    """All lines, or those that are driven and those that are silent."""
+    """Groups of lines with alike noise: all, or the driven and the silent ones."""
     return [np.ones(lines, bool)] if driven is None else [driven, ~driven]
 
 

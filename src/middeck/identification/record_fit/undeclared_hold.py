@@ -15,7 +15,7 @@ MAYBE_HELD = (
 
 
 def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
-    """What is behind the hold, of a model in which the modes and the delay have it."""
+    """The model behind the hold, from one whose modes and delay contain the hold."""
     weaker = np.sinc(np.minimum(natural_hz(model) / sample_hz, 0.5))
     late = np.maximum(model.delay_s - 0.5 / sample_hz, 0.0)
     return dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)

@@ -124,7 +124,7 @@ def _all_of(solved: Iterable[T | None]) -> list[T] | None:
 
 
 def by_normal_equations(layout: Layout, data: Data) -> bool:
-    """Whether they pay, or are all there is; they cannot project transients out."""
+    """Whether normal equations save time or are the only way; they cannot project transients out."""
     if data.mix is not None:
         return True
     numbers = 2 * len(data.s) * data.H.shape[2]

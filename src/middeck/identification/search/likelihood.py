@@ -50,7 +50,7 @@ class Noise:
 
 
 def noise_of(data: Data, covariance: ResponseCovariance, degrees: float, *, independent: bool) -> Noise:
-    """The noise of a response, fit for whitening; ``degrees`` of freedom tell its variance on each line.
+    """Noise of a response for whitening; ``degrees`` of freedom are those of its variance on a line.
 
     Of ``independent`` lines the outputs' noise is averaged alone: R of each is known, and is its own.
     Raises `FitError` where some outputs, or inputs, err as one: their difference would rule the fit.

@@ -44,7 +44,7 @@ class SearchedModel:
 
     @functools.cached_property
     def start(self) -> Start:
-        """From where it is refined further."""
+        """Start of a further refinement."""
         return Start(self.layout, self.refined.theta)
 
     def residual(self, data: Data) -> Complex[np.ndarray, "output line column"]:
@@ -86,7 +86,7 @@ def polish(
 
 
 def settle(data: Data, start: Polished, spread: ExcessVariance) -> Polished:
-    """A polished start refined until nothing is gained that noise, or what the model lacks, leaves."""
+    """A polished start, refined until further gains are smaller than noise and model error."""
     best = start
     for _ in range(MOST_CHUNKS):
         found = polish(data, best.start, spread, steps=CHUNK, rounds=1, share=best.share)
@@ -121,7 +121,7 @@ def _left(layout: Layout, data: Data, found: LeastSquaresResult) -> Complex[np.n
 
 
 def logarithmic_polish(data: Data, start: Polished, spread: ExcessVariance) -> Polished:
-    """The same for the logarithmic cost, from a fit of the other.
+    """`polish` for the logarithmic cost, from a fit by the other cost.
 
     log H has the variance v / |E|^2. The model E, not H, stands there: where H is noise, its own size says
     nothing, and such lines would rule the fit.

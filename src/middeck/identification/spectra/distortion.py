@@ -1,4 +1,4 @@
-"""How nonlinear the article is, from periodic records: what appears where nothing was put in.
+"""Nonlinearity of the article from periodic records: power on lines without excitation.
 
 A multisine on odd lines only, some of them left silent at random, shows a nonlinearity at once (the fast
 method: Pintelon and Schoukens 2012, section 4.3.1). Even powers of the signal fall on even lines, odd powers

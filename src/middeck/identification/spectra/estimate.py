@@ -57,9 +57,9 @@ def estimate_response(
               narrower than some ten lines are rounded off.
             - ``"h1"``, ``"h2"``, ``"hv"``: of averaged spectra (`spectra_response`); for pictures. Welch's
               windows put 10 to 40 % on 1 % damping; whole periods have none.
-        reference: For a record taken in closed loop: the channels that no noise of the loop gets into, by
-            name, or their samples [experiment, period, sample, reference]. The response is that of the plant,
-            from the inputs that are left to the outputs that are left.
+        reference: Channels of a closed-loop record that no noise of the loop gets into, by name, or their
+            samples [experiment, period, sample, reference]. The response is that of the plant, from the
+            inputs that are left to the outputs that are left.
         controller: Instead: K with u = r + K y, as it ran, from all outputs to all inputs.
         segment: Samples of Welch's segments.
 
@@ -135,7 +135,7 @@ def response_scatter(
 
 def _biasing_faults(record: Record) -> list[str]:
     """Faults that bias all lines alike; periods show theirs by their scatter, but for unlike experiments."""
-    # Of samples of any size: by powers of two, which leave the digits as they are.
+    # Scale samples of any size by powers of two, which leave the digits as they are.
     u, y = (
         np.ldexp(x, -np.frexp(np.abs(x).max(axis=(0, 1, 2), initial=0.0))[1]) for x in (record.u, record.y)
     )

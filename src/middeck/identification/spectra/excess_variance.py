@@ -48,7 +48,7 @@ ROUNDING = 1e-22
 
 @record(kw_only=True)
 class ExcessVariance:
-    """What a residual may come from: measured variance v, and the size P of what a model must follow.
+    """Sources of a residual: measured variance v, and the size P of what a model must follow.
 
     ``relative``: P is the size of each line, not of the output. Of a residual that is noise alone, |r|^2 / v
     has a ``mean`` above one, as v is known by few degrees, and over all lines the relative deviation

@@ -1,4 +1,4 @@
-"""H1, H2 and Hv: three beliefs about where the noise is (Rocklin, Crowley and Vold 1985).
+"""H1, H2 and Hv: three assumptions about where the noise is (Rocklin, Crowley and Vold 1985).
 
 With e = y - H u each errs, to first order in the scatter of averaged spectra, as
 

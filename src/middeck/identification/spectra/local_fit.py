@@ -108,7 +108,7 @@ class BothKinds(NamedTuple):
     worth: float
 
     def likelier(self, odds: float) -> LocalFit:
-        """Of each window the likelier, if all windows together give forces the logarithm ``odds``."""
+        """The likelier fit of each window; ``odds`` are the log odds of forces from all windows together."""
         peaks = self.gain + odds > 0.0
         pairs = {
             f.name: (getattr(self.forces, f.name), getattr(self.sensors, f.name))
@@ -140,7 +140,7 @@ def _both_kinds(windows: Windows, model: LocalModel) -> tuple[LocalFit, LocalFit
 
 
 def odds_of_forces(kinds: Collection[BothKinds]) -> float:
-    """Logarithm of the odds for noise of forces in a window of which nothing is known but the others.
+    """Log odds for noise of forces in a window, given only the other windows.
 
     The likeliest mixture of the two kinds (Dempster, Laird and Rubin 1977), with one window of each before
     any is seen: narrow windows say little, and the others of a record tell what disturbs it.

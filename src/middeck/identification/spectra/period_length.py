@@ -1,4 +1,4 @@
-"""A period that is no whole number of samples: told by the phases of the inputs from period to period.
+"""A period that is no whole number of samples, from the phases of the inputs in each period.
 
 Cut into periods of N samples, a signal of period N + d comes d samples later in each: line k turns by
 2 pi k d / N, in proportion to its number. Noise of the inputs, and what feedback brings into them, does not.

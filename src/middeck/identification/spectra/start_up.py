@@ -1,4 +1,4 @@
-"""The transient at the beginning of a repeated signal, and its drift: told from noise, and taken out.
+"""The transient at the beginning of a repeated signal, and its drift: distinguished from noise, removed.
 
 What repeats is the same in every period. An output minus itself a period later is therefore free motion,
 
@@ -167,8 +167,8 @@ def _without_ramps(
     slope = np.where(steep, -constant / samples, 0.0)
     time = np.arange(periods * samples) - 0.5 * (periods * samples - 1)
     ramp = (slope.reshape(experiments, 1, channels) * time[:, None]).reshape(x.shape)
-    # Of the bias of a gyro, which walks, a ramp is part of the noise (`_gain`), and of few periods the more:
-    # their differences walk as well, and their mean as half a line does.
+    # The bias of a gyro walks: a ramp is then part of the noise (`_gain`), the more so of few periods, whose
+    # differences walk as well, and their mean as half a line does.
     walk = _level(left, 0, AROUND) * max(4.0 / (periods - 1), 1.0)
     drifts = np.where(steep & (strong > walk), np.abs(slope), 0.0)
     most = drifts.reshape(experiments, channels).max(axis=0) * len(time) / np.std(x, axis=(0, 1, 2))
@@ -303,7 +303,7 @@ def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
     motion = np.exp(poles * n) * n
     rows = np.empty((2 * half, target.size))
     for m in range(half):
-        # Of a Re(e) - b Im(e), e = exp(p n): slopes by p turn it by n.
+        # Slopes of a Re(e) - b Im(e), e = exp(p n): each derivative by p multiplies e by n.
         real, imag = motion[:, m : m + 1].real, motion[:, m : m + 1].imag
         by_p = real * a[m] - imag * a[half + m]
         by_turn = -imag * a[m] - real * a[half + m]

@@ -81,7 +81,7 @@ class _Work:
         self.brief, self.brief_weight = state.recovery.products.copy(), state.recovery.weight
         self.loudness = state.recovery.loudness.copy()
         self.blocks, self.seen = state.recovery.blocks.copy(), state.recovery.seen
-        self.poles: np.ndarray | None = None  # of the present parameters, where they are known
+        self.poles: np.ndarray | None = None  # poles at the present parameters, once computed
         self._places(followed)
         self.forget = np.exp(-followed.T / SUMMED_S)
 

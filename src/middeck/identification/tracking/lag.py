@@ -29,7 +29,7 @@ FORGOTTEN_S = 10.0
 
 
 def no_lag(parameters: int) -> Sums:
-    """Before the first sample."""
+    """The sums before the first sample."""
     return np.zeros((ROWS, parameters))
 
 
@@ -57,7 +57,7 @@ def mean_lag(lag: Sums) -> Float[np.ndarray, " parameter"]:
 
 
 def unexplained(lag: Sums) -> Float[np.ndarray, " parameter"]:
-    """Square of the lag that is more than chance.
+    """Square of the lag in excess of chance.
 
     >>> sums = no_lag(2)
     >>> for k in range(100):

@@ -84,7 +84,7 @@ def first_recovery(
     variance: Float[np.ndarray, " parameter"],
     loudness: Float[np.ndarray, " input"],
 ) -> Recovery:
-    """Before the first sample: the start is the good state."""
+    """The recovery before the first sample: the start is the good state."""
     blocks, seen = no_blocks()
     return Recovery(
         products=np.zeros(WATCHED + 1),

@@ -29,7 +29,7 @@ FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 
 @record(kw_only=True)
 class RandomWalk:
-    """How parameters are thought to move.
+    """Assumed random drift of the parameters.
 
     Attributes:
         frequency, damping, gain: Relative drift of each in one second; it grows with the square root of time.
@@ -57,8 +57,8 @@ class Followed:
 
     Attributes:
         T: Sampling period [s].
-        shapes, participation, direct: Of the model; the former divided by the loss of a hold that the model
-            has in its constants already.
+        shapes, participation, direct: Those of the model; ``shapes`` are divided by the loss of a hold that
+            the model's constants already contain.
         real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j
             omega_d) goes with it.
         group: Which delay each output has, of ``whole`` samples and ``part`` of another.
@@ -84,12 +84,12 @@ class Tracking:
 
     Attributes:
         samples: Seen so far.
-        mean, covariance: Of the modal states (real parts, imaginary parts; for each delay), log frequency,
-            log damping and gains, in that order.
+        mean, covariance: Mean and covariance of the modal states (real parts, imaginary parts; for each
+            delay), log frequency, log damping and gains, in that order.
         past: Inputs on their way through the delays, latest first.
         corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its
             variance by chance.
-        lag: Sums by which a parameter that runs behind is told (`lag`).
+        lag: Sums by which a parameter that lags is detected (`lag`).
         products: Weighted means of the products of normalised innovations, lags zero and on.
         late: Latest normalised innovations, latest first.
         weight: Weight of what the means have seen, up to one.
@@ -186,8 +186,8 @@ def start_tracking(
             term are taken as they are.
         sample_hz: Rate of the samples that will come; inputs are held from each to the next.
         noise_rms: Rms of the white noise on each output's samples.
-        input_rms: Of what moved the article before the first sample, by which the unknown motion at the start
-            is judged; zero for an article at rest.
+        input_rms: Rms of the inputs before the first sample, which sets the variance of the unknown motion
+            at the start; zero for an article at rest.
         known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
         drift: How parameters are thought to move.
 

@@ -79,12 +79,12 @@ class ModelCovariance:
 
     @functools.cached_property
     def at(self) -> UnknownPlaces:
-        """Where each kind of unknown stands."""
+        """Places of each kind of unknown."""
         return places_of(self.model, self.structure)
 
     @functools.cached_property
     def unknowns(self) -> Float[np.ndarray, " unknown"]:
-        """Their values."""
+        """Values of the unknowns."""
         return unknowns_of(self.model, self.structure)
 
     @functools.cached_property

@@ -107,11 +107,11 @@ class TermRows:
 
 
 class TermScores(NamedTuple):
-    """Of each term the deviations by which it is not zero and its likeliest value.
+    """Distance ``z`` of each term from zero, in standard deviations, and its likeliest ``value``.
 
-    ``moves``: by how many of its deviations that moves the unknown that it moves most, ``of_modes`` the same
-    of each mode; terms beyond the band, which stand for anything there, do not count. All are zero where a
-    term cannot be told from the unknowns.
+    ``moves``: largest shift of an unknown by that value, in its deviations; ``of_modes``: the same for each
+    mode, without terms beyond the band, which stand for anything there. All are zero where a term cannot be
+    distinguished from the unknowns.
     """
 
     z: Float[np.ndarray, " term"]
@@ -206,7 +206,7 @@ def _factor(r: TermRows, size: int) -> Float[np.ndarray, "few column"]:
 
 
 def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementModel) -> Lacking:
-    """The kind of term that is most clearly lacking: what is left follows others, too."""
+    """The kind of term that is most clearly lacking, as the residual may follow others, too."""
     z = np.where(found.moves > MOVED, np.abs(found.z), 0.0)
     order = sorted(range(len(z)), key=lambda k: (-round(z[k], 6), found.value[k]))
     told = [k for k in order if terms[k].kind == terms[order[0]].kind and z[k] > TOLD]

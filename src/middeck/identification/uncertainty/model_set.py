@@ -22,8 +22,8 @@ def sample_models(
     logarithms, so that every member is stable; delays that come out negative are zero. Members have the
     structure of their fit: order, real constants, rank-one residues, which terms there are.
 
-    covariances: Of one fit, or of fits to records of different days: the set is then their union, and spans
-        what changed between them.
+    covariances: Covariance of one fit, or of fits to records of different days: the set is then their
+        union, and spans what changed between them.
     count: Members in all. Each fit gives count / fits of them, the first ones of the list one more if needed.
 
     Raises `ConfigError` if there is nothing to draw, if the fits have unlike ports or rates, or if a decay or

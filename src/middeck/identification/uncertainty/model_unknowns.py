@@ -139,7 +139,7 @@ def unknowns_of(model: MeasurementModel, structure: ModelStructure) -> Float[np.
 
 
 def part_of(model: MeasurementModel, part: np.ndarray | None) -> Float[np.ndarray, "output input"]:
-    """A part of the model that not every model has."""
+    """An optional part of the model."""
     return np.zeros(model.direct.shape) if part is None else part
 
 

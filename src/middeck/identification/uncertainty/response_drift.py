@@ -47,13 +47,12 @@ class ResponseDrift:
     Attributes:
         frequency_hz: Lines that both have.
         statistic: |difference|^2 over the sum of both variances: F of 2 and many degrees if nothing changed.
-        inflation: By how much the statistic's median exceeds that of F, one at least. What moves all lines
-            alike is no mode but a variance that was stated too small: distortion that changes with the
-            signal, say, where the record knows its noise only. The statistic is divided by it (Devlin and
-            Roeder 1999).
-        moved: Whether that counts among all lines and paths.
+        inflation: Ratio of the statistic's median to that of F, at least one; the statistic is divided by it
+            (Devlin and Roeder 1999). A change of all lines alike is no mode but a variance that was stated
+            too small: distortion that changes with the signal, where only the noise is known, for example.
+        moved: Whether the difference is significant among all lines and paths.
         bands: What moved, from low to high frequency.
-        level: Probability that any line is said to have moved when nothing has (Holm 1979).
+        level: Probability that any line is reported as moved when nothing has (Holm 1979).
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -75,7 +74,7 @@ class ResponseDrift:
 
     @property
     def sentence(self) -> str:
-        """One sentence: what moved."""
+        """One sentence: what changed."""
         if not self.bands:
             return f"the response moved on none of {len(self.frequency_hz)} lines at the level {self.level:g}"
         parts = [

@@ -80,9 +80,9 @@ def build_rig(
         delay_s: From torque command to sampled output, for every sensor: half a sample of hold and the
             low-frequency lag of its filters are in it, the rest is true delay. A sample without a filter
             waits for the slowest.
-        motors, sensors: By the name of the plant's input, and of its output: an angle, of which a gyro reads
-            the rate. All inputs with motors without limits, and all outputs sampled without noise, if they
-            are left out.
+        motors, sensors: Motors by the plant's input, and sensors by its output: an angle, of which a gyro
+            reads the rate. If left out: all inputs with motors without limits, and all outputs sampled
+            without noise.
         joints: Friction and gaps, at any joint of the plant; those need not be commanded.
         substeps: Integration steps, of length h, in a tick. They lower the frequency w of a mode that the
             joints' elements alone would hold by (w h)^2/12 of itself; without elements the rig is exact.

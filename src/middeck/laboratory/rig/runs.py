@@ -38,7 +38,7 @@ from middeck.values import record
 
 REST_S = 30.0
 """Rest before a run [s]: white rate noise of 2e-4 rad/s/sqrt(Hz) leaves the bias known to 4e-5 rad/s."""
-LOOK_BACK_S = 4.0  # of a stopped run, to find what was growing
+LOOK_BACK_S = 4.0  # last part of a stopped run, in which to find what was growing
 
 
 @record(kw_only=True)

@@ -16,7 +16,7 @@ from middeck.signals.excitation.signal import Excitation
 LARGEST_ORDER = 24
 # A held bit has the power sin(x)^2 / x^2, x = pi f hold / sample_hz: half of it is left at 0.44 of the clock.
 HALF_POWER = 0.44
-STARTS, SWAPS = 8, 100  # of the search for a binary signal; more of either gains less than a per cent
+STARTS, SWAPS = 8, 100  # in the search for a binary signal; more of either gains less than a per cent
 
 
 def design_mls(

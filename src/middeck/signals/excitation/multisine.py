@@ -16,7 +16,7 @@ from middeck.signals.excitation.orthogonal_inputs import orthogonal_matrix
 from middeck.signals.excitation.signal import Excitation
 
 POWERS = (2, 4, 8, 16, 32, 64, 128)
-STEPS = 60  # of each power: later ones gain less than a per cent
+STEPS = 60  # most steps for each power: later ones gain less than a per cent
 # Decimals of phases, of slopes by them (about one over the lines) and of the norm's logarithm.
 OF_PHASE, OF_SLOPE, OF_NORM = 6, 9, 12
 

@@ -1,4 +1,4 @@
-"""Where the ends of beam elements are, with the digits that their strain needs."""
+"""Places of the ends of beam elements, with the digits that their strain needs."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -71,12 +71,12 @@ def element_ends(
 
 
 def carried_levers(at: Placement, ends: np.ndarray, part: Within) -> list[Lever]:
-    """How the ends of what is inside carried parts move as the common carriers see them."""
+    """Motion of the ends inside carried parts as the common carriers see them."""
     return levers(part.chain, at.poses.p, at.world[ends[part.rows]])
 
 
 def tensioned_beams(beams: BeamProperties, loads: Loads) -> BeamProperties:
-    """The elements with as much of their tension as acts."""
+    """The elements with the tension that acts on them."""
     if loads.tension == 1.0:
         return beams
     return dataclasses.replace(beams, tension=loads.tension * beams.tension)

@@ -78,7 +78,7 @@ def _spanning_tree(roots: int, pairs: np.ndarray, stiffness: np.ndarray) -> np.n
     rank = np.lexsort((-k, high, low))
     low, high, k = low[rank], high[rank], k[rank]
     first = np.ones(len(k), dtype=bool)
-    first[1:] = (np.diff(low) != 0) | (np.diff(high) != 0)  # of parallel members the stiffest
+    first[1:] = (np.diff(low) != 0) | (np.diff(high) != 0)  # the stiffest of parallel members
     low, high, k = low[first], high[first], k[first]
     weight = np.empty(len(k))
     weight[np.argsort(-k, kind="stable")] = np.arange(1.0, len(k) + 1.0)

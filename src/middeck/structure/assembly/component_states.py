@@ -13,7 +13,7 @@ from middeck.structure.model.component import Component
 
 
 class PlacedComponent(NamedTuple):
-    """A component as given and as laid out, its state, and the rows that take coordinates to its own."""
+    """A component as given and as laid out, its state, and the rows from all coordinates to its own."""
 
     part: Component
     element: ComponentElement
@@ -22,7 +22,7 @@ class PlacedComponent(NamedTuple):
 
 
 def place_components(model: Model, at: Placement, loads: Loads) -> list[PlacedComponent]:
-    """The components where the model stands."""
+    """The components at their places in the model."""
     if not model.components:
         return []
     J = model.pose_map.jacobian(at.poses)

@@ -155,7 +155,7 @@ def is_unstrained(model: Model, config: Configuration, at: Assembly, loads: Load
 
 
 def geometric_tangent(model: Model, config: Configuration, loads: Loads) -> sp.csr_array:
-    """Geometric part of the tangent in carried coordinates: from forces, without strain and devices."""
+    """Geometric part of the tangent in carried coordinates: from forces, not from strain or devices."""
     at, since = poses_at(model, config), config.since_drawn
     carries = since is not None and since.carries
     total = _gather(model, at, loads, None, model.inside if carries else None)

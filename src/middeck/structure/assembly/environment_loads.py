@@ -51,7 +51,7 @@ class Inner(NamedTuple):
 
 
 def no_loads() -> Loads:
-    """Orbit: no gravity, no devices."""
+    """Loads in orbit: no gravity, no devices."""
     none = np.zeros(0)
     return Loads(
         gravity=np.zeros(3),
@@ -63,7 +63,7 @@ def no_loads() -> Loads:
 
 
 def scale_loads(loads: Loads, factor: float) -> Loads:
-    """Gravity, preloads, tensions and applied loads times ``factor``; stiffnesses as they are."""
+    """Loads with gravity, preloads, tensions and applied loads times ``factor``; stiffnesses unchanged."""
     law = SpringLaw(loads.law.preload * factor, loads.law.stiffness, loads.law.length)
     return replace(
         loads,

@@ -1,4 +1,4 @@
-"""What is left to move where clamps hold nodes and joints are held: exact, nothing is stiff in its place.
+"""Free coordinates where clamps hold nodes and joints are held: exact, without stiff penalty springs.
 
 A clamp's directions need not be those of W. At a node that is held along others its coordinates are turned
 into them, and then some are struck out. Only equations are turned: shapes, gradients and masses stay in W.
@@ -26,7 +26,7 @@ STILL = 1e-9
 
 @record
 class Held:
-    """Which coordinates clamps hold, after ``axes`` have turned them; None where all are those of W.
+    """Coordinates that clamps hold, after ``axes`` have turned them; None where all are those of W.
 
     ``moved`` is the prescribed displacement of each root: a shift in W [m] and a rotation vector [rad];
     ``pinned`` are the roots that are held along any way.
@@ -39,7 +39,7 @@ class Held:
 
 
 class Freedom(NamedTuple):
-    """The coordinates that move by themselves, out of those that ``axes`` make.
+    """The free coordinates among those that ``axes`` define.
 
     ``basis`` has how others follow them, and ``moving`` which these are too; None where links tie nothing.
     """
@@ -58,7 +58,7 @@ class Freedom(NamedTuple):
         return sp.csr_array(0.5 * (own + own.T))
 
     def cancels(self, K: sp.csr_array, part: float) -> Bool[np.ndarray, " moving"]:
-        """Coordinates of which ``matrix(K)`` has less than ``part`` of the terms that cancel there."""
+        """Coordinates where ``matrix(K)`` is less than ``part`` of the terms that cancel there."""
         own = np.abs(self.matrix(K).diagonal())
         if self.basis is None:
             return own == 0.0
@@ -71,12 +71,12 @@ class Freedom(NamedTuple):
         return turned[self.active] if self.basis is None else self.basis.T @ turned
 
     def columns(self, rows: sp.csr_array) -> sp.csr_array:
-        """Readings of coordinates in W as readings of the coordinates that move."""
+        """Readings of coordinates in W as readings of the free coordinates."""
         turned = rows if self.axes is None else rows @ self.axes
         return sp.csr_array(turned[:, self.active] if self.basis is None else turned @ self.basis)
 
     def spread(self, q: np.ndarray) -> np.ndarray:
-        """Displacements in W, one or more columns, of the coordinates that move: zero where they are held."""
+        """Displacements in W, one or more columns, of the free coordinates: zero where they are held."""
         if self.basis is not None:
             return self._in_world(self.basis @ q)
         full = np.zeros((len(self.active), *q.shape[1:]), dtype=q.dtype)
@@ -84,7 +84,7 @@ class Freedom(NamedTuple):
         return self._in_world(full)
 
     def coordinates(self, q: np.ndarray) -> np.ndarray:
-        """The moving coordinates of displacements in W, one or more columns."""
+        """The free coordinates of displacements in W, one or more columns."""
         return self._turned(q)[self.active]
 
     def allowed(self, motions: Float[np.ndarray, "coordinate motion"]) -> np.ndarray:
@@ -92,11 +92,11 @@ class Freedom(NamedTuple):
         return motions @ _still(motions, motions - self.spread(self.coordinates(motions)))
 
     def beyond(self, load: np.ndarray) -> np.ndarray:
-        """The part of ``load`` in W, links included, on the other coordinates: clamps, and held joints."""
+        """The part of ``load`` in W, links included, on held coordinates: those of clamps and held joints."""
         return self._in_world(np.where(self._moves, 0.0, self._turned(load)))
 
     def within(self, load: np.ndarray) -> np.ndarray:
-        """``load`` in W, that of links included, without what clamps and held joints take."""
+        """``load`` in W, that of links included, less the part on clamps and held joints."""
         return self._in_world(np.where(self._moves, self._turned(load), 0.0))
 
     @property
@@ -134,7 +134,7 @@ def _still(motions: np.ndarray, moved: np.ndarray) -> np.ndarray:
 
 
 def restrict(K: sp.csr_array, active: Bool[np.ndarray, " coordinate"]) -> sp.csr_array:
-    """Rows and columns of the coordinates that move; the matrix itself where all do."""
+    """Rows and columns of the free coordinates; the matrix itself where all are free."""
     if np.all(active):
         return K
     # Every step of a descent asks for it: several times as quick as two of scipy's own selections.

@@ -52,7 +52,7 @@ class LinkRows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinkState:
-    """The numbers that links hold at zero, and how poses (``slope``) and coordinates in W move them."""
+    """The numbers that links hold at zero, with derivatives by poses (``slope``) and coordinates in W."""
 
     rows: LinkRows
     value: Inexact[np.ndarray, " row"]

@@ -39,7 +39,7 @@ MOST_ROUNDS = 30
 
 
 def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in statics: roots, sprung joints and modal coordinates; what is held does not.
+    """Free coordinates in statics: roots, sprung joints and modal coordinates.
 
     Of a node that is held along axes of its clamp they are in those axes, see `static_freedom`.
     """
@@ -47,7 +47,7 @@ def static_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
 
 
 def dynamic_coordinates(model: Model) -> Bool[np.ndarray, " coordinate"]:
-    """Coordinates that move in dynamics: roots, free and sprung joints, modal coordinates."""
+    """Free coordinates in dynamics: roots, free and sprung joints, modal coordinates."""
     return _moving(model, (JointState.FREE, JointState.SPRUNG, JointState.INTERNAL))
 
 
@@ -58,12 +58,12 @@ def _moving(model: Model, states: tuple[JointState, ...]) -> np.ndarray:
 
 
 def static_freedom(model: Model, config: Configuration, *, in_world: bool = False) -> Freedom:
-    """Moving coordinates in statics, see `static_coordinates`, at ``config``, in carried coordinates or W."""
+    """Free coordinates in statics (`static_coordinates`) at ``config``, in carried coordinates or W."""
     return _freedom(model, static_coordinates(model), config, in_world)
 
 
 def dynamic_freedom(model: Model, config: Configuration, *, in_world: bool = False) -> Freedom:
-    """Moving coordinates in dynamics, see `dynamic_coordinates`; else as `static_freedom`."""
+    """Free coordinates in dynamics (`dynamic_coordinates`), otherwise as `static_freedom`."""
     return _freedom(model, dynamic_coordinates(model), config, in_world)
 
 
@@ -91,7 +91,7 @@ def check_links(model: Model) -> None:
 
 
 def ties_to_ground(model: Model) -> bool:
-    """Whether an equation holds motions in W, which do not turn with the article."""
+    """Whether an equation ties motions in W, which do not turn with the article."""
     return model.links is not None and bool(np.any(model.links.ends[:, 0] == GROUND))
 
 
@@ -139,7 +139,7 @@ def _closing(
 
 
 def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Closing]:
-    """The links at ``config`` and what follows in statics."""
+    """The links at ``config`` and the dependent coordinates in statics."""
     state = links_at(model, config)
     return state, _closing(model, state, config, static_coordinates(model))
 
@@ -147,7 +147,7 @@ def static_closing(model: Model, config: Configuration) -> tuple[LinkState, Clos
 def close_links(
     model: Model, config: Configuration, moving: Bool[np.ndarray, " coordinate"]
 ) -> tuple[LinkState, Closing]:
-    """The links at ``config`` and which of the ``moving`` coordinates follow, in W."""
+    """The links at ``config`` and those of the ``moving`` coordinates that depend on others, in W."""
     state = links_at(model, config)
     return state, _closing(model, state, config, moving, in_world=True)
 
@@ -155,7 +155,7 @@ def close_links(
 def link_part(
     model: Model, config: Configuration, gradient: Float[np.ndarray, " coordinate"], *, in_world: bool
 ) -> tuple[Float[np.ndarray, " coordinate"], sp.csr_array]:
-    """What links add to a ``gradient`` and its tangent, in carried coordinates or those of W.
+    """Contribution of links to a ``gradient`` and its tangent, in carried coordinates or those of W.
 
     The multipliers are those of statics: what free joints hold there is theirs.
     """
@@ -196,14 +196,14 @@ def _bent(
 def multipliers(
     model: Model, config: Configuration, state: LinkState, gradient: Float[np.ndarray, " coordinate"]
 ) -> Float[np.ndarray, " row"]:
-    """Multipliers of the rows of links under a ``gradient`` in carried coordinates, all else in balance."""
+    """Multipliers of the rows of links that balance a ``gradient`` in carried coordinates."""
     return _closing(model, state, config, static_coordinates(model)).multipliers(gradient)
 
 
 def followed(
     model: Model, config: Configuration, moved: Float[np.ndarray, " coordinate"]
 ) -> Float[np.ndarray, " coordinate"]:
-    """Displacements of the dependent coordinates, to first order, as carried coordinates have ``moved``."""
+    """First-order displacements of the dependent coordinates, as carried coordinates have ``moved``."""
     if model.links is None:
         return np.zeros_like(moved)
     state, close = static_closing(model, config)

@@ -81,7 +81,7 @@ class Model:
 
     @functools.cached_property
     def pose_map(self) -> PoseMap:
-        """How coordinates move ``points``."""
+        """The map from coordinates to ``points``."""
         return map_points(self.tree, self.points)
 
     @functools.cached_property
@@ -92,7 +92,7 @@ class Model:
 
     @functools.cached_property
     def pattern(self) -> Pattern:
-        """Where elements, springs, bushings, bodies and what is tied to attach points go in matrices."""
+        """Places of elements, springs, bushings, bodies and ties of attach points in matrices."""
         ends = {
             "element": self.element_ends,
             "spring": self.spring_ends,

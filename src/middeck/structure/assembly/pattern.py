@@ -1,4 +1,4 @@
-"""Where the entries of element matrices go in the matrices of a model: found once, filled in repeatedly.
+"""Places of the entries of element matrices in the matrices of a model: found once, filled repeatedly.
 
 An entry B_ij between coordinates i and j of poses adds A_ia B_ij A_jb to K_ab for every pair of coordinates a
 and b that move them. Which these are depends on topology alone, so that K is a sum over a fixed list.
@@ -38,7 +38,7 @@ class _Products(NamedTuple):
 
 @record(kw_only=True)
 class Pattern:
-    """The pattern of a symmetric sparse matrix in coordinates, and what each group of elements adds to it."""
+    """The pattern of a symmetric sparse matrix in coordinates, and places of each group of elements in it."""
 
     indptr: np.ndarray
     indices: np.ndarray
@@ -81,12 +81,12 @@ def _sums(slot: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
 
 @record(kw_only=True)
 class _Topology:
-    """All that a pattern hangs on.
+    """All that a pattern depends on.
 
     Attributes:
         size: Number of coordinates.
         frame, special, moves: Frame of each point, and `Special.point` and `Special.moves`.
-        indptr, indices: Of the Jacobian of the points.
+        indptr, indices: Sparse structure of the Jacobian of the points.
         groups: Name of each group, its elements and the ends of one.
         poses: The ends of all elements of the groups in turn.
     """

@@ -1,4 +1,4 @@
-"""Where everything stands at a configuration, how far it has moved since drawn, and what carries it."""
+"""Places at a configuration, motion since drawn, and the carriers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Placement:
 
 
 def poses_at(model: Model, config: Configuration) -> Placement:
-    """Where all points of the model are at ``config``."""
+    """Poses of all points of the model at ``config``."""
     return config.once("at", model, lambda: _poses_at(model, config))
 
 
@@ -56,7 +56,7 @@ def _poses_at(model: Model, config: Configuration) -> Placement:
 
 
 def moved_since(model: Model, at: Placement, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far poses have shifted and turned (less the identity) since drawn."""
+    """Shift and turn (less the identity) of poses since drawn."""
     frame, drawn = model.points.frame[pose], model.drawn
     away = at.world[pose] - points_in_world(model.points.of(pose), drawn)
     turn = at.poses.R[frame] @ np.swapaxes(drawn.R[frame], 1, 2) - IDENTITY
@@ -80,7 +80,7 @@ def drawn_places(model: Model, at: Placement, pose: np.ndarray) -> tuple[np.ndar
 
 
 def root_levers(config: Configuration) -> list[Lever]:
-    """How carried coordinates move the roots; none where nothing is carried."""
+    """Motion of the roots by carried coordinates; none where nothing is carried."""
     since, roots = config.since_drawn, np.arange(len(config.x))
     if since is None or not since.carries:
         return []
@@ -101,7 +101,7 @@ def transport(config: Configuration, tree: FrameTree) -> sp.csr_array:
 
 
 def symmetric(K: sp.csr_array) -> sp.csr_array:
-    """Symmetric by construction; the mean removes the rounding."""
+    """The symmetric part, of a matrix that rounding alone made unsymmetric."""
     out = K + K.T.tocsr()
     out.data *= 0.5
     return out

@@ -1,4 +1,4 @@
-"""Which coordinates depend on the others where links tie them, and how: a basis of what the links allow.
+"""Coordinates that depend on others through links: a basis of the motions that links allow.
 
 Rows of links that share no coordinate are solved apart. In each such block a QR factorisation with pivots
 among the rows tells those that say nothing new, and one with pivots among the columns which coordinates to
@@ -38,7 +38,7 @@ class _Block(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Closing:
-    """The coordinates that follow others, and those.
+    """The dependent coordinates, and those that they depend on.
 
     Attributes:
         basis: Motions that the links allow, a column for each independent coordinate.

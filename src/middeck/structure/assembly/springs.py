@@ -57,12 +57,12 @@ def device_span(model: Model, at: Placement, loads: Loads) -> tuple[np.ndarray, 
 
 
 def device_tension(model: Model, config: Configuration, loads: Loads) -> Inexact[np.ndarray, " device"]:
-    """The pull of each device at ``config``."""
+    """Pull of each device at ``config``."""
     return device_springs(model, poses_at(model, config), loads, None).tension
 
 
 def pose_shift(model: Model, config: Configuration, pose: np.ndarray) -> Inexact[np.ndarray, "pose 3"]:
-    """How far poses have moved since they were drawn."""
+    """Displacement of poses since they were drawn."""
     drawn, change = drawn_places(model, poses_at(model, config), pose)
     return change + (drawn - points_in_world(model.points.of(pose), model.drawn))
 
@@ -119,7 +119,7 @@ def grounded(model: Model, at: Placement, loads: Loads, inner: Inner | None = No
 
 
 def on_ground(motion: np.ndarray) -> np.ndarray:
-    """Motions of poses beside that of the ground: none."""
+    """Motions of poses, and that of the ground beside them: none."""
     return np.concatenate([np.zeros_like(motion), motion], axis=1)
 
 

@@ -33,7 +33,7 @@ from middeck.structure.elements.springs_and_cables import predicted_tension, spr
 def strain_energies(
     model: Model, config: Configuration, loads: Loads, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode mode"]:
-    """The rest of the tangent, applied to ``shapes`` in carried coordinates: a sum of squared strains.
+    """The tangent at rest, applied to ``shapes`` in carried coordinates: a sum of squared strains.
 
     Nothing cancels but within a strain, so that it rounds by the square of the rounding of the shapes.
     """

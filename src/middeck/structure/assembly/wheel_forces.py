@@ -34,7 +34,7 @@ class Spin(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether there are any."""
+        """Whether any wheel turns."""
         return len(self.momentum) > 0
 
     def forces(self, turn: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def spinning_wheels(model: Model, config: Configuration, environment: Environmen
 
 
 def check_speeds(model: Model, environment: Environment) -> None:
-    """Raise `ConfigError` for a speed of a wheel that the article has not, or that is not a number."""
+    """Raise `ConfigError` for a speed of a wheel that the article lacks, or that is no finite number."""
     wheels = [wheel.name for wheel in model.structure.wheels]
     for name, speed in environment.wheel_speeds:
         if name not in wheels or not np.isfinite(speed):

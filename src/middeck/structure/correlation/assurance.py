@@ -52,7 +52,7 @@ def phase_collinearity(shapes: Shapes) -> Float[np.ndarray, " mode"]:
 
 
 def nearest_basis(a: Float[np.ndarray, "channel mode"], b: Shapes) -> Float[np.ndarray, "channel mode"]:
-    """The modes ``a`` of one frequency, turned until they are nearest to ``b``: any basis of theirs will do.
+    """The modes ``a`` of one frequency in the basis that is nearest to ``b``.
 
     The turn is the orthogonal factor of the coordinates of ``b`` in ``a``, each of unit length; ``b`` may be
     fewer (Schönemann 1966). Where ``a`` are dependent at the channels it stays.

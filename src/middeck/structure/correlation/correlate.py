@@ -110,7 +110,7 @@ class Correlation:
 
     @property
     def verdict(self) -> str:
-        """Open where all that keeps the profile from being met is a fundamental that was not measured."""
+        """Open where only an unmeasured fundamental keeps the profile from being met."""
         missed = self.unpaired or any(f.worst is not None and not f.passed for f in self.findings)
         return "passes" if self.passed else "does not pass" if missed else "open"
 

@@ -24,7 +24,7 @@ class EffectiveMass:
 
     @property
     def fraction(self) -> Float[np.ndarray, "mode 6"]:
-        """Part of the rigid value; 0 in a direction without any."""
+        """Fraction of the rigid value; 0 in a direction without mass."""
         return self.effective / np.where(self.rigid > 0.0, self.rigid, np.inf)
 
     @property

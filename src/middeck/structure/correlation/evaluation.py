@@ -142,7 +142,7 @@ def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
 
 
 def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
-    """Which of the candidates ``ours`` are in a group of modes."""
+    """Which of the candidates ``ours`` belong to a group of modes."""
     if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
     fundamental = model.fundamental[ours]
@@ -153,5 +153,5 @@ def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
 
 
 def nothing_passes(model: Candidates, criterion: Criterion) -> bool:
-    """Whether ``criterion`` is met where it applies to no pair: not by a fundamental that nobody measured."""
+    """Whether ``criterion`` is met where no pair applies: not if the fundamental was not measured."""
     return not (criterion.group is Scope.FUNDAMENTAL and model.has_fundamental)

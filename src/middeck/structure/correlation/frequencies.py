@@ -22,7 +22,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class FrequencyFinding:
-    """One criterion on frequencies: the worst error of the pairs that it applies to, None where to none.
+    """One criterion on frequencies: the worst error of its pairs, None where it has none.
 
     Where it applies to none it is met, unless the model's fundamental has no partner.
     """
@@ -60,13 +60,13 @@ class FrequencyComparison:
 
     @property
     def passed(self) -> bool:
-        """Whether the whole profile is shown to be met: never, where it has criteria on shapes."""
+        """Whether the whole profile is met: never, where it has criteria on shapes."""
         settled = not (self.unjudged or self.unpaired or self.undecided)
         return settled and all(f.met for f in self.findings)
 
     @property
     def verdict(self) -> str:
-        """Open where no criterion is missed, all measured modes have partners, and too little is known."""
+        """Open where no criterion is missed and all measured modes are paired, but too little is known."""
         missed = self.unpaired or any(f.worst is not None and not f.met for f in self.findings)
         return "passes" if self.passed else "does not pass" if missed else "open"
 

@@ -1,4 +1,4 @@
-"""Which mode of the model a measured frequency is, where there are no shapes.
+"""Pairs of measured frequencies and modes of the model, without shapes.
 
 Errors of ln f are taken as Gaussian, all of one deviation, the likeliest of `SCATTER`. A measured mode has no
 partner once in ten times, and then lies anywhere within an octave either way. The likeliest pairs follow: the
@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 SCATTER = (0.04, 0.08, 0.16)
 # Minus the logarithm of the likelihood of a measured mode alone, over that of a pair as `pair_costs` has it.
 ALONE = float(np.log(10.0 * 2.0 * np.log(2.0) / np.sqrt(2.0 * np.pi)))
-# Of ln f: nearer frequencies are one to rounding.
+# Difference of ln f below which frequencies are equal to rounding.
 SAME = 1e-6
 
 
@@ -33,7 +33,7 @@ def pair_frequencies(
 
     A column has the frequencies of the modes as the measured one would find them; columns may differ.
     """
-    # Of two modes equally near the lower one counts, and modes of one frequency are in their order.
+    # The lower one of two modes equally near counts, and modes of one frequency are in their order.
     ours, theirs = _spaced(ours_hz), _spaced(theirs_hz) - SAME
     least, pairs = np.inf, np.zeros((0, 2), dtype=int)
     for scatter in SCATTER:

@@ -42,16 +42,17 @@ class MeasuredModes:
 
     Attributes:
         frequency_hz, damping: Natural frequencies [Hz] and damping ratios, NaN where none is stated.
-        node, direction: Of each channel: a node, a joint, a mesh node or one that a component recovers, and
-            "x", "y", "z" (translation along the world axes), "rx", "ry", "rz" (rotation about them) or, of
-            a joint relative to its carrier, "angle" or, where it slides, "travel"; or the name of one of
-            the article's sensors and "sensor", what it reads, or of one of its actuators and "actuator",
+        node, direction: Place and direction of each channel: a node, a joint, a mesh node or one that a
+            component recovers, with "x", "y", "z" (translation along the world axes) or "rx", "ry", "rz"
+            (rotation about them); a joint relative to its carrier, with "angle" or, where it slides,
+            "travel"; a sensor of the article, with "sensor": its reading; or an actuator, with "actuator":
             the motion that its force works on.
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
         position_m: Where each channel is, in world axes, where the test states it.
-        modal_mass: Of each real shape as it stands [kg], where it is known; what computes shapes knows it.
+        modal_mass: Modal mass [kg] of each real shape as it stands, where it is known, as for computed
+            shapes.
         lines: Nodes that lines of a picture join, one after the other, where the test states any.
         source: What a file says of the test: model, description, program, date.
         warnings: What the reader of a file found odd.
@@ -206,7 +207,7 @@ def real_shapes(measured: MeasuredModes) -> Float[np.ndarray, "channel mode"]:
 
 
 def every_channel(model: Model) -> list[tuple[str, str]]:
-    """Six directions at every node of the article, then the angle or travel of every joint that moves."""
+    """Six directions at every node of the article, then the angle or travel of every moving joint."""
     moving = dynamic_coordinates(model)[6 * model.tree.roots :]
     joints = [j for j, free in zip(model.structure.joints, moving, strict=True) if free]
     nodes = [(n.name, d) for n in model.structure.nodes for d in AXES]
@@ -323,7 +324,7 @@ def _port_rows(modes: Modes, node: Sequence[str], direction: Sequence[str]) -> l
 
 
 def drawn_at(model: Model, name: str) -> Float[np.ndarray, "3"]:
-    """Where a node, joint, mesh node, attach point or point inside a component was drawn [m]."""
+    """Place [m] of a node, joint, mesh node, attach point or point inside a component, as drawn."""
     if (inside := points_inside(model).get(name)) is not None:
         return drawn_inside(model, *inside)
     frame, offset = _place(model, name)
@@ -379,7 +380,7 @@ def _chosen(modes: Modes, chosen: Sequence[int] | None) -> np.ndarray:
 
 
 def called(measured: MeasuredModes, j: int) -> str:
-    """A measured mode as sentences call it: they count from 1, as tests do."""
+    """Words for a measured mode, counted from 1 as in tests."""
     return f"measured mode {j + 1} of {measured.frequency_hz[j]:.4g} Hz"
 
 

@@ -31,7 +31,7 @@ def fundamental_modes(modes: Modes) -> Int[np.ndarray, " mode"]:
 
 
 def below_the_test(modes: Modes, measured: MeasuredModes, paired: Container[int]) -> list[str]:
-    """Flexible modes of the model below all that was measured, in one sentence; none in none."""
+    """One sentence on the model's flexible modes below all that was measured; empty for none."""
     low = measured.frequency_hz.min()
     below = [i for i in flexible_modes(modes) if modes.frequency_hz[i] < low and i not in paired]
     if not below:

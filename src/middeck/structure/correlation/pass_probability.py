@@ -30,7 +30,7 @@ EXPECTED = (5.0, 50.0, 95.0)
 
 @record
 class Probability:
-    """A share of runs with its interval of 95 % confidence (Clopper and Pearson 1934)."""
+    """A share of runs with its 95 % confidence interval (Clopper and Pearson 1934)."""
 
     passed: int
     runs: int
@@ -67,12 +67,12 @@ class CorrectModel:
 
     @property
     def overall(self) -> Probability:
-        """That all criteria are met and all modes paired."""
+        """Probability that all criteria are met and all modes paired."""
         both = self.passed.all(axis=1) & self.paired
         return Probability(int(both.sum()), len(both))
 
     def of(self, criterion: int) -> Probability:
-        """That one criterion is met."""
+        """Probability that one criterion is met."""
         return Probability(int(self.passed[:, criterion].sum()), len(self.passed))
 
     def expected(self, criterion: int) -> Float[np.ndarray, "3"] | None:
@@ -135,7 +135,7 @@ def run_correct_model(
 
 
 def judge(model: Candidates, found: Evaluation, profile: Profile) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each criterion is met, and its worst value (nan where it applies to nothing)."""
+    """Whether each criterion is met, and its worst value (nan where it applies to no pair)."""
     passed, worst = np.ones(len(profile.criteria), dtype=bool), np.full(len(profile.criteria), np.nan)
     for c, criterion in enumerate(profile.criteria):
         values, _ = criterion_values(model, found, criterion)

@@ -32,7 +32,7 @@ class Quantity(Enum):
 
 
 class Scope(Enum):
-    """Which of the paired modes a criterion is about."""
+    """The paired modes to which a criterion applies."""
 
     ALL = "all modes"
     FUNDAMENTAL = "fundamental"  # the model's lowest flexible one, not the lowest that was measured
@@ -58,7 +58,7 @@ class Criterion:
 
     @property
     def status(self) -> str:
-        """Seen, or recalled and to be checked."""
+        """Whether the limit was seen in the source, or recalled and to be checked."""
         return RECALLED if self.recalled else SEEN
 
     def holds(self, value: float) -> bool:
@@ -85,7 +85,7 @@ class Profile:
 
     @property
     def recalled(self) -> bool:
-        """Whether any limit is recalled."""
+        """Whether any limit was recalled rather than seen."""
         return any(c.recalled for c in self.criteria)
 
 

@@ -1,4 +1,4 @@
-"""A survey as it is drawn: the lines that join its nodes, and how each of its modes moves them."""
+"""Drawing of a survey: the lines that join its nodes, and their motion in each of its modes."""
 
 from collections.abc import Sequence
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Lines of a survey that has none of its own: along the article, from one measured node to others.
+"""Lines of a survey without lines of its own: along the article, from one measured node to others.
 
 Between them motion is drawn as even: as the potential along wires of one resistance per length, with that of
 the measured nodes given. Parts that hang on one measured node are not drawn: how they move nobody measured.

@@ -1,1 +1,1 @@
-"""The symmetric pair: all modes or the lowest, repeated ones, and what rounding leaves."""
+"""The symmetric pair: all modes or the lowest, repeated ones, and rounding."""

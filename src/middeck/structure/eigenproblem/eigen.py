@@ -22,8 +22,8 @@ from middeck.structure.assembly.factorisation import Factor, factorise, order, p
 # A mode is rigid whose energy is below this part of the sum of the absolute terms that cancel in it. Rounding
 # leaves 1e-17 on the two articles; a 0.02 Hz restraint on them leaves 1e-10.
 ROUNDING = 1e-14
-# Of the terms that cancel: less is no mass, and no stiffness. Rounding decides whether what has neither is
-# positive definite, and by it whether there are modes.
+# Part of the terms that cancel: less is no mass, and no stiffness. Rounding would decide whether matrices
+# with neither are positive definite, and so whether there are modes.
 NOTHING = 1e-12
 # Shifts tried, each ten times the one before, until K + sigma M is positive definite.
 SHIFTS = 20
@@ -63,7 +63,7 @@ class Eigenpairs(NamedTuple):
 
 
 def all_cost_less(K: sp.csr_array, count: int = 0) -> bool:
-    """Whether all modes cost less than the lowest ``count``."""
+    """Whether all modes cost less to compute than the lowest ``count``."""
     return order(K) <= max(SMALL, 4 * count)
 
 
@@ -213,7 +213,7 @@ def _lanczos(
 
 
 def _refine(K: sp.csr_array, M: sp.csr_array, lam: np.ndarray, phi: np.ndarray, sigma: float) -> Eigenpairs:
-    phi = phi / np.sqrt(np.abs(np.einsum("im,im->m", phi, M @ phi)))  # of rounding, it may be negative
+    phi = phi / np.sqrt(np.abs(np.einsum("im,im->m", phi, M @ phi)))  # may be negative by rounding
     size = np.einsum("im,im->m", np.abs(phi), abs(K) @ np.abs(phi))
     # The inverse rounds to eps lam^2 / sigma, the Rayleigh quotient to eps size: take the finer.
     high = lam**2 > sigma * size

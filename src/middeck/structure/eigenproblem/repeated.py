@@ -1,4 +1,4 @@
-"""Repeated frequencies: groups of modes whose basis is arbitrary, and the basis that is taken of them.
+"""Repeated frequencies: groups of modes whose basis is arbitrary, and the basis that is chosen.
 
 Of modes of one frequency those are taken whose kinetic energy is most unequal in its directions: of a round
 beam one mode bends in each plane. It does not depend on the basis that a solver returns.
@@ -28,7 +28,7 @@ def by_frequency(lam: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " memb
 
 
 def repeated(lam: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " member"]]:
-    """Those of the groups `by_frequency` that have several modes."""
+    """Groups of `by_frequency` with several modes."""
     return [group for group in by_frequency(lam) if len(group) > 1]
 
 

@@ -82,7 +82,7 @@ class ComponentState:
     modal: int
 
     def seen(self, motion: Inexact[np.ndarray, "n mode"]) -> Inexact[np.ndarray, "n mode"]:
-        """Motions in W in the axes of the component's frame, those as one body with them."""
+        """Motions in W as the component's frame sees them, those as one body included."""
         grids = len(motion) - self.modal
         turned = np.einsum("ji,gjm->gim", self.axes, motion[:grids].reshape(grids // 3, 3, motion.shape[1]))
         return np.concatenate([turned.reshape(grids, -1), motion[grids:]])
@@ -224,7 +224,7 @@ class _FrameMotion:
 
 def _frame_motion(part: ComponentElement, w: Array, Q: Array, span: Array, turn: Array) -> _FrameMotion:
     weights, p, R = part.weights, part.arms @ Q.T, np.eye(3) + turn
-    between = R @ Q.T  # of each grid, the sum over its axes of b p'
+    between = R @ Q.T  # the sum over each grid's axes of b p'
     trace = np.trace(between, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     resists = _stiffness(weights[:, 0], p, span)
     resists = resists + np.einsum("g,gij->ij", weights[:, 1], np.swapaxes(between, 1, 2) - trace)

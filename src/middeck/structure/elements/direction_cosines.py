@@ -1,4 +1,4 @@
-"""What links hold constant, in the poses of their frames: values, first and second derivatives.
+"""Cosines that links hold constant, by the poses of their frames: values, first and second derivatives.
 
 All is made of two things. One is the motion of a frame as another sees it, a displacement and a rotation
 vector (`bushings.RelativeMotion`), of which a constraint is a constant linear combination. The other is the

@@ -79,7 +79,7 @@ def move_carried(
 
 
 def placed(since_drawn: SinceDrawn, angle: Inexact[np.ndarray, " joint"]) -> Configuration:
-    """The configuration whose roots have moved so since the drawn state."""
+    """The configuration after these motions of the roots since drawn."""
     shift, turn = whole_motion(since_drawn)
     return Configuration(since_drawn.drawn + shift, IDENTITY + turn, angle, since_drawn)
 

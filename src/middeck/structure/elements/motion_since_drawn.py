@@ -189,7 +189,7 @@ def add_pull(
     load: Inexact[np.ndarray, "element 6*end"],
     gradient: Inexact[np.ndarray, " coordinate"],
 ) -> None:
-    """Add what the energy gradient ``load`` at the ends makes of the ``gradient`` in carried coordinates."""
+    """Add the contribution of the energy gradient ``load`` at the ends to the carried ``gradient``."""
     for link in links:
         pull = (load[:, None] @ link.motion)[:, 0]
         np.add.at(gradient, np.maximum(link.coordinates, 0), pull)
@@ -243,7 +243,7 @@ def summed(parts: Iterable[Triplets], size: int) -> sp.csr_array:
 
 
 def lever_jacobian(links: list[Lever], size: int) -> sp.csr_array:
-    """First-order change of all roots, and of what follows them as it is, by carried coordinates."""
+    """First-order change of all roots, and of what they carry, by carried coordinates."""
     own = np.arange(links[0].root.size * 6).reshape(-1, 6)
     last = np.arange(own.size, size)
     moved = [_entries(own, link.coordinates, link.motion) for link in links]
@@ -251,7 +251,7 @@ def lever_jacobian(links: list[Lever], size: int) -> sp.csr_array:
 
 
 def uncarried(at: SinceDrawn | None, size: int) -> Bool[np.ndarray, " coordinate"]:
-    """The coordinates of roots that nothing carries, and of joints."""
+    """Coordinates of roots that nothing carries, and of joints."""
     out = np.ones(size, dtype=bool)
     if at is not None:
         out[: 6 * len(at.carrier)] = np.repeat(at.carrier < 0, 6)

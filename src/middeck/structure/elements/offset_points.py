@@ -1,4 +1,4 @@
-"""Which coordinates move which points of a frame tree: laid out once, filled in at every configuration.
+"""Map from coordinates to the points of a frame tree: laid out once, filled in at every configuration.
 
 The places of the entries of the Jacobian hang on the topology alone, so that an iteration that forms it again
 and again need not look for them.
@@ -26,7 +26,7 @@ KEPT = 16
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Special:
-    """Points that do not simply move as a root's origin: those with an offset, and those on joints.
+    """Points that do not move as a root's origin: those with an offset, and those on joints.
 
     ``joint`` has their joints from the root out, -1 where there are no more; ``moves`` the coordinates of the
     root's turn and of these joints.

@@ -113,7 +113,7 @@ class GimbalFamily:
 
     @property
     def doubtful(self) -> tuple[tuple[int, int], ...]:
-        """(point, branch) where less than half of a shape is what it was at the neighbour."""
+        """(point, branch) whose shape has less than half in common with that at the neighbour."""
         return tuple((int(p), int(b)) for p, b in np.argwhere(self.match < HALF_SHAPE))
 
 

@@ -1,4 +1,4 @@
-"""How the modes of a structure move as one joint is stiffened: a rank-one change in modal coordinates.
+"""Modes of a structure as one joint is stiffened: a rank-one change in modal coordinates.
 
 With p = omega^2 and w the joint's angle in each mode, stiffness k at the joint turns omega^2 into the roots
 of
@@ -88,7 +88,7 @@ def _joint_row(modes: Modes, joint: str) -> Float[np.ndarray, "1 coordinate"]:
 
 
 def keep_lowest(system: JointSystem, count: int) -> JointSystem:
-    """The lowest ``count`` poles and `BASIS` more, those above as flexibility."""
+    """The lowest ``count`` poles and `BASIS` more; those above as flexibility."""
     n = min(len(system.pole), count + BASIS)
     above = float(np.sum(system.angle[n:] ** 2 / system.pole[n:]))
     return JointSystem(

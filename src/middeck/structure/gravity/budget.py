@@ -1,4 +1,4 @@
-"""How much of each mode's shift from 0-g to 1-g each effect of gravity makes (the 1993 paper's classes).
+"""Shares of the effects of gravity in each mode's shift from 0-g to 1-g (the 1993 paper's classes).
 
 Three of the five classes change the linear structure and can be switched, one at a time:
 
@@ -88,13 +88,13 @@ class GravityBudget:
 
     @property
     def range_hz(self) -> Float[np.ndarray, "mode effect 2"]:
-        """Smallest and largest over the orders: how far the share depends on the order of switching."""
+        """Smallest and largest over the orders: the dependence of the share on the order of switching."""
         ends = np.stack([self.by_order.min(axis=0), self.by_order.max(axis=0)], axis=2)
         return ends * self.hz_per_omega2[:, None, None]
 
     @property
     def doubtful(self) -> tuple[int, ...]:
-        """Rows that keep less than half of their shape in orbit in some corner: their shares are unclear."""
+        """Rows that keep less than half of their shape in orbit in some corner: uncertain shares."""
         return tuple(map(int, np.flatnonzero(self.match.min(axis=(1, 2, 3)) < HALF_SHAPE)))
 
 

@@ -1,4 +1,4 @@
-"""The rest state under slightly other loads by Newton's method: on the branch of a near one, or none."""
+"""The rest state under slightly other loads by Newton's method, on the branch of a near one."""
 
 import numpy as np
 import scipy.sparse as sp

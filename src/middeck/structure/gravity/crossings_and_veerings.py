@@ -49,7 +49,7 @@ Advance = Callable[[PathState, float], PathState | None]
 
 
 class Course(NamedTuple):
-    """How to get from station to station, and how far gravity has come [m/s^2] at each whole s."""
+    """The way from station to station, and how far gravity has come [m/s^2] at each whole s."""
 
     advance: Advance
     come: Float[np.ndarray, " place"]
@@ -59,7 +59,7 @@ class Course(NamedTuple):
         return float(np.interp(s, np.arange(len(self.come)), self.come))
 
     def to(self, near: PathState, x: float) -> PathState | None:
-        """The station at the distance ``x``, from a near one."""
+        """The station at the distance ``x``, reached from a near one."""
         inside = self.come[0] <= x <= self.come[-1]
         s = float(np.interp(x, self.come, np.arange(len(self.come))))
         return self.advance(near, s) if inside else None
@@ -67,7 +67,7 @@ class Course(NamedTuple):
 
 @record(kw_only=True)
 class Approach:
-    """Two modes where they are nearest, and on both sides of that; ``gap`` is relative, of omega^2.
+    """Two modes where they are nearest, and on both sides; ``gap`` is relative, of omega^2.
 
     ``rank`` is how many of those followed are below them.
     """
@@ -81,7 +81,7 @@ class Approach:
 
     @property
     def kind(self) -> EventKind:
-        """A gap too small to resolve counts as a crossing."""
+        """Crossing where the gap is too small to resolve, else veering."""
         return EventKind.VEERING if self.gap > NARROW else EventKind.CROSSING
 
 
@@ -98,7 +98,7 @@ class Resolved(NamedTuple):
 
 
 def reorder(station: PathState, order: Int[np.ndarray, " branch"]) -> PathState:
-    """Its branches in another order."""
+    """The run with its branches in another order."""
     lam, shapes, M = station.spectrum
     return dataclasses.replace(
         station, spectrum=Spectrum(lam[order], shapes[:, order], M), match=station.match[order]

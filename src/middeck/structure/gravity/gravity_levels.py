@@ -1,4 +1,4 @@
-"""Places by their gravity, the ways between them, and what the devices do on the way."""
+"""Places by their gravity, the paths between them, and the behaviour of devices along these."""
 
 from __future__ import annotations
 

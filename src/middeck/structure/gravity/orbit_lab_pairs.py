@@ -61,7 +61,7 @@ def _weight(orbit: Modes, lab: Modes, count: int) -> Float[np.ndarray, "orbit la
 
 
 def shares_of(start: Spectrum, lab: Modes) -> np.ndarray:
-    """Part of each mode of the laboratory that is each mode of ``start``: rows orbit, columns lab."""
+    """Share of each mode of ``start`` in each mode of the laboratory: rows orbit, columns lab."""
     weighted = start.mass @ lab.shapes
     size = np.einsum("im,im->m", lab.shapes, weighted)
     return (start.shapes.T @ weighted) ** 2 / size

@@ -62,8 +62,8 @@ class GravityPath:
         match: Cross-orthogonality with the station before; 1 at the first.
         events: Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
             anything did.
-        warnings: Of the modes at the first station, whose names and kinds these are, and of branches that
-            change their order unexplained; none where there are no modes.
+        warnings: Warnings for the modes at the first station, whose names and kinds these are, and for
+            branches that change their order unexplained; none where there are no modes.
     """
 
     structure: Structure
@@ -97,7 +97,7 @@ class GravityPath:
 
     @property
     def exchanged(self) -> Bool[np.ndarray, "station branch"]:
-        """Where a branch is past a veering: its shape is no longer that of its name."""
+        """Whether a branch is past a veering: its shape is no longer that of its name."""
         past = np.zeros(self.omega2.shape, dtype=bool)
         for event in self.events:
             if event.kind is EventKind.VEERING:
@@ -106,7 +106,7 @@ class GravityPath:
 
     @property
     def doubtful(self) -> tuple[tuple[int, int], ...]:
-        """(station, branch) where less than half of a shape is what it was a station before."""
+        """(station, branch) whose shape has less than half in common with that a station before."""
         return tuple((int(i), int(j)) for i, j in np.argwhere(self.match < HALF_SHAPE))
 
 

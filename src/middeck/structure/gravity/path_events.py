@@ -44,7 +44,7 @@ class GravityEvent:
 
     @property
     def ends(self) -> bool:
-        """Whether the path ends here."""
+        """Whether the event ends the path."""
         return self.kind not in (EventKind.CROSSING, EventKind.VEERING)
 
     @property

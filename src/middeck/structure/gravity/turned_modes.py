@@ -28,7 +28,7 @@ def turn_modes(modes: Spectrum, roots: int, R: Float[np.ndarray, "3 3"]) -> Spec
 def turn_along(
     modes: Spectrum, model: Model, start: Configuration, end: Configuration
 ) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
-    """Modes at ``start`` turned with the article to how it is at ``end``; and that rotation.
+    """Modes at ``start`` turned with the article to its attitude at ``end``; and that rotation.
 
     It is the rotation of the rigid body that fits best by mass.
     """
@@ -37,7 +37,7 @@ def turn_along(
 
 
 def modes_at_rest(orbit: Modes, lab: Modes) -> tuple[Spectrum, Float[np.ndarray, "3 3"]]:
-    """``orbit`` turned to how its article rests in ``lab``, tilt and heading; and that rotation."""
+    """``orbit`` turned to the attitude of the article at rest in ``lab``; and that rotation."""
     start = orbit.equilibrium
     return turn_along(spectrum_of(orbit), start.model, start.config, lab.equilibrium.config)
 

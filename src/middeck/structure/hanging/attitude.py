@@ -25,8 +25,8 @@ class Attitude:
     A tilt about x is thus one about the drawn article's own x, whatever way it then faces.
 
     Attributes:
-        tilt, heading: For the rigid body with the best fit by mass: tilt [rad], and turn about
-            the vertical.
+        tilt, heading: Tilt [rad] of the rigid body with the best fit by mass, and its turn about the
+            vertical.
         node, node_tilt: Name and tilt of every node.
         node_bending: Angle [rad] between the verticals of each node and of the rigid body: the article's own
             bending.
@@ -50,7 +50,7 @@ class Attitude:
 
 
 def estimate_attitude(equilibrium: Equilibrium) -> Attitude:
-    """How the article hangs in ``equilibrium``; raises `ConfigError` where there is no gravity."""
+    """Attitude of the article in ``equilibrium``; raises `ConfigError` where there is no gravity."""
     gravity = equilibrium.environment.gravity
     if not np.any(gravity):
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""Friction in suspension devices: where an article may rest, how its modes depend on amplitude.
+"""Friction in suspension devices: the band of rest states, and modes against amplitude.
 
 A rest state is sought without friction, the middle of those with it. In motion each device acts by its
 describing function at its own amplitude (Krylov and Bogoliubov 1937, Caughey 1960), the same law that a joint

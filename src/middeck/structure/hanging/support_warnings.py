@@ -12,8 +12,8 @@ from middeck.structure.model.environment import Environment
 # A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
 LARGE_TILT = np.radians(1.0)
 OVER = np.radians(90.0)
-SAGS = 0.5  # of the tilt: more bending than this is most of what nodes tilt by
-ASIDE = 0.1  # of the larger tilt: a smaller one is left alone
+SAGS = 0.5  # part of the nodes' tilt: more bending than this is most of it
+ASIDE = 0.1  # part of the larger tilt: a smaller one is not reported
 AXES = "xyz"
 
 
@@ -26,7 +26,7 @@ class Doubt(NamedTuple):
 
 
 def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Doubt]:
-    """Attach points on which nothing pulls, and directions in which nothing holds while devices are tuned."""
+    """Attach points without load, and directions that nothing holds while devices are tuned."""
     if not environment.hung:
         return
     ties = (*environment.hung, *environment.springs)
@@ -49,7 +49,7 @@ def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Do
 
 
 def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Doubt]:
-    """A tilt beyond `LARGE_TILT`, and the offsets that would level it; or what has turned over."""
+    """A tilt beyond `LARGE_TILT`, with offsets that would level it; or parts that have turned over."""
     tilt = float(np.linalg.norm(attitude.tilt))
     if tilt <= LARGE_TILT:
         return

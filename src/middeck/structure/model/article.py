@@ -41,7 +41,7 @@ class Body:
 
 @record
 class Node:
-    """A rigid node with six degrees of freedom; ``size`` is the clear distance members leave (see Member)."""
+    """A rigid node with six degrees of freedom; members leave its ``size`` clear (see `Member`)."""
 
     name: str
     position: Inexact[np.ndarray, "3"]
@@ -134,7 +134,7 @@ def held_angle(joint: Joint) -> float:
 
 @record(kw_only=True)
 class Wheel:
-    """A rotor that spins about an axis fixed to a frame; how fast is a matter of the `Environment`.
+    """A rotor that spins about an axis fixed to a frame; its speed belongs to the `Environment`.
 
     Attributes:
         name: Its own name.

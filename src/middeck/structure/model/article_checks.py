@@ -260,7 +260,7 @@ def _parts(structure: Structure) -> Iterator[str]:
 
 
 ROUNDING = 1e-9
-"""Of the largest: flat bodies have equality."""
+"""Rounding allowed, over the largest moment: flat bodies have equality."""
 
 
 def impossible_moments(inertia: Float[np.ndarray, "3 3"]) -> tuple[float, float, float] | None:

@@ -1,4 +1,4 @@
-"""What the world holds of a node: a test set-up's clamps, rollers and hinges."""
+"""Held degrees of freedom of a node: a test set-up's clamps, rollers and hinges."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def held_directions(clamps: Iterable[Clamp], node: str) -> tuple[list[np.ndarray
 
 
 def free_translations(clamps: Iterable[Clamp]) -> Float[np.ndarray, "3 motion"]:
-    """Orthonormal directions in which all that is held together may shift as a whole."""
+    """Orthonormal directions in which all held nodes may shift together."""
     rows = [c.axes[:, LETTERS.index(a)] for c in clamps for a in c.along]
     _, size, turn = np.linalg.svd(np.array([*rows, np.zeros(3), np.zeros(3), np.zeros(3)]))
     return turn[size < SQUARE].T

@@ -127,7 +127,7 @@ def body_of(component: Component) -> Whole:
 
 
 def frame_weights(component: Component) -> Float[np.ndarray, "grid 2"]:
-    """How much place and rotation of each grid count for the component's frame."""
+    """Weights of each grid's shift and rotation in the component's frame."""
     has = component.has
     place, turn = np.all(has[:, :3], axis=1).astype(float), np.all(has[:, 3:], axis=1).astype(float)
     if not np.any(place):
@@ -183,7 +183,7 @@ def component_faults(component: Component) -> Iterator[str]:
 
 
 def modal_hz(component: Component) -> Float[np.ndarray, " modal"]:
-    """Frequencies of its modal coordinates alone [Hz], ascending, but for those without mass."""
+    """Frequencies of its modal coordinates alone [Hz], ascending, without massless ones."""
     k, m = _modal_diagonals(component)
     return np.sort(np.sqrt(np.maximum(k[m > 0.0], 0.0) / m[m > 0.0])) / (2.0 * np.pi)
 

@@ -50,7 +50,7 @@ def carried_by(structure: Structure, joint: str) -> set[str]:
 
 
 def ties_across(structure: Structure, joint: str, grounded: Sequence[GroundBushing] = ()) -> tuple[str, ...]:
-    """Links, bushings and components that fit as drawn and tie what ``joint`` carries to anything else.
+    """Links, bushings and components that fit as drawn and tie the parts that ``joint`` carries to others.
 
     So do bushings to the ground, ``grounded``. Another angle of the joint draws them anew: what they tie
     stays where it is drawn.
@@ -64,7 +64,7 @@ def ties_across(structure: Structure, joint: str, grounded: Sequence[GroundBushi
 
 
 def turned_by_redrawing(structure: Structure, joint: str, grounded: Sequence[GroundBushing] = ()) -> str:
-    """What is wrong with giving ``joint`` another angle than it is drawn at; empty where nothing is."""
+    """A fault of giving ``joint`` another angle than it is drawn at; empty for none."""
     ties = ties_across(structure, joint, grounded)
     if not ties:
         return ""
@@ -82,7 +82,7 @@ REDRAW = (
 
 
 def redrawing_commands(structure: Structure, grounded: Sequence[GroundBushing] = ()) -> Iterator[str]:
-    """What is wrong with commands of driven joints, each from where it is drawn."""
+    """Faults of commands that move driven joints from where they are drawn."""
     for joint in structure.joints:
         if joint.state is JointState.DRIVEN and joint.target != joint.angle:
             redrawn = turned_by_redrawing(structure, joint.name, grounded)
@@ -91,7 +91,7 @@ def redrawing_commands(structure: Structure, grounded: Sequence[GroundBushing] =
 
 
 def some_names(names: Sequence[str]) -> str:
-    """All of a few, the first of many.
+    """All names of a few, the first of many.
 
     >>> some_names(["a", "b"]), some_names([f"n{i}" for i in range(9)])
     ("'a', 'b'", "'n0', 'n1', 'n2', 'n3', 'n4', 'n5' and 3 more")

@@ -1,4 +1,4 @@
-"""Where the structure is: gravity, and what holds it up. Joined to the article by attach-point names."""
+"""Environment of the structure: gravity and supports, joined to the article by attach-point names."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from middeck.values import record, require_kind
 
 
 class DeviceKind(Enum):
-    """Where a device has the article start from; under its load both pull alike."""
+    """Where a device has the article start; under its load all kinds pull alike."""
 
     CONSTANT_FORCE = "constant_force"  # carries its load at the drawn height: no static deflection
     SPRING = "spring"  # is unstretched at the drawn height: the article sinks by load over stiffness
@@ -80,7 +80,7 @@ class Device:
 
     @property
     def needs_gravity(self) -> bool:
-        """Whether its load, its stiffness or the place of its anchor follow from gravity."""
+        """Whether its load, stiffness or anchor follows from gravity."""
         return self.force is None or self.bounce_hz is not None or self.cable_length is not None
 
 
@@ -96,7 +96,7 @@ class Suspension:
         held: World directions ("xyz" letters) held at each of them while the reactions are found.
         cable_length: Loaded length [m]; it sets the pendulum stiffness.
         bounce_hz: Bounce frequency to which every device is tuned.
-        kind, moving_mass, friction: Of every device, see `Device`.
+        kind, moving_mass, friction: Those of every device, see `Device`.
     """
 
     attach: tuple[str, ...]

@@ -14,7 +14,7 @@ from middeck.structure.model.clamps import LETTERS, check_axes
 from middeck.values import record
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz", "angle")
-"""Of a term: shift along, or rotation vector about, the axes of W; the angle or travel of a joint."""
+"""Motions of a term: shift along, or rotation vector about, the axes of W; angle or travel of a joint."""
 # Resistance about an axis, over the largest moment of weights, below which an interpolation has no turn.
 UNDETERMINED = 1e-10
 
@@ -55,7 +55,7 @@ class Link:
 
     @property
     def free_axis(self) -> str:
-        """Letters of the axes about which it leaves a turn."""
+        """Letters of the axes about which the frames may turn."""
         return "".join(letter for letter in LETTERS if letter not in self.about)
 
 

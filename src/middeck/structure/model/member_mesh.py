@@ -1,4 +1,4 @@
-"""Members as arrays: where they run, and how they are cut into elements. Analytic in every number."""
+"""Members as arrays: their geometry, and their division into elements. Analytic in every number."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class CutMembers:
 
 
 def member_geometry(structure: Structure) -> MemberGeometry:
-    """Where all members run."""
+    """Geometry of all members."""
     index = {n.name: i for i, n in enumerate(structure.nodes)}
     nodes = np.array([(index[m.start], index[m.end]) for m in structure.members], dtype=int).reshape(-1, 2)
     position = np.array([n.position for n in structure.nodes]).reshape(-1, 3)
@@ -63,11 +63,11 @@ def cut_members(structure: Structure, geometry: MemberGeometry) -> CutMembers:
     count = np.array([m.elements for m in structure.members], dtype=int)
     member = np.repeat(np.arange(len(count)), count)
     begin = np.cumsum(count) - count
-    place = np.arange(len(member)) - begin[member]  # of an element along its member
+    place = np.arange(len(member)) - begin[member]  # place of an element along its member
     first, last = place == 0, place == count[member] - 1
     length = (clear / count)[member]
     along = triad[member, :, 0]
-    number = len(structure.nodes) + np.arange(len(member)) - member  # of the inner node at an element's end
+    number = len(structure.nodes) + np.arange(len(member)) - member  # inner node at an element's end
     frame = np.stack(
         [np.where(first, nodes[member, 0], number - 1), np.where(last, nodes[member, 1], number)], axis=1
     )

@@ -24,7 +24,7 @@ POWERS = {2: ("EA", "GA_y", "GA_z", "rho_A"), 4: ("GJ", "EI_y", "EI_z", "rho_I_y
 
 
 class MemberMass(Enum):
-    """How the mass of an element of a member is spread over its ends; in the first two bending is consistent.
+    """Distribution of an element's mass over its ends; in the first two bending is consistent.
 
     ``COUPLED`` is the coupled bar mass of NX Nastran 9 and of older MSC Nastran: along the axis the mean
     of the lumped and the consistent mass, across it that of a bar rigid in shear (as in subroutine BARD

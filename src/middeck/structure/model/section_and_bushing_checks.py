@@ -56,7 +56,7 @@ ROUNDED = 1e-9
 def bushing_faults(
     name: str, stiffness: Float[np.ndarray, "6 6"], axes: Float[np.ndarray, "3 3"]
 ) -> Iterator[str]:
-    """Faults of a bushing: no numbers, not symmetric, or work to be had from a deformation."""
+    """Faults of a bushing: no finite numbers, not symmetric, or with negative energy."""
     try:
         check_axes(axes, f"bushing {name!r}")
     except ConfigError as error:

@@ -32,7 +32,7 @@ def torsion_of_polygon(corners: Sequence[complex]) -> float:
     powers = point[:, None] ** POWERS
     root = np.sqrt(np.abs(along))
     factor = np.linalg.lstsq(root[:, None] * powers.real, root * 0.5 * np.abs(point) ** 2, rcond=None)[0]
-    # For analytic f the integral over the section is that of f conj(z) dz / 2i around it; for r^2, a quarter.
+    # An analytic f has the integral of f conj(z) dz / 2i around the section; r^2 has a quarter of it.
     psi = np.imag(np.sum(along * np.conj(point) * (powers @ factor))) / 2.0
     polar = np.imag(np.sum(along * np.conj(point) * np.abs(point) ** 2)) / 4.0
     return float(size**4 * (2.0 * psi - polar))

@@ -18,7 +18,7 @@ def floats(environment: Environment) -> bool:
 
 
 def umbilical_point(structure: Structure) -> AttachPoint:
-    """The middle attach point, of one that has any."""
+    """The middle attach point of an article that has any."""
     return structure.attach_points[len(structure.attach_points) // 2]
 
 

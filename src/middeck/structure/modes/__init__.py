@@ -1,1 +1,1 @@
-"""Natural modes about a rest state: solution, kinds, names, strain, and how far to trust them."""
+"""Natural modes about a rest state: solution, kinds, names, strain, and their accuracy."""

@@ -17,7 +17,7 @@ from middeck.structure.rest.imbalance import imbalance_scale
 from middeck.structure.rest.settle import ROUGH
 
 HALF = 0.5
-FELT = 2e-4  # of omega^2: 1e-4 of a frequency, as of a mesh
+FELT = 2e-4  # relative change of omega^2: 1e-4 of a frequency, as for a mesh
 
 
 class Lost(NamedTuple):

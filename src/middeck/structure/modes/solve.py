@@ -79,7 +79,7 @@ class Modes:
 
     @functools.cached_property
     def name(self) -> tuple[str, ...]:
-        """What each mode is."""
+        """Name of each mode."""
         if self.stated_name:
             return self.stated_name
         lam = self.omega**2

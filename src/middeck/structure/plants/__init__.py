@@ -1,1 +1,1 @@
-"""From modes to a plant: ports, damping, and what truncated modes leave behind."""
+"""From modes to a plant: ports, damping, and the residual of truncated modes."""

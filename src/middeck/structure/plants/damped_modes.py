@@ -1,4 +1,4 @@
-"""Complex modes: frequencies and damping ratios with what losses do between the real modes.
+"""Complex modes: frequencies and damping ratios with losses that couple the real modes.
 
 In the lowest real modes dampers are a matrix C, with the base of `estimate_damping` on its diagonal, and loss
 factors an imaginary stiffness j H. Roots of s^2 + s C + diag(omega^2) + j H above the real axis are exact in
@@ -23,7 +23,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 
 
 class DampedModes(NamedTuple):
-    """Complex modes, each at the number of the real mode that it has most of.
+    """Complex modes, each at the number of the real mode that it resembles most.
 
     Attributes:
         s: Root above the real axis [rad/s]; zero for a rigid mode, which has no damping ratio.
@@ -43,12 +43,12 @@ class DampedModes(NamedTuple):
 
     @property
     def likeness(self) -> Float[np.ndarray, " mode"]:
-        """Part of each that is its real mode."""
+        """Share of its real mode in each complex mode."""
         return np.abs(np.diag(self.shapes)) ** 2
 
 
 def damping_ratios(s: Complex[np.ndarray, " root"]) -> Float[np.ndarray, " root"]:
-    """-Re s / |s|; zero where s is."""
+    """-Re s / |s|; zero where s is zero."""
     size = np.abs(s)
     return -np.real(s) / np.where(size > 0.0, size, 1.0)
 
@@ -69,7 +69,7 @@ def solve_damped(modes: Modes, damping: Damping | None = None, *, count: int | N
 def damped_roots(
     omega: Float[np.ndarray, " mode"], C: Float[np.ndarray, "mode mode"], H: Float[np.ndarray, "mode mode"]
 ) -> tuple[Complex[np.ndarray, " mode"], Complex[np.ndarray, "mode mode"]]:
-    """Roots, and unit shapes, each at the place of the real mode that it has most of; zero for a rigid one.
+    """Roots and unit shapes, each at the place of the most similar real mode; zero for a rigid one.
 
     Raises `NumericalError` where a mode does not oscillate any more.
     """

@@ -1,4 +1,4 @@
-"""The damping ratio of every mode, from where its energy goes.
+"""The damping ratio of every mode, from the losses of the parts that hold its energy.
 
 Three sources add up: a base (of flexibility and suspension, or from a measured table), the loss in the
 material, and viscous devices. A mode that is given its own ratio has that and nothing else.
@@ -41,7 +41,7 @@ the frequency is then wrong by half its square times the relative distance of th
 UNCOUPLED = 1e-9
 """Part of the largest entry of phi' C phi below which an entry is rounding."""
 ROUNDING = 1e-6
-"""Of the energy of the stiffest modes."""
+"""Energy over that of the stiffest modes that is rounding."""
 
 
 @record(kw_only=True)

@@ -1,4 +1,4 @@
-"""Losses that couple modes of neighbouring frequencies, which a damping ratio for each mode leaves out.
+"""Losses that couple modes of neighbouring frequencies, which single damping ratios leave out.
 
 A loss factor in what strains, and another in all else that holds the article, make the stiffness complex.
 In the real modes its imaginary part H has entries beside the diagonal where the two losses differ, or where
@@ -30,7 +30,7 @@ class LossFactors(NamedTuple):
 
 
 class CoupledPair(NamedTuple):
-    """Two modes, and the ratios that they have together."""
+    """Two modes, and their ratios together."""
 
     modes: tuple[int, int]
     zeta: tuple[float, float]
@@ -44,7 +44,7 @@ def coupled_pairs(
     losses: LossFactors,
     lossless: Bool[np.ndarray, " mode"],
 ) -> list[CoupledPair]:
-    """Pairs of modes of which one has another ratio, by more than `SHIFT`, once their common losses count.
+    """Pairs of modes of which one ratio changes by more than `SHIFT` when their common losses count.
 
     ``zeta`` are the ratios of each alone; what weight and preload add to ``lossless`` modes, or take, has no
     loss. Modes at zero and without losses have no part in it.
@@ -82,7 +82,7 @@ def coupled_pairs(
 def _energies(
     equilibrium: Equilibrium, shapes: np.ndarray, losses: LossFactors
 ) -> Float[np.ndarray, "3 mode"]:
-    """Of strain, of the strain of devices, and what members lose of theirs."""
+    """Energies of strain and of the strain of devices, and the energy lost in members."""
     strain = strain_energy(equilibrium, shapes).sum(axis=1)
     member = member_energy(equilibrium, shapes) @ losses.member
     return np.array([strain, device_strain(equilibrium, shapes), member])

@@ -1,4 +1,4 @@
-"""Static completeness: what the modes that are left out give at low frequency (MacNeal 1971, Rubin 1975).
+"""Static completeness: the low-frequency response of truncated modes (MacNeal 1971, Rubin 1975).
 
 A mode far above the band answers a force at once, by 1/omega^2. The sum over all that are left out is the
 flexibility of the whole less that of the kept ones. Where the structure is free, its flexibility is that of
@@ -154,7 +154,7 @@ def complete_response(
     outputs: Sequence[str],
     count: int = 26,
 ) -> FrequencyResponse:
-    """What the modes beyond ``count`` add to rates and accelerations in the ``response`` of a static plant.
+    """Contribution of the modes beyond ``count`` to rates and accelerations in a static plant's ``response``.
 
     Theirs is j omega and -omega^2 times the residual flexibility, which no state space can hold. Raises
     `ConfigError` where `residual_flexibility` does.
@@ -228,7 +228,7 @@ def _low_frequency(modes: Modes, moving: bool) -> float:
 
 
 def moving_matrices(modes: Modes, what: str) -> tuple[sp.csr_array, sp.csr_array, Freedom]:
-    """Stiffness and mass of the coordinates that move, and which they are.
+    """Stiffness and mass of the free coordinates, and these coordinates.
 
     Raises `NumericalError` where a member is too stiff beside the modes for ``what`` (`check_beside_modes`).
     """

@@ -36,7 +36,7 @@ from middeck.values import record
 WHOLE = 300
 """Real modes that all enter; of more the lowest."""
 JOINED = 1e-10
-"""Of the momenta on rigid modes, what joins two of them; less is rounding."""
+"""Part of the momenta on rigid modes that joins two of them; less is rounding."""
 CLEAR = 1e-6
 """Part of a mode's frequency that the wheels make, from which on its whirl has a sense."""
 FAR = 4e-4
@@ -84,7 +84,7 @@ class GyroscopicModes:
 
     @property
     def sense(self) -> tuple[str, ...]:
-        """How the wheels' axes circle: "forward" with the spin, "backward" against it, "" not at all."""
+        """Sense of the wheels' axes: "forward" circling with the spin, "backward" against it, "" for none."""
         return tuple("" if abs(w) < CLEAR else "forward" if w > 0.0 else "backward" for w in self.whirl)
 
     @property
@@ -160,7 +160,7 @@ def solve_gyroscopic_modes(
 
 
 def momentum_warnings(modes: Modes, spin: Spin, zeta: Float[np.ndarray, " mode"]) -> tuple[str, ...]:
-    """What the modes beyond those with the ratios ``zeta`` would change in the others where wheels spin."""
+    """Warnings of the change in the other modes by those beyond the ratios ``zeta``, where wheels spin."""
     kept = len(zeta)
     if not spin.turns:
         return ()

@@ -1,1 +1,1 @@
-"""Where an article comes to rest in an environment, its suspension tuned."""
+"""Rest state of an article in an environment, its suspension tuned."""

@@ -35,7 +35,7 @@ def descend(
     enough: float,
     most: int | None = None,
 ) -> tuple[Configuration, Assembly, list[tuple[float, float]], float]:
-    """Where the descent ends, (residual, damping) of every iteration, and the residual that counts as rest.
+    """End of the descent, (residual, damping) of every iteration, and the residual that counts as rest.
 
     ``mass`` need not be exact. A descent of at ``most`` so many iterations ends where it begins to creep.
     """

@@ -42,7 +42,7 @@ UNLIKE = 1e-6  # of a bushing's stiffness: what it gains by other axes is felt
 ONE_HELD = 1e-3
 # Largest turn of a bushing: its law ends at pi, and beyond a right angle a fall may have passed that.
 MOST_TURN, HALF_ROUND = np.radians(179.5), 0.5 * np.pi
-LEVEL = 1e-9  # of gravity: what pulls a roller along its way by less does not
+LEVEL = 1e-9  # part of gravity along a roller's way that is none
 
 
 class Reaction(NamedTuple):
@@ -90,7 +90,7 @@ class Equilibrium:
 
     @functools.cached_property
     def poses(self) -> Poses:
-        """Where the frames are at rest."""
+        """Poses of the frames at rest."""
         return frame_poses(self.model.tree, self.config)
 
     @functools.cached_property
@@ -178,7 +178,7 @@ def solve_equilibrium(
 def _reactions(
     model: Model, environment: Environment, config: Configuration, loads: Loads, gradient: np.ndarray
 ) -> tuple[Reaction, ...]:
-    """Of clamps, whose force is dE/dq of what they hold at rest, then of bushings to the ground."""
+    """Reactions of clamps (dE/dq of the coordinates that they hold), then of bushings to the ground."""
     taken = static_freedom(model, config).beyond(gradient)
     nodes = [node.name for node in model.structure.nodes]
     clamped = dict.fromkeys(clamp.node for clamp in environment.clamps)
@@ -268,7 +268,7 @@ class Imbalance:
 
 
 def rest_imbalance(equilibrium: Equilibrium) -> Imbalance:
-    """How well forces and moments balance in ``equilibrium``; its ``residual`` is the larger of both."""
+    """Residuals of forces and moments in ``equilibrium``; its ``residual`` is the larger of both."""
     model, loads = equilibrium.model, equilibrium.loads
     scale = imbalance_scale(model, loads)
     weight = imbalance_weight(model, loads)
@@ -291,14 +291,14 @@ def node_rotations(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]
 
 
 def node_shifts(equilibrium: Equilibrium) -> dict[str, Float[np.ndarray, "3"]]:
-    """How far every node has moved since drawn [m], in W."""
+    """Displacement of every node since drawn [m], in W."""
     since, rest = equilibrium.config.since_drawn, equilibrium.model.rest
     shift = equilibrium.config.x - rest.x if since is None else whole_motion(since)[0]
     return {node.name: shift[i] for i, node in enumerate(equilibrium.model.structure.nodes)}
 
 
 def rest_warnings(equilibrium: Equilibrium) -> tuple[str, ...]:
-    """A rest state that is not stable; a node that turned by more than `FAR_TURN`, probably by mistake."""
+    """Warnings: an unstable rest state; a node that turned by more than `FAR_TURN`, probably by mistake."""
     found = list(link_warnings(equilibrium.model, equilibrium.config))
     if equilibrium.converged and not equilibrium.stable:
         found.append("the rest state is not stable: the least push would buckle or topple the article")

@@ -1,4 +1,4 @@
-"""The branch of the drawn state, followed by Newton's method as all that acts grows."""
+"""The branch of the drawn state, followed by Newton's method as all loads grow."""
 
 from typing import NamedTuple
 
@@ -42,7 +42,7 @@ PRESCRIBED_TURN = 0.1
 
 
 def follow(model: Model, loads: Loads, mass: sp.csr_array) -> NewtonResult | None:
-    """Along the branch of the drawn state by Newton's method, stable or not, as all that acts grows together.
+    """Follow the branch of the drawn state by Newton's method, stable or not, as all loads grow together.
 
     None where the branch ends. A step is as long as the last one shows that Newton's method follows, or half
     of it where that leaves the branch.

@@ -33,7 +33,7 @@ IN_LINE = 1e-9
 
 
 def unfold(model: Model, loads: Loads, mass: sp.csr_array) -> NewtonResult | None:
-    """Newton's method with the internal forces as unknowns of their own; None where it does not converge.
+    """Newton's method with the internal forces as unknowns; None where it does not converge.
 
     Stiff members resist the second-order terms of a step: a strut of 1e12 N/m that a turn of 0.1 strains by
     1e-3 m pulls with 1e9 N, so that a descent must take tiny steps. As an unknown, the force follows the

@@ -1,4 +1,4 @@
-"""What links do to their frames at rest."""
+"""Loads of links on their frames at rest."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ FITTED = 1e-14
 
 
 def face_as_drawn(model: Model, loads: Loads, settled: NewtonResult) -> NewtonResult:
-    """The same rest state, as near to the drawing as a motion that nothing resists brings it.
+    """The same rest state, moved as near to the drawing as motion without resistance allows.
 
     Of what floats that is any motion, of what hangs from one vertical line a turn about it.
     """

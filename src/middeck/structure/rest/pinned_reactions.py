@@ -54,7 +54,7 @@ class Supports:
 
 @record
 class PinnedState:
-    """Where the pinned structure rests, and the force [N] of each row of its supports."""
+    """Rest state of the pinned structure, and the force [N] of each row of its supports."""
 
     config: Configuration
     supports: Supports

@@ -1,4 +1,4 @@
-"""Where a search for a rest state ended, and what counts as rest."""
+"""End of a search for a rest state, and the criteria of rest."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,7 +35,7 @@ LONGEST_STEP = 0.5
 
 @record(kw_only=True)
 class NewtonResult:
-    """Where Newton ended, and (load factor, residual, damping) of every iteration on the way.
+    """End of Newton's method, and (load factor, residual, damping) of every iteration.
 
     The residual counts as rest below ``enough``. ``followed`` says that it is the branch of the drawn state.
     """
@@ -59,12 +59,12 @@ def holding(K: sp.csr_array, M: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(K + min(LEAST_DAMPING, NEUTRAL * fastest or LEAST_DAMPING) * M)
 
 
-# Of the stiffness of each coordinate, in an article without mass: what holds less is neutral.
+# Part of the stiffness of each coordinate, in an article without mass, below which a motion is neutral.
 SOFT = 1e-9
 
 
 def is_stable(model: Model, config: Configuration, at: Assembly, loads: Loads) -> bool:
-    """Whether nothing grows at a rest state with the assembly ``at``, the free joints held."""
+    """Whether no motion grows at a rest state with the assembly ``at``, the free joints held."""
     if is_unstrained(model, config, at, loads):
         return True
     free, mass = static_freedom(model, config), carried_mass(model, config, loads)

@@ -39,7 +39,7 @@ def turn_whole(
     centre: Float[np.ndarray, "3"],
     shift: Float[np.ndarray, "3"],
 ) -> Configuration:
-    """All turned by the ``rotation`` vector about ``centre``, then shifted, in W."""
+    """The configuration turned by the ``rotation`` vector about ``centre``, then shifted, in W."""
     turn, since = turn_of(rotation), config.since_drawn
     if since is None:
         R = np.eye(3) + turn

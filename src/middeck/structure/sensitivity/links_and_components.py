@@ -1,4 +1,4 @@
-"""What links and reduced components add to derivatives of rest states and modes.
+"""Contributions of links and reduced components to derivatives of rest states and modes.
 
 Links hold c(q, p) = 0. With their multipliers m the rest state is one of L = E + m'c, and
 
@@ -43,7 +43,7 @@ STANDS = 1e-12
 
 
 class Tied(NamedTuple):
-    """Links of the whole at a configuration in W, and which coordinates follow; None for no links."""
+    """Links of the whole at a configuration in W, and the dependent coordinates; None for no links."""
 
     model: Model
     links: tuple[LinkState, Closing] | None

@@ -31,7 +31,7 @@ from middeck.structure.model.section import CENTRES, INERTIA, STIFFNESS, Section
 from middeck.values import record
 
 AXES = "xyz"
-SIX = "123456"  # of a bushing: shifts along, then turns about its axes
+SIX = "123456"  # a bushing's shifts along its axes, then turns about them
 SHOWN = 5  # names in a hint
 # Fields of each part and their units. Not here is what changes no rest state and no small motion about it:
 # travels and torque limits, friction.
@@ -110,7 +110,7 @@ def find_parameters(
 def choose_parameters(
     parameters: Sequence[ModelParameter], patterns: Sequence[str], *, missing: bool = False
 ) -> tuple[ModelParameter, ...]:
-    """`find_parameters` among ``parameters``; with ``missing`` names that fit none are left out."""
+    """`find_parameters` among ``parameters``; with ``missing``, names without a match are left out."""
     every = {p.name: p for p in parameters}
     found: dict[str, ModelParameter] = {}
     for pattern in patterns:
@@ -147,7 +147,7 @@ def _became(pattern: str, every: Iterable[str]) -> str:
 def set_parameter(
     structure: Structure, environment: Environment, parameter: ModelParameter, value: complex
 ) -> tuple[Structure, Environment]:
-    """Both with ``parameter`` at ``value``, which may be complex; what it does not touch stays as it is."""
+    """Both with ``parameter`` at ``value``, which may be complex; all else unchanged."""
     both: dict[str, Any] = {"structure": structure, "environment": environment}
     for side, *path in parameter.spots:
         both[side] = _put(both[side], tuple(path), value, parameter.scales)

@@ -40,7 +40,7 @@ NOTHING = Body(0.0, np.zeros(3), np.zeros((3, 3)))
 
 @record(kw_only=True)
 class Patch:
-    """A perturbed structure, the model of its patch, and which parts of the whole are there.
+    """A perturbed structure, the model of its patch, and the parts of the whole in it.
 
     Nodes that it does not touch are there without their bodies, to carry what is tied or joined to them.
     """
@@ -168,7 +168,7 @@ def drawn_motion(model: Model, patch: Patch) -> np.ndarray:
 
 
 def restrict(patch: Patch, config: Configuration) -> Configuration:
-    """The whole's configuration at the frames of a patch, complex so that all that follows from it is."""
+    """The whole's configuration at the frames of a patch, complex so that all derived from it is complex."""
     return Configuration(
         config.x[patch.roots].astype(complex), config.R[patch.roots], config.angle[patch.joints]
     )

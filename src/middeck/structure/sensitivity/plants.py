@@ -21,7 +21,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class PlantSensitivity:
-    """Derivatives in one parameter of what `build_plant` gives without ``static``.
+    """Derivatives of the plant of `build_plant` without ``static`` in one parameter.
 
     ``psi`` to ``phi_acceleration`` are those of the `ModalSystem`; A, B, C and D of its state space, with the
     states of a group of equal frequencies turning as little as `ModeSensitivity` says. A then couples the

@@ -1,4 +1,4 @@
-"""How the support forces of the pinned article, to which devices are tuned, follow its parameters.
+"""Derivatives of the support forces of the pinned article, to which devices are tuned.
 
 The pinned article balances, g(q, p) = G'f, with its held coordinates where they were drawn, s(q, p) = 0. The
 derivatives of q and f solve

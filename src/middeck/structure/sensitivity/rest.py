@@ -1,4 +1,4 @@
-"""How a rest state moves with the parameters of an article and its environment.
+"""Derivatives of a rest state in the parameters of an article and its environment.
 
 At rest the gradient g(q, p) of the potential vanishes, hence dq/dp = -K^-1 dg/dp (implicit function theorem),
 with dg/dp from perturbed patches (`patches`). Devices that are tuned follow the reactions of the pinned
@@ -53,7 +53,7 @@ Perturbed = tuple[Model, Configuration, Loads]
 
 @record(kw_only=True)
 class RestMotion:
-    """How a rest state moves, one column a cause.
+    """Derivatives of a rest state, one column a cause.
 
     Attributes:
         motion: Motion of tree coordinates: dx [m] and rotation vector [rad] of every root in W, joint
@@ -87,20 +87,20 @@ class RestSensitivities(RestMotion):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MovedRest:
-    """Patches under their own loads, ``still`` where the frames are, and how these move, a column each."""
+    """Patches under their own loads, ``still`` at the places of the frames, and the motion of these."""
 
     patches: tuple[Patch, ...]
     tuned: tuple[TunedSuspension, ...]
     loads: tuple[Loads, ...]
     motion: np.ndarray
-    gradient: np.ndarray  # of the energy, in all coordinates: what joints hold
+    gradient: np.ndarray  # gradient of the energy in all coordinates, those held by joints too
     still: tuple[tuple[Afloat, Assembly], ...]
-    ties: tuple[TieChange, ...]  # of links and components as the rest state moves
+    ties: tuple[TieChange, ...]  # changes of links and components as the rest state moves
     drawn: np.ndarray  # how the frames move as drawn, a column each
 
 
 def differentiate_rest(rest: Equilibrium, parameters: Sequence[ModelParameter]) -> RestSensitivities:
-    """Derivatives of the rest state and of what holds it, the tuning of its suspension included.
+    """Derivatives of the rest state and of its supports, the tuning of its suspension included.
 
     With a member too stiff for matrices in W, they are those with the member softer, to 1e-5
     (`stiff_member_derivatives`). Raises `NumericalError` where a parameter drives an unrestrained motion.

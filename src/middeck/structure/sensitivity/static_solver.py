@@ -1,4 +1,4 @@
-"""Small displacements of a rest state under further loads; motions that nothing holds take no part."""
+"""Small displacements of a rest state under further loads, without motions that nothing holds."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ AGREE, ALIKE = 1e-5, 1e-3
 
 
 class Softened(NamedTuple):
-    """An article at rest, and what each stiffness of it was multiplied with."""
+    """An article at rest, and the factor on each of its stiffnesses."""
 
     rest: Equilibrium
     factors: Mapping[Path, float]
@@ -45,7 +45,7 @@ class Softened(NamedTuple):
         return tuple(read_parameter(model.structure, self.rest.environment, p) for p in parameters)
 
     def scales(self, parameters: Sequence[ModelParameter]) -> Float[np.ndarray, " parameter"]:
-        """What derivatives in each have to be multiplied with to be those of the article itself.
+        """Factors that turn derivatives in each parameter into those of the article itself.
 
         A flexibility c/(s k) has 1/s of the effect of c/k in the logarithm of k, and 1/s^2 in s k itself.
         """

@@ -36,8 +36,8 @@ TOKEN = 1e-3
 # kg/m^3, and kg m^2: what a power of ten may be one of (SI, slug, pound, slinch with feet or inches).
 DENSITY_UNITS = (1.0, 515.379, 16.0185, 27679.9, 1.06869e7)
 INERTIA_UNITS = (1.0, 1.35582, 0.0421401, 2.92640e-4, 0.112985)
-DIGITS = 2e-5  # of such units
-NEIGHBOURS = 8  # of a node that are looked at first
+DIGITS = 2e-5  # relative precision of such units
+NEIGHBOURS = 8  # neighbours of a node that are checked first
 
 
 @record(kw_only=True)

@@ -21,7 +21,7 @@ EPS = float(np.finfo(float).eps)
 # First free-free bending of a uniform beam: omega^2 = FREE EI / (M L^3), with FREE = 4.7300^4.
 FREE = 500.5639
 STATIONS = 24
-LEAST_SPAN = 0.1  # of the largest side of the article
+LEAST_SPAN = 0.1  # least span over the largest side of the article
 
 
 @record(kw_only=True)

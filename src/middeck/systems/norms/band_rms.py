@@ -49,8 +49,8 @@ BELOW_BAND = 0.1
 UNDAMPED = 1e-9
 """Least half-width of a resonance for its cuts, over its frequency."""
 RESPONSE_TOLERANCE = 1e-11
-"""Of the integral of a response given line by line, a quarter fewer lines than at 1e-13: the rms errs by less
-than 1e-9 also where the response waves more often than a panel has points."""
+"""Tolerance of the integral of a response given line by line: the rms errs by less than 1e-9, also where the
+response waves more often than a panel has points. It takes a quarter fewer lines than 1e-13."""
 
 
 def band_rms(

@@ -36,10 +36,10 @@ class PartedSystem:
 
     Attributes:
         residues: R_1, R_2, ..., as many as the longest chain of integrators; zero where rounding may be all.
-        errors: What rounding may be of each.
+        errors: Bound of the rounding error of each.
         still: The integrators as a system: C_s (s I - A_s)^-1 B_s is the sum of R_k / s^k.
         states: Orthonormal basis of the integrating states.
-        leading: For each state of ``moving``, the system's state with the largest part in it.
+        leading: The system's state with the largest part in each state of ``moving``.
         moving: The rest of the system, its direct term included; no pole at the origin.
     """
 

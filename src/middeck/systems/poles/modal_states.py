@@ -22,7 +22,7 @@ from middeck.systems.state_space.balancing import balance
 from middeck.values import record
 
 BLURRED = 1e-9
-"""Of its decay, by which rounding of the entries moves a pole of mixed states (of light ones from 300 on)."""
+"""Least shift of a pole by rounding of the entries, over its decay, at which its states count as mixed."""
 PARTED, MIXED = 1.1, 30.0
 """Conditions of unit bases, in balanced units: up to the first the states stay as they are; beyond the second
 rounding of the entries may move a result. A free body that is hardly reached or seen loses its digits to

@@ -1,1 +1,1 @@
-"""Tests that may be made, and what each would leave open."""
+"""Candidate tests, and the uncertainty that each would leave."""

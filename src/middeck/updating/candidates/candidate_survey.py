@@ -1,4 +1,4 @@
-"""A modal test that may be made, and what it would measure on the article as estimated."""
+"""A candidate modal test, and its results on the article as estimated."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ SEEN = 0.01
 
 @record(kw_only=True)
 class CandidateSurvey:
-    """A modal test that may be made: a set-up, and what it would measure there.
+    """A candidate modal test: a set-up, and the modes that it would measure there.
 
     Attributes:
         settings: As of `Survey`.
@@ -71,14 +71,14 @@ class CandidateSurvey:
 
 
 class Seen(NamedTuple):
-    """The measured modes of a test, and those in its band that its channels do not see: name and hertz."""
+    """The measured modes of a test, and those in its band that its channels miss: name and frequency [Hz]."""
 
     measured: MeasuredModes
     unseen: tuple[tuple[str, float], ...]
 
 
 def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
-    """What the candidate would measure, without noise, with its stated standard deviations.
+    """The candidate's results without noise, with its stated standard deviations.
 
     Raises `ConfigError` where there is nothing to be seen.
     """

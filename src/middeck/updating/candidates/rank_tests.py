@@ -1,4 +1,4 @@
-"""Which test would help: the uncertainty of what is promised after each candidate test.
+"""Ranking of tests: the uncertainty of the promised quantities after each candidate test.
 
 What a test tells is in the slopes of what it reads, not in the values: so the deviations after it are known
 before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).
@@ -28,7 +28,7 @@ DIGITS = 6
 
 @record(kw_only=True)
 class Promised:
-    """A frequency, or what a gauge will read, that is promised.
+    """A promised frequency or gauge reading.
 
     Attributes:
         where: The environment of a mode, the load case of a gauge.

@@ -47,7 +47,7 @@ class Foreseen:
 
 
 def foresee(refined: Refined, candidate: CandidateSurvey | StaticTest) -> Foreseen:
-    """The refinement with the candidate's test; of a static test the values are not looked at.
+    """The refinement with the candidate's test; the values of a static test are not used.
 
     An error that rows of the candidate have alone in `refine`, but have in common with a test already made
     (of the same mixture of modes, of the same gauge under the same load), is known already, and not counted

@@ -35,7 +35,7 @@ class DampingParts(NamedTuple):
 
     @staticmethod
     def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> DampingParts:
-        """Those of some modes: the suspension's are what its ratio and its dampers add.
+        """Losses of some modes: the suspension's are what its ratio and its dampers add.
 
         That is never negative: weight that softens a mode takes no loss from what holds it.
         """
@@ -59,8 +59,8 @@ class Carried(NamedTuple):
 
     Attributes:
         zeta: The ratios.
-        open_part: Of what no test parts from the rest, in the deviations of a mode that was not seen.
-        noise: Of the tests.
+        open_part: Deviations by what no test separates from the rest, as those of a mode not seen.
+        noise: Deviations by the noise of the tests.
     """
 
     zeta: Float[np.ndarray, " mode"]

@@ -69,16 +69,16 @@ class Prediction:
     ground_hz: Float[np.ndarray, " mode"]
 
     def damping_alone(self, unseen: float) -> Float[np.ndarray, " mode"]:
-        """Deviations of ln zeta beside what is shared; ``unseen`` is that of what was not measured."""
+        """Deviations of ln zeta without the shared part; ``unseen``: that of a mode never measured."""
         return np.hypot(self.damping_spread, self.damping_own * unseen)
 
     def damping_std(self, unseen: float) -> Float[np.ndarray, " mode"]:
-        """Deviations of ln zeta, all told; ``unseen`` as in `damping_alone`."""
+        """Total deviations of ln zeta; ``unseen`` as in `damping_alone`."""
         return np.hypot(np.linalg.norm(self.damping_root, axis=1), self.damping_alone(unseen))
 
     @property
     def log_std(self) -> Float[np.ndarray, " mode"]:
-        """Standard deviation of the logarithms of the frequencies, all told."""
+        """Total standard deviations of ln f."""
         return np.hypot(np.linalg.norm(self.log_root, axis=1), self.log_rest)
 
     @property
@@ -93,7 +93,7 @@ class Prediction:
         return self.frequency_hz[:, None] * np.exp(half)
 
     def below(self, number: int) -> Prediction:
-        """Those that are among the lowest ``number`` modes, rigid ones counted."""
+        """Those of the modes that are among the lowest ``number``, rigid ones counted."""
         kept = self.index < number
         rows = [f.name for f in dataclasses.fields(self) if f.name != "modes"]
         return dataclasses.replace(self, **{name: getattr(self, name)[kept] for name in rows})
@@ -101,7 +101,7 @@ class Prediction:
 
 @record(kw_only=True)
 class There:
-    """The refined article in an environment: its modes, which of them are told, and their slopes.
+    """The refined article in an environment: its modes, those that are predicted, and their slopes.
 
     Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
     is asked for. ``roots`` are of the complex modes where damping was refined.
@@ -149,7 +149,7 @@ def predict_modes(
 
 
 def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
-    """The prediction of ``refined`` for modes that are solved already."""
+    """The prediction of ``refined`` for modes already solved."""
     modes, index, slope, finer = there.modes, there.told, there.slope, there.left_out
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
@@ -192,7 +192,7 @@ def _by_a_cable(modes: Modes, index: np.ndarray, umbilical_hz: float) -> Float[n
     point = umbilical_point(structure).name
     motion = seen(sensor_rows(modes, [point] * 3, ("x", "y", "z")), modes)[:, index]
     most = 0.5 * structure.mass * np.sum(motion**2, axis=0) * (umbilical_hz / modes.frequency_hz[index]) ** 2
-    # Of the square of a number up to one.
+    # Mean and deviation of the square of a number uniform from zero to one.
     return np.outer([1.0 / 3.0, np.sqrt(4.0 / 45.0)], most)
 
 

@@ -10,7 +10,7 @@ ADVICE = (
 
 
 def released_clamps(refined: Refined, environment: Environment) -> str:
-    """What a reader must know of clamps that held the article in a test and not in ``environment``.
+    """Notes on clamps that held the article in a test but not in ``environment``.
 
     A model's clamp is rigid, a stand is not: one whose compliance is 1 % of a cantilever's L / EI lowers its
     first frequency by 2 %, and a stiffness refined on that predicts the free beam too low. Empty without one.

@@ -1,4 +1,4 @@
-"""What was taken out between a test on the ground and an environment without gravity, term by term."""
+"""Effects removed between a test on the ground and an environment without gravity, term by term."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Removed:
 
 
 def removed_terms(refined: Refined, predicted: Prediction) -> Removed | None:
-    """Terms that modes without gravity and suspension do not have any more.
+    """Terms that modes without gravity and suspension no longer have.
 
     None where there is nothing that a budget could part: gravity or devices in the promised environment, no
     survey of the article in the same configuration and clamps with as many modes, or rounding beside a stiff

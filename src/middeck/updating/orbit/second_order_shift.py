@@ -1,4 +1,4 @@
-"""What the second order of the unknowns adds to a prediction, beyond the linear estimate (`curvature`)."""
+"""Second-order contribution of the unknowns to a prediction, beyond the linear estimate (`curvature`)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def bend_of(
     root: Float[np.ndarray, "mode both"],
     curvature: Float[np.ndarray, "mode unknown unknown"],
 ) -> Float[np.ndarray, "2 mode"]:
-    """Mean and deviation of what second order adds to predicted ln f of linear ``root`` and ``curvature``.
+    """Mean and deviation of the second-order part of predicted ln f, from ``root`` and ``curvature``.
 
     Tests that are bent themselves move the estimate: what a prediction shares with them cancels. Nothing
     where friction of joints gives each measured mode an article of its own.

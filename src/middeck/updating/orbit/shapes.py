@@ -23,7 +23,7 @@ CLEAR = 0.4
 
 @record(kw_only=True)
 class PromisedShapes:
-    """Channels as of `MeasuredModes`, and what they would read of each promised mode; its largest is one."""
+    """Channels as of `MeasuredModes`, and their readings of each promised mode, the largest of them one."""
 
     node: tuple[str, ...]
     direction: tuple[str, ...]

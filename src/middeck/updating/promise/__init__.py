@@ -1,1 +1,1 @@
-"""What compensators will do where they cannot be tested."""
+"""Predictions of compensators where they cannot be tested."""

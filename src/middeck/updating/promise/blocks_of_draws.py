@@ -1,4 +1,4 @@
-"""A promise's draws in blocks: each is measured apart from all others, in any order and any process."""
+"""A promise's draws in blocks: each is measured independently, in any order and any process."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Site:
 
     @functools.cached_property
     def run(self) -> SlipRun | None:
-        """How the friction of joints is simulated; None where the plan states none."""
+        """Settings of the simulation of joint friction; None where the plan states none."""
         plan = self.plan
         if not plan.joints:
             return None
@@ -57,8 +57,8 @@ class Measured:
     Attributes:
         drawn: Plants with all ports, and what was drawn for each.
         alone: Rms of the performance without a compensator.
-        noise: By compensator.
-        slipped: By compensator, and without under None; empty where the plan states no friction.
+        noise: Results under noise, by compensator.
+        slipped: Results with friction, by compensator (None: without one); empty where the plan states none.
         warned: What `noise_on` warned of.
     """
 
@@ -70,7 +70,7 @@ class Measured:
 
 
 def blocks(plan: Plan) -> int:
-    """How many blocks the draws of an environment make."""
+    """Number of blocks of an environment's draws."""
     return -(-plan.draws // BLOCK)
 
 
@@ -130,7 +130,7 @@ def seen_by(law: Compensator, drawn: DrawnPlants, plan: Plan) -> tuple[DrawnPlan
 
 
 def values_of(measured: Measured) -> dict[str, Any]:
-    """``measured`` as a ledger holds it, every number whole; without ports, which all plants share."""
+    """``measured`` as a ledger holds it, at full precision; without ports, which all plants share."""
     return {
         "plants": [
             {

@@ -1,4 +1,4 @@
-"""Plants in another environment, drawn from what a refinement leaves open.
+"""Plants in another environment, drawn from the uncertainty that a refinement leaves.
 
 Shapes, inertias and gains are those of the article at each draw. Its frequencies are not: unknowns that the
 surveys do not see alone keep most of their spread, and what the surveys do see (a sum of them) then holds to
@@ -129,7 +129,7 @@ class PlantDraws:
 
     @functools.cached_property
     def like(self) -> Plant:
-        """A plant of the ports and the form of all."""
+        """A plant with the ports and the form of all."""
         return self.finish(self.build(self.mean.modes))
 
     @property
@@ -185,7 +185,7 @@ def draw_plants(
     finish: Callable[[Plant], Plant] = lambda plant: plant,
     mean: Prediction | None = None,
 ) -> PlantDraws:
-    """So many plants of the article in ``environment``.
+    """``draws`` plants of the article in ``environment``.
 
     ``build`` makes a plant in modal form of the lowest modes; ``finish`` is what is done to it when gains,
     frequencies and damping are in, as to close an inner loop; the delay comes last. ``mean`` is

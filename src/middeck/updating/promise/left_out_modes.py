@@ -1,4 +1,4 @@
-"""What modes beyond those of the promised plants change: on the most probable article, by the model alone."""
+"""Effect of modes beyond those of the promised plants, on the most probable article by the model alone."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class LeftOut:
 
     Attributes:
         modes: How many were tried in place of the plan's.
-        shift_db: By name, how far their decibels move, where it is farther than the standard deviation of the
-            draws; infinite where the loop is then unstable.
+        shift_db: Shift of their decibels, by name, where it exceeds the standard deviation of the draws;
+            infinite where the loop is then unstable.
     """
 
     modes: int

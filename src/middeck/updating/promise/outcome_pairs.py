@@ -1,4 +1,4 @@
-"""Which promised mode a measured one is: by its shape, by its name, or by its number alone.
+"""Pairs of promised and measured modes: by shape, by name, or by number alone.
 
 A number is a place in the promise's order of frequencies. Two modes that change places are then both judged
 by what was said of the other: where this may be, it is said.
@@ -44,13 +44,13 @@ class PromisedModes:
     shape: Float[np.ndarray, "channel mode"] | None = None
 
     def called(self, index: int) -> str:
-        """Number and name, as remarks have them."""
+        """Number and name, as used in remarks."""
         return f"mode {index + 1} ({self.name[index]})"
 
 
 @record(kw_only=True)
 class MeasuredMode:
-    """A mode as it came, without a shape. ``number`` counts from 1 in the promise's order."""
+    """A mode measured without a shape. ``number`` counts from 1 in the promise's order."""
 
     environment: str
     frequency_hz: float
@@ -102,7 +102,7 @@ def pair_by_words(promised: PromisedModes, came: MeasuredMode) -> PairedMode:
 def pair_by_shape(
     promised: PromisedModes, measured: MeasuredModes
 ) -> tuple[tuple[PairedMode, ...], tuple[str, ...]]:
-    """Pairs by MAC, and what there is to say of the whole survey: channels left out, modes without a pair.
+    """Pairs by MAC, and remarks on the whole survey: channels left out, modes without a pair.
 
     Raises `DataError` for a promise or a survey without shapes, or without a channel in common.
     """
@@ -146,7 +146,7 @@ def pair_by_shape(
 
 
 def remarks_on(promised: PromisedModes, paired: Sequence[PairedMode]) -> tuple[str, ...]:
-    """A sentence for each pair that is open."""
+    """A sentence for each uncertain pair."""
     return tuple(
         f"{promised.environment}: {p.frequency_hz:.5g} Hz is compared with {promised.called(p.index)} "
         f"by its {p.by}{' alone' if p.by == 'number' else ''}; {p.open}"

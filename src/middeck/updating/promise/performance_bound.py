@@ -1,4 +1,4 @@
-"""What no linear compensator of any order can pass on drawn plants, at the control effort of a given one.
+"""Bound for linear compensators of any order on drawn plants, at the control effort of a given one.
 
 For every compensator K, rho > 0 and plant, rms^2 + rho effort^2 of K is at least the least that any
 compensator of that plant alone reaches, which LQG does. So rms^2 of K is at least that least less
@@ -30,24 +30,24 @@ from middeck.systems.plants.plant import Plant
 from middeck.values import record
 
 STRIDE = np.log(30.0)
-"""Of the logarithm of 1/rho, in search of the interval that holds the best."""
+"""Step in the logarithm of 1/rho, in search of the interval that holds the best."""
 STRIDES = 16
 CLOSE = 0.1
-"""Of the logarithm of rho: the bound is flat about its best."""
+"""Tolerance in the logarithm of rho: the bound is flat about its best."""
 
 
 @record(kw_only=True)
 class RobustBound:
-    """The worst of several plants for one compensator, and for any other of its effort.
+    """The worst of several plants for one compensator, and a bound for any other of its effort.
 
     Decibels count from each plant's rms without control, over all frequencies.
 
     Attributes:
         draws: How many plants.
         worst_db: Largest of the compensator over the plants; ``inf`` where it is unstable on one.
-        no_linear_law_below_db: For any linear compensator between the same ports, of any order, whose effort
-            is no more on each of the plants, the largest over them is this at least; ``nan`` where no plant
-            has a bound.
+        no_linear_law_below_db: Lower bound of the largest over the plants, for any linear compensator between
+            the same ports, of any order, whose effort is no more on each of them; ``nan`` where no plant has
+            a bound.
     """
 
     draws: int
@@ -56,7 +56,7 @@ class RobustBound:
 
 
 def bound_worst(plants: Sequence[Plant], law: Compensator, weights: LQGWeights) -> RobustBound:
-    """The worst of ``plants`` for ``law``, and what it is not below for any linear compensator."""
+    """The worst of ``plants`` for ``law``, and its lower bound for any linear compensator."""
     own, least = bound_db(plants, law, weights).T
     least = least[np.isfinite(least)]
     return RobustBound(
@@ -69,7 +69,7 @@ def bound_worst(plants: Sequence[Plant], law: Compensator, weights: LQGWeights) 
 def bound_db(
     plants: Sequence[Plant], law: Compensator, weights: LQGWeights
 ) -> Float[np.ndarray, "plant both"]:
-    """Decibels of ``law`` on each plant, and those that no linear compensator of the same effort passes.
+    """Decibels of ``law`` on each plant, and their lower bound for linear compensators of the same effort.
 
     Both relative to the plant without control; delays by Pade approximations that keep every mode's phase.
     The bound is ``nan`` where the law is unstable or its effort infinite (white noise through a direct term):

@@ -1,4 +1,4 @@
-"""What is promised: where, of which loops, under which disturbance and noise."""
+"""Plan of a promise: the environments, loops, disturbance and noise."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Ladder:
 
 @record(kw_only=True)
 class Plan:
-    """What is promised of a refined article.
+    """Plan of the promise for a refined article.
 
     Attributes:
         environments: Where, by name; the first is that of the designs.
@@ -140,7 +140,7 @@ def close_inner(plan: Plan, plant: Plant) -> Plant:
 
 
 def group_loop(plan: Plan, plant: Plant, drives: Sequence[str], reads: Sequence[str]) -> Plant:
-    """``plant`` between disturbances and performance and a compensator's ports: no other is delayed."""
+    """``plant`` between disturbances and performance and a compensator's ports: only these are delayed."""
     ports = select_ports(plant, once(*plan.disturbances, *drives), once(*plan.performance, *reads))
     return group_ports(ports, w=plan.disturbances, u=drives, z=plan.performance, y=reads)
 

@@ -1,4 +1,4 @@
-"""What compensators will do where they cannot be tested: distributions over drawn plants."""
+"""Predictions of compensators where they cannot be tested: distributions over drawn plants."""
 
 from __future__ import annotations
 
@@ -55,10 +55,11 @@ class Promise:
         plants: Those drawn, inner loops closed and delays in.
         outlooks: In the order of the plan: compensators given, then those of the ladder.
         rest_rms: Rms of the performance without any compensator, by draw.
-        bound: By name, over the first ``plan.bounded`` draws, without friction and over all frequencies.
-        highest: The last of the ladder that is promised stable, and every one before it; None for none.
+        bound: Bound of each compensator, by name, over the first ``plan.bounded`` draws, without friction and
+            over all frequencies.
+        highest: The last of the ladder that is promised stable with every one before it; None for none.
         swept: Plants of the sweep of the plan, around the most probable one.
-        sweeps: By name, what each compensator makes of them.
+        sweeps: Result of each compensator on them, by name.
         slip_time: How the friction of joints was simulated; None where the plan states none.
         lost_to_cable: Compensators that a weak cable would make unstable; None where the article does not
             float, or the plan states a cable.

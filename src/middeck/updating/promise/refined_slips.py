@@ -1,4 +1,4 @@
-"""Friction of joints that a refinement found, in the place of what a plan states of it."""
+"""Friction of joints from a refinement, in place of that of a plan."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FIELDS = ("slip_torque", "slip_angle")
 
 
 def with_refined(plan: Plan, refined: Refined) -> Plan:
-    """The plan, with slip torques and slip angles of the refinement where an unknown moves them.
+    """The plan, with the refined slip torques and slip angles where an unknown moves them.
 
     Their tolerances are none: `spread_refined` has what the refinement leaves open.
     """
@@ -31,7 +31,7 @@ def with_refined(plan: Plan, refined: Refined) -> Plan:
 def spread_refined(
     slips: DrawnSlips, joints: Sequence[JointSlip], refined: Refined, n: Float[np.ndarray, "draw both"]
 ) -> DrawnSlips:
-    """Drawn sliders of ``joints`` with what the refinement leaves open, at numbers ``n`` of its root."""
+    """Drawn sliders of ``joints`` with the refinement's uncertainty, at numbers ``n`` of its root."""
     sizes, drawn = np.array([slips.slip_torque, slips.slip_angle]), slips.drawn.copy()
     for k, friction, moved in _found(joints, refined):
         for i in np.flatnonzero(moved):

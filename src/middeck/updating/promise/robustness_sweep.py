@@ -47,7 +47,7 @@ class Swept:
 
 
 def sweep_plants(predicted: Prediction, plan: Plan) -> SweptPlants:
-    """Around the most probable plant, each case of `dispersed_factors` of the plan's sweep."""
+    """The most probable plant, shifted as in each case (`dispersed_factors`) of the plan's sweep."""
     mean = mean_plant(predicted, partial(plant_of, plan))
     modes = dispersed_modes(predicted.modes, plan.modes)
     factors = dispersed_factors(modes, plan.sweep)

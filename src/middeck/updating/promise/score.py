@@ -61,7 +61,7 @@ class Verdict:
 
 @record(kw_only=True)
 class Score:
-    """Over many verdicts.
+    """Scores over many verdicts.
 
     Attributes:
         coverage: Share of outcomes within their 95 % intervals.

@@ -13,7 +13,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class JointSlip:
-    """A joint that gives way by a slip angle and then slips, see `middeck.joints.friction.Friction`.
+    """A joint with a slip angle before it slips, see `middeck.joints.friction.Friction`.
 
     Attributes:
         name: Name of the joint's motor and of the angle that is read there.
@@ -44,7 +44,7 @@ class JointSlip:
 
 @record(kw_only=True)
 class DrawnSlips:
-    """Sliders of all joints, draw by draw, and what was drawn for them in parts of its tolerance."""
+    """Sliders of all joints, draw by draw, and the drawn numbers as parts of the tolerance."""
 
     slip_torque: Float[np.ndarray, "draw joint"]
     slip_angle: Float[np.ndarray, "draw joint"]

@@ -1,4 +1,4 @@
-"""Closed loops around the sliders of joints: what noise makes of them, and how they answer the sliders."""
+"""Closed loops around the sliders of joints: responses to noise and to the sliders."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Parts = tuple[
 
 @record(kw_only=True)
 class SlipPorts:
-    """Names of the joints (torque and angle), of the performance, and of what disturbs."""
+    """Names of the joints (torque and angle), the performance and the disturbances."""
 
     joints: tuple[str, ...]
     performance: tuple[str, ...]
@@ -47,7 +47,7 @@ class SlipPorts:
 
 @record
 class SlipPoles:
-    """Answer of angles and performance to the sliders: the real part of reads exp(poles t) drives, summed."""
+    """Response of angles and performance to the sliders: Re sum of reads exp(poles t) drives."""
 
     poles: Complex[np.ndarray, " pole"]
     drives: Complex[np.ndarray, "joint pole"]
@@ -76,7 +76,7 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: SlipPorts, ord
 def hold_while_sticking(
     loops: Sequence[StateSpace], stiffness: Float[np.ndarray, "loop joint"]
 ) -> Bool[np.ndarray, " loop"]:
-    """Which loops do not grow with every slider a spring, as it is at small amplitude."""
+    """Whether each loop does not grow with all sliders as springs, as they are at small amplitude."""
     held = [p.A - p.B @ (k[:, None] * p.C[: len(k)]) for p, k in zip(loops, stiffness, strict=True)]
     holds = np.zeros(len(held), dtype=bool)
     for group in same_shapes([A.shape for A in held]):
@@ -171,7 +171,7 @@ def evaluate_open(
 def law_response(
     law: Compensator | None, frequency_hz: Float[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "line command read"] | None:
-    """What ``law`` answers, the same for all plants and long to find; None without one."""
+    """Response of ``law``, computed once for all plants as it takes long; None without a compensator."""
     return None if law is None else statespace_response(law.system, 2.0 * np.pi * frequency_hz)
 
 

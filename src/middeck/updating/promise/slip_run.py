@@ -1,4 +1,4 @@
-"""Decibels that dry friction of joints adds to a compensator's, found in time.
+"""Decibels added to a compensator's by dry friction of joints, from simulations in time.
 
 The linear loop's mean square is known exactly. What friction makes of it is simulated under noise that
 repeats, and counts only against the same noise without friction: the error of a short record, common to both,
@@ -75,12 +75,12 @@ class Slipped:
 
 @record(kw_only=True)
 class SlipRun:
-    """How every compensator, and under the key None no compensator, is simulated on all draws alike.
+    """Settings of the simulation of every compensator (None: no compensator) on all draws.
 
     Attributes:
-        order: Of the Pade approximation of the loop's delay, for the band of the noise. One for modes far
-            above it is no better there, and its poles nearly coincide with those of a compensator designed
-            on one: their residues cancel (7 % of a joint's answer within a step, at order 40 of 30 ms).
+        order: Order of the Pade approximation of the loop's delay, for the band of the noise. One for modes
+            far above it is no better there, and its poles nearly coincide with those of a compensator
+            designed on one: residues cancel (7 % of a joint's response in a step, at order 40 of 30 ms).
         alone: Records of each draw without a compensator.
     """
 
@@ -94,12 +94,12 @@ class SlipRun:
 
     @functools.cached_property
     def lines(self) -> slice:
-        """Numbers of the noise's lines that act: those in the plan's band."""
+        """Indices of the active noise lines: those in the plan's band."""
         return self.time.noise_lines(self.plan.band_hz)
 
     @property
     def lines_hz(self) -> Float[np.ndarray, " line"]:
-        """These lines."""
+        """Frequencies of these lines [Hz]."""
         return self.time.lines_hz[self.lines]
 
     def records_of(self, name: str | None) -> int:
@@ -108,7 +108,7 @@ class SlipRun:
 
     @functools.cached_property
     def answers(self) -> dict[str | None, Complex[np.ndarray, "line command read"]]:
-        """Those that `answer_of` keeps."""
+        """Responses kept by `answer_of`."""
         return {}
 
     def answer_of(self, name: str | None) -> Complex[np.ndarray, "line command read"] | None:
@@ -153,7 +153,7 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
 
 
 def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:
-    """Every compensator on ``plants``, which are draw ``start`` and those behind it.
+    """Results of every compensator on ``plants``, which are the draws from ``start`` on.
 
     Several records of each draw tell the error.
     """
@@ -221,7 +221,7 @@ def _run(asked: SlipRun, plants: Sequence[Plant], first: int) -> dict[str | None
 
 
 def _slipped(parts: Sequence[Sequence[_Squares]], sticks: Bool[np.ndarray, " draw"], joints: int) -> Slipped:
-    """By draw, from the parts of its records; a loop that does not decay has none."""
+    """Results of each draw from the parts of its records; a loop that does not decay has no parts."""
     db, variance = np.full(len(parts), np.inf), np.zeros(len(parts))
     travel = np.full((len(parts), joints), np.inf)
     for at, each in enumerate(parts):
@@ -233,7 +233,7 @@ def _slipped(parts: Sequence[Sequence[_Squares]], sticks: Bool[np.ndarray, " dra
 
 
 def _decaying(asked: SlipRun, around: Mapping[str | None, Sequence[StateSpace]]) -> list[_Loop]:
-    """By compensator, then by draw."""
+    """The loops that decay, sorted by compensator, then by draw."""
     forms = [(name, k, pole_form(p)) for name, systems in around.items() for k, p in enumerate(systems)]
     return [
         _Loop(name=name, draw=draw, form=form, records=range(asked.records_of(name)))

@@ -1,4 +1,4 @@
-"""How long and how finely loops with slipping joints are simulated."""
+"""Length and step of simulations of loops with slipping joints."""
 
 from __future__ import annotations
 
@@ -60,20 +60,20 @@ class SlipTime:
 
     @property
     def settling(self) -> int:
-        """Samples before it."""
+        """Number of samples before the record, in which the loop settles."""
         return round(self.settle_s * self.sample_hz)
 
     @property
     def lines_hz(self) -> Float[np.ndarray, " line"]:
-        """Lines of the noise: halfway between multiples of one over the record, so that none is at zero."""
+        """Noise lines [Hz]: halfway between multiples of one over the record, so that none is at zero."""
         return self._lines_hz(int(self.band_hz * self.record_s))
 
     def noise_lines(self, band_hz: tuple[float, float] | None) -> slice:
-        """Numbers of the noise's lines in a band, all without one."""
+        """Indices of the noise lines in a band; all lines without one."""
         return _inside(self.lines_hz, band_hz)
 
     def record_lines(self, band_hz: tuple[float, float] | None) -> slice:
-        """Numbers of the record's lines in a band, of which those of the noise are the first."""
+        """Indices of the record's lines in a band, the first of them those of the noise."""
         return _inside(self._lines_hz((self.samples + 1) // 2), band_hz)
 
     def _lines_hz(self, count: int) -> Float[np.ndarray, " line"]:
@@ -119,7 +119,7 @@ def choose_time(
 
 
 def noise_intensity(plan: Plan, law: Compensator | None) -> Float[np.ndarray, " noise"]:
-    """Roots of the two-sided intensities of the disturbances, then of what ``law`` reads."""
+    """Square roots of the two-sided intensities of the disturbances, then of what ``law`` reads."""
     if law is None:
         return plan.intensity
     return np.concatenate([plan.intensity, np.sqrt(weights_of(plan, law.outputs, law.inputs).sensor)])

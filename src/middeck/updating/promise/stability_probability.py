@@ -1,4 +1,4 @@
-"""One compensator on many plants: probability of stability, levels of its decibels, where the risk lies."""
+"""One compensator on many plants: probability of stability, levels of its decibels, leading risk."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from middeck.updating.promise.slip_run import Slipped
 from middeck.values import record
 
 LEVELS = (0.01, 0.025, 0.25, 0.5, 0.75, 0.975, 0.99)
-"""Of the distribution of decibels, from the best to the worst."""
+"""Levels of the distribution of decibels, from the best to the worst."""
 COMPARED = 12
 """Unstable draws whose leading mode is looked for."""
 
@@ -44,7 +44,7 @@ class FrictionOutlook:
 
     Attributes:
         without_db: Decibels of each draw without it, drag included.
-        sticks: By draw, whether the loop with its joints held by their presliding springs does not grow.
+        sticks: Whether each draw's loop, with its joints held by their presliding springs, does not grow.
             Where it grows it hunts: it moves until joints slip, and a loop that is stable then stays bounded.
         travel: Rms of each joint's angle over its slip angle, median of the draws.
         error_db: Standard error of a draw's decibels by the length of its simulation.
@@ -98,7 +98,7 @@ class Outlook:
 
 
 def highest_promised(outlooks: Sequence[Outlook], probability: float = 0.99) -> Outlook | None:
-    """The last of a ladder of rising authority up to which every one is stable with ``probability``.
+    """The last of a ladder of rising authority up to which all are stable with ``probability``.
 
     With 95 % confidence: 299 draws, all stable, promise 99 %. None where the first is not.
     """
@@ -131,7 +131,7 @@ def look_ahead(
 def with_friction(
     outlook: Outlook, law: Slipped, alone: Slipped, slips: DrawnSlips, drawn: DrawnPlants
 ) -> Outlook:
-    """``outlook`` of linear loops, with what friction adds to them and to the plants by themselves."""
+    """``outlook`` of linear loops, with the effect of friction on them and on the plants by themselves."""
     stable = outlook.stable & np.isfinite(law.db)
     db = np.where(stable, outlook.db + np.where(stable, law.db, 0.0) - alone.db, np.inf)
     every = dataclasses.replace(
@@ -166,7 +166,7 @@ def _growing(plants: Sequence[Plant], law: Compensator) -> str:
 
 
 def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
-    """Spearman's rank correlation, the largest of all that was drawn; nothing where chance may be it.
+    """The drawn quantity with the largest Spearman rank correlation; none where that may be chance.
 
     Chance of so many names together is 5 % (Bonferroni), by Student's distribution of r sqrt((n-2)/(1-r^2)).
     So few draws that one of the names has their very order more often tell none: 2 of n! orders.

@@ -1,1 +1,1 @@
-"""The most probable unknowns, and what stays open."""
+"""The most probable unknowns, and their uncertainty."""

@@ -85,7 +85,7 @@ class Estimate:
 
 
 def estimate(problem: Linear, usual: float | Float[np.ndarray, " sort"] = USUAL) -> Estimate:
-    """The most probable tau, and x and d with it; ``usual`` is the tau that is thought likely before."""
+    """The most probable tau, and x and d with it; ``usual`` is the prior median of tau."""
     return estimate_at(problem, most_probable(problem, usual))
 
 
@@ -110,7 +110,7 @@ def estimate_at(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Estimate:
 def most_probable(
     problem: Linear, usual: float | Float[np.ndarray, " sort"] = USUAL
 ) -> Float[np.ndarray, " sort"]:
-    """The most probable tau of each sort, lognormal about ``usual`` before."""
+    """The most probable tau of each sort, with a lognormal prior about ``usual``."""
 
     most = np.maximum(MOST, TIMES * np.broadcast_to(usual, problem.sorts))
     best = np.full(problem.sorts, np.log(LEAST))
@@ -163,7 +163,7 @@ def cut_below(
 
 
 def excess(problem: Linear, found: Estimate, rows: Bool[np.ndarray, " row"]) -> float:
-    """Rms of what the estimate leaves in ``rows``, over what noise and ``found.tau`` let expect.
+    """Rms residual of ``rows`` over that expected from noise and ``found.tau``.
 
     The residuals r have the covariance N C^-1 N, N that of the noise and C that of y. Zero where the estimate
     takes up all but a part of one row.
@@ -177,7 +177,7 @@ def excess(problem: Linear, found: Estimate, rows: Bool[np.ndarray, " row"]) -> 
 
 
 def errors_shown(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Bool[np.ndarray, " sort"]:
-    """Whether the tests ask for the model's errors of each sort, or only what was thought before does.
+    """Whether the tests determine the model's errors of each sort, or only their prior does.
 
     They do where without them y is less likely by more than chance lets expect (ratio of likelihoods, 95 %).
     """
@@ -186,7 +186,7 @@ def errors_shown(problem: Linear, tau: Float[np.ndarray, " sort"]) -> Bool[np.nd
 
 
 def unlikely(problem: Linear, tau: Float[np.ndarray, " sort"]) -> float:
-    """Minus the logarithm of the likelihood of ``tau``, but for a constant."""
+    """Minus the log likelihood of ``tau``, up to a constant."""
     return _unlikely_of(problem)(tau)
 
 

@@ -1,4 +1,4 @@
-"""What rows of a new test have in common with those of tests already made, beside errors with names.
+"""Correlation of rows of a new test with rows of earlier tests, beside errors with names.
 
 `refine` counts what a row has of errors that have no name (the mixing of two modes, the reading of a gauge)
 as its own. Made twice, a test would then tell twice as much of the article as it does: both rows have the
@@ -16,7 +16,7 @@ from middeck.updating.residuals.surveys import Compared
 
 
 def common_rests(problem: Linear, links: Sequence[tuple[int, int, float]]) -> Linear:
-    """The problem, where new rows have a part of the rests of old ones: (old, new, part), a new row once.
+    """The problem with rests shared between new and old rows: (old, new, part), each new row once.
 
     The rest of an old row becomes an error with a column of its own, last of all; of the rest of a new row
     only what is left without it stays alone.
@@ -40,7 +40,7 @@ def common_rests(problem: Linear, links: Sequence[tuple[int, int, float]]) -> Li
 
 
 def same_modes(made: Sequence[Compared], new: Compared) -> list[tuple[int, int, float]]:
-    """The row that each row of a new, last survey has most in common with, and how much.
+    """The row that each row of a new, last survey resembles most, and by how much.
 
     An error E of the model is phi_i'E phi_m in the row of mode i and a pair whose own mode is m: in modes of
     another set-up, each made of these, it has the product of the two parts.
@@ -63,7 +63,7 @@ def _parts(old: Compared, new: Compared) -> np.ndarray:
 
 
 def same_readings(statics: Sequence[ComparedStatic], before: int) -> list[tuple[int, int, float]]:
-    """Readings of the last static test that another has made; ``before`` these rows there are others."""
+    """Readings of the last static test that another also made; ``before`` is the number of earlier rows."""
     at = before + np.cumsum([0, *(len(c.value) for c in statics)])
     *made, new = statics
     return [

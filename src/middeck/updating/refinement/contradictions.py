@@ -1,4 +1,4 @@
-"""Surveys that contradict one another: found, their deviations widened, and by what each is off the rest."""
+"""Surveys that contradict one another: detection, widened deviations, and the offset of each."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Tests(NamedTuple):
 
     @property
     def every(self) -> tuple[Compared | ComparedResponse | ComparedDamping | ComparedStatic, ...]:
-        """All of them."""
+        """All rows."""
         return (*self.compared, *self.heard, *self.damped, *self.statics)
 
     def rows_of_several(self, kind: type) -> Bool[np.ndarray, " row"]:
@@ -74,7 +74,7 @@ def estimate_of(
     spread: Float[np.ndarray, " unknown"],
     usual: Float[np.ndarray, " sort"],
 ) -> tuple[Tests, Linear, Estimate]:
-    """The most probable; deviations of surveys that contradict one another are widened.
+    """The estimate, with widened deviations of surveys that contradict one another.
 
     Else a step far out is the answer: slopes by measured frequencies differ as these contradict. Where such a
     step leaves no contradiction, slopes of the logarithms, which do not differ, tell it.

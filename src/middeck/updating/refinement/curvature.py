@@ -1,4 +1,4 @@
-"""What frequencies have beyond the linear estimate: unknowns that no test sees keep most of their spread.
+"""Frequencies beyond the linear estimate: unknowns that no test sees keep most of their spread.
 
 To second order a frequency is bent by the unknowns, and where a test and a prediction are not bent alike, the
 linear estimate errs, on one side: two inertias that torsion tells together but not apart, say. With

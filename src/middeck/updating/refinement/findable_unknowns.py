@@ -1,4 +1,4 @@
-"""Which unknowns a refinement can determine: how far each moves the measured values, and which alike.
+"""Unknowns that a refinement can determine: their effects on measured values, and alike ones.
 
 Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
 one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it
@@ -30,7 +30,7 @@ ALIKE = 0.99
 
 @record(kw_only=True)
 class Choice:
-    """The unknowns before anything is refined.
+    """The unknowns before a refinement.
 
     Attributes:
         strength: What one prior deviation of each does to all that was measured, in deviations of it.

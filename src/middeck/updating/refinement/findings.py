@@ -1,4 +1,4 @@
-"""What a refinement leaves open, in words: what the surveys do not see, and where model and test disagree."""
+"""Uncertainty after a refinement, in words: unknowns not seen, and disagreement of model and test."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -43,7 +43,7 @@ NAMED = 3
 
 
 def unseen(refined: Refined) -> tuple[str, ...]:
-    """Unknowns of which the surveys say next to nothing."""
+    """Unknowns that the surveys hardly determine."""
     return tuple(
         u.name
         for u, std in zip(refined.unknowns, refined.estimate.x_std, strict=True)
@@ -52,7 +52,7 @@ def unseen(refined: Refined) -> tuple[str, ...]:
 
 
 def together(refined: Refined) -> tuple[tuple[str, ...], ...]:
-    """Groups of which the surveys see the sum, but not each: what they share in directions not seen."""
+    """Groups of unknowns whose sum alone the surveys determine, by their shares in directions not seen."""
     alone = set(unseen(refined))
     groups: dict[tuple[str, ...], None] = {}
     for gain, direction in zip(refined.estimate.gain, refined.estimate.direction, strict=True):
@@ -63,7 +63,7 @@ def together(refined: Refined) -> tuple[tuple[str, ...], ...]:
 
 
 def findings(refined: Refined) -> tuple[str, ...]:
-    """A sentence for each thing that a reader must know before the refined article is used."""
+    """A sentence for each warning before the refined article is used."""
     return (
         *(
             f"{c.survey.name}: {said}"

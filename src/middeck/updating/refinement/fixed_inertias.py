@@ -1,4 +1,4 @@
-"""Masses that unknowns move without the inertias of the same bodies, where that fixes what the tests do not.
+"""Unknowns that move masses without the inertias of the same bodies, where that decides the estimate.
 
 Frequencies are ratios of stiffness to mass: they leave the scale of both open. Where every mass is unknown,
 an inertia that stays as drawn fixes it, as sharply as the frequencies were measured.
@@ -41,7 +41,7 @@ class FixedInertias:
 
 
 def fixed_inertias(refined: Refined) -> FixedInertias | None:
-    """None where no unknown moves a mass alone, or where neither a deviation nor the fit hangs on that."""
+    """None where no unknown moves a mass alone, or where neither deviation nor fit depends on it."""
     moved = [_inertias(refined, c) for c in refined.compared]
     bodies = dict.fromkeys(p.name.split(INERTIA)[0] for own in moved for b in own for p in b.parameters)
     if not bodies:

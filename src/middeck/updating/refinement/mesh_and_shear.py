@@ -1,4 +1,4 @@
-"""What a model lacks in shear and elements: an error of one sign that all its modes share.
+"""Errors of a model by missing shear and elements: of one sign, shared by all modes.
 
 Members of a shear flexibility F yield under the shear forces V of the modes, to first order by
 phi_i'dK phi_j = - sum of L V_i'F V_j over the elements: an element's forces stay as they are where it gives

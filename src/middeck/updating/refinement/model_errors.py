@@ -1,4 +1,4 @@
-"""The model's own errors in modes: which it has, and what each mode has of them.
+"""The model's own errors in modes: their shapes, and the share of each in each mode.
 
 An error belongs to the shape of a mode that a survey saw: every paired mode of the first survey, and one of a
 later survey that has less than half of its shape in those before. Shapes are orthonormal in mass, so that
@@ -38,7 +38,7 @@ class OwnErrors:
 
     @staticmethod
     def of(compared: Sequence[Compared]) -> OwnErrors:
-        """Those of all surveys, in their order; of a later one the rest of a shape without those before."""
+        """Errors of all surveys, in their order; of a later one the part of a shape not in those before."""
         first = compared[0]
         drawn = [modes_as_drawn(one.modes) for one in compared]
         mass, shapes = drawn[0].mass, drawn[0].shapes[:, first.pairs[:, 0]]
@@ -84,7 +84,7 @@ class OwnErrors:
         )
 
     def ground_hz(self, compared: Sequence[Compared]) -> Float[np.ndarray, " error"]:
-        """The model's frequencies of the modes whose shapes they are."""
+        """The model's frequencies [Hz] of the modes that define the shapes."""
         return np.array(
             [
                 compared[s].modes.frequency_hz[compared[s].pairs[p, 0]]

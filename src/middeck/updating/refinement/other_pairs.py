@@ -1,4 +1,4 @@
-"""Measured modes that may be other modes of the model than those they were compared with.
+"""Measured modes that may be other modes of the model than those that they were paired with.
 
 Where shapes cannot distinguish two modes, the frequency can; where the priors allow it for either, nothing
 can. Other pairs, one at a time and all that one draws along by the unknowns that it asks for, are compared by
@@ -23,13 +23,13 @@ from middeck.values import record
 ALIKE = 0.8
 # Least likelihood, over that of the pairs as they are, of another pair that is named.
 LIKELY = 0.05
-# Of pairs that are drawn along; a cost that no pair has.
+# Sweeps over the pairs that move with one; a cost that no pair has.
 SWEEPS, FORBIDDEN = 4, 1e12
 
 
 @record(kw_only=True)
 class OtherPair:
-    """Frequencies [Hz] of a measured mode, of that it was paired with, and of that it may be as well.
+    """Frequencies [Hz] of a measured mode, of the mode paired with it, and of another that is possible.
 
     If it is, ``unknown`` is off by so many of its stated deviations, the most of all.
     """
@@ -111,7 +111,7 @@ class _Rows:
 
 
 def other_pairs(refined: Refined) -> tuple[OtherPair, ...]:
-    """The likeliest other mode of each measured one that may be another, and that moves an unknown."""
+    """The likeliest alternative mode of each measured mode, where it would move an unknown."""
     asked = [_candidates(c) for c in refined.compared]
     if not any(map(len, asked)):
         return ()
@@ -145,7 +145,7 @@ def other_pairs(refined: Refined) -> tuple[OtherPair, ...]:
 
 
 def _rows(refined: Refined, asked: Sequence[np.ndarray]) -> _Rows:
-    """Of the pairs as they are, then of what is ``asked`` of each survey."""
+    """Rows of the pairs as they are, then of the pairs ``asked`` for each survey."""
     spread = np.array([u.spread for u in refined.unknowns])
     parts, count, first = [], 0, 0
     for c, pairs in zip(refined.compared, asked, strict=True):

@@ -124,7 +124,7 @@ def _of_statics(statics: Sequence[ComparedStatic], fields: ErrorFields) -> _Erro
 
 
 def zeros_of(statics: Sequence[ComparedStatic]) -> tuple[tuple[str, ...], ...]:
-    """Unloaded readings of all tests that count from one."""
+    """Unloaded readings of all tests whose gauges count from one."""
     counted = [c.test for c in statics if c.test.since_unloaded]
     return tuple(dict.fromkeys(zero_of(test, gauge) for test in counted for gauge in test.gauges))
 

@@ -99,17 +99,17 @@ class Refined:
 
     @property
     def shear(self) -> tuple[float, float]:
-        """How much of `left_out` the surveys show, and its deviation; without any none."""
+        """Factor of `left_out` that the surveys show, and its deviation; zero without any."""
         at = len(self.unknowns)
         found = self.estimate
         return (float(found.d[0]), float(np.linalg.norm(found.root[at]))) if self.compared else (0.0, 0.0)
 
     def with_shear(self, n: Float[np.ndarray, " both"]) -> Float[np.ndarray, " both"]:
-        """``n``, numbers of the estimate's root, moved off negative shear as by `cut_below`."""
+        """``n``, numbers of the estimate's root, moved off negative shear by `cut_below`."""
         return cut_below(n, self.estimate.root[len(self.unknowns)], self.shear[0]) if self.compared else n
 
     def drawn_at(self, n: Float[np.ndarray, " both"]) -> tuple[Float[np.ndarray, " unknown"], float]:
-        """Unknowns, and how much of `left_out`, at standard normal numbers of the estimate's root."""
+        """Unknowns, and the factor of `left_out`, at standard normal numbers of the estimate's root."""
         off, at = self.estimate.root @ n, len(self.unknowns)
         return self.x + off[:at], self.shear[0] + float(off[at]) if self.compared else 0.0
 
@@ -152,7 +152,7 @@ class Refined:
 
     @property
     def left_out(self) -> tuple[Unknown, ...]:
-        """Unknowns that ``factors`` of an article cannot hold."""
+        """Unknowns that ``factors`` of an article cannot represent."""
         return tuple(
             u for u in self.unknowns if u.added or any(n.startswith(ELSEWHERE) for n in u.parameters)
         )
@@ -244,14 +244,14 @@ def problem_of(
     statics: Sequence[ComparedStatic],
     fields: ErrorFields | None,
 ) -> Linear:
-    """`linear_problem` of these tests about the unknowns at which ``refined`` has its own."""
+    """`linear_problem` of these tests about the unknowns at which ``refined`` was linearised."""
     mean, spread = (np.array([getattr(u, name) for u in refined.unknowns]) for name in ("mean", "spread"))
     at = refined.linear_at - mean
     return linear_problem(compared, statics, fields, at, spread, refined.responses, refined.damped)
 
 
 def off_the_rest(refined: Refined) -> list[tuple[str, float]]:
-    """Each survey by name, with the mean residual of ln f in the refined article."""
+    """Mean residual of ln f of each survey in the refined article, by name."""
     problem = problem_of(refined, refined.compared, refined.statics, refined.fields)
     left = problem.y - problem.J @ refined.estimate.x - problem.S @ refined.estimate.d
     first = np.cumsum([0, *(len(c.rows) for c in refined.compared)])

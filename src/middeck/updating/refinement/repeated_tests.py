@@ -1,4 +1,4 @@
-"""Tests that seem to be one given twice, which would count as two.
+"""Tests that seem to be one given twice, which would be counted twice.
 
 Two measurements of one mode agree to a digit below their standard deviation once in some thirty times.
 """
@@ -42,7 +42,7 @@ def refuse_repeated(surveys: Sequence[Survey]) -> None:
 
 
 def repeated_tests(surveys: Sequence[Survey], statics: Sequence[StaticTest]) -> Iterator[str]:
-    """A sentence for each two tests that may be one, as everything in one of them is in the other."""
+    """A sentence for each two tests that may be one, as one contains all of the other."""
     for one, other in itertools.combinations(surveys, 2):
         if np.all(_shared(one, other)) or np.all(_shared(other, one)):
             yield f"surveys {one.name!r} and {other.name!r} state the same frequencies to every digit: {CURE}"

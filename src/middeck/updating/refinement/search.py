@@ -1,4 +1,4 @@
-"""The search for the most probable unknowns of a refinement, and what it does where its end is doubtful.
+"""The search for the most probable unknowns of a refinement, repeated where its end is doubtful.
 
 Gauss-Newton on analytic slopes, the model's own errors found anew at every step (`bayesian_estimate`): far
 from the answer they are large, which keeps the steps small. Where they are so large that no step seems to
@@ -65,7 +65,7 @@ STARTS = 8
 
 
 class Prior(NamedTuple):
-    """Of the unknowns, mean and deviations; of the model's errors, what is thought likely, one a sort."""
+    """Mean and deviations of the unknowns; the ``usual`` deviation of each sort of model error."""
 
     mean: np.ndarray
     spread: np.ndarray
@@ -95,7 +95,7 @@ class RefinementEnd:
         return self.history[-1] < SMALL
 
     def doubtful(self, usual: np.ndarray) -> bool:
-        """Whether it may be short of the answer: see the module."""
+        """Whether the search may have stopped short of the optimum: see the module."""
         much = self.estimate.tau > FACTOR**DOUBTFUL * usual[: self.problem.sorts]
         return bool(np.any(much) or np.any(self.stated < self.problem.std)) or not self.converged
 
@@ -109,7 +109,7 @@ class RefinementEnd:
         return _unlikely_in(self.problem, self._in_all_pairs, tau) + float(before)
 
     def if_it_fitted(self, usual: np.ndarray) -> float:
-        """`unlikely` of a model that is as right as was thought before and fits every row as it is stated."""
+        """`unlikely` for a model as accurate as its prior that fits every row as stated."""
         fitted = dataclasses.replace(self.problem, y=np.zeros(len(self.stated)), std=self.stated)
         return _unlikely_in(fitted, self._in_all_pairs, usual[: self.problem.sorts])
 
@@ -130,7 +130,7 @@ def _unlikely_in(problem: Linear, some: np.ndarray, tau: np.ndarray) -> float:
 
 
 def find_most_probable(places: TestSetups, statics: Sequence[StaticTest], prior: Prior) -> RefinementEnd:
-    """The end of the search from the mean of the prior or, of a doubtful one, the likelier of two.
+    """End of the search from the mean of the prior or, if doubtful, the likelier of two.
 
     Raises `NumericalError` where the article has no rest state at the mean of the prior, and where both
     searches end at values of no article.
@@ -265,7 +265,7 @@ def _as_if_right(
 
 
 class SolvedSetups(NamedTuple):
-    """The article as every test had it, at the unknowns ``x``; complex modes where damping is refined."""
+    """The article in each test at the unknowns ``x``; complex modes where damping is refined."""
 
     x: np.ndarray
     modes: list[Modes]
@@ -291,7 +291,7 @@ class TestSetups(NamedTuple):
 
     @property
     def moves_damping(self) -> bool:
-        """Whether an unknown does. Raises `ConfigError` where no survey has anything to tell of it."""
+        """Whether an unknown moves damping. Raises `ConfigError` where no survey measured any."""
         both = zip(self.surveys, self.surveyed, strict=True)
         if not any(moves_losses(survey, place.bound) for survey, place in both):
             return False
@@ -313,7 +313,7 @@ class TestSetups(NamedTuple):
         return SolvedSetups(x, modes, solve_statics(self.loaded, x), damped)
 
     def compare(self, at: SolvedSetups, statics: Sequence[StaticTest], settled: bool) -> Tests:
-        """Damping, as far as ``at`` has any, where the modes have ``settled``."""
+        """Tests beside the model: damping too, as far as ``at`` has it, where the modes have ``settled``."""
         compared: list[Compared] = []
         lossy: list[ComparedDamping] = []
         for place, survey, modes, damped in zip(
@@ -330,7 +330,7 @@ class TestSetups(NamedTuple):
     def hear(
         self, compared: Sequence[Compared], x: np.ndarray, open_x: np.ndarray
     ) -> tuple[ComparedResponse, ...]:
-        """Responses beside the model at the unknowns ``x``, of whose covariance ``open_x`` is a root."""
+        """Responses beside the model at the unknowns ``x``; ``open_x`` is a root of their covariance."""
         return tuple(
             compare_measured_response(c, place.bound, x, open_x)
             for c, place in zip(compared, self.surveyed, strict=True)

@@ -1,4 +1,4 @@
-"""Channels of a survey that read other than the model moves where the rest of the survey agrees with it."""
+"""Channels of a survey that contradict the model where the rest of the survey agrees with it."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,16 +10,16 @@ from middeck.updating.residuals.pairing import at_channels
 from middeck.updating.residuals.surveys import Compared, neighbours, shape_deviations
 from middeck.values import record
 
-# Of what a channel reads in all modes: what is left of one that is wrong, of the others in the mean (rms).
+# Least part of its readings left by a wrong channel, largest (rms) by the others.
 WRONG, RIGHT = 0.5, 0.15
-# Of the channels: more that are wrong are another article.
+# Largest share of wrong channels: more are another article.
 FEW = 0.25
 # Readings and motions that are alike but for a factor; deviations by which what is left is no noise.
 ALIKE, NOISE = 0.8, 5.0
-# Of what the modes move in the mean (rms) at all nodes: a channel that reads less is measured by this, and
-# where they move less, the model stands still.
+# Parts of the rms motion at all nodes: the least size of a channel's readings, and the motion below which
+# the model stands still.
 PART, STILL = 0.2, 0.01
-# Of what the model moves: less that is not alike is nothing.
+# Part of the model's motion: a smaller part that is not alike is nothing.
 NOTHING = 0.05
 # Instruments fail one by one: more channels than these that no factor sets right are the model's matter too.
 ALONE = 2
@@ -76,33 +76,33 @@ class _Shapes:
     near: np.ndarray
 
     def elsewhere(self, moved: np.ndarray) -> np.ndarray:
-        """What all nodes move in the mean (rms), in all modes, of the sort of each channel."""
+        """Rms motion of all nodes over all modes, of the sort (straight or turning) of each channel."""
         count = len(self.read)
         sorts = [moved[count:][self.straight[count:] == straight] for straight in (False, True)]
         rms = np.array([np.linalg.norm(rows) / np.sqrt(len(rows)) for rows in sorts])
         return rms[self.straight[:count].astype(int)]
 
     def size(self, moved: np.ndarray) -> np.ndarray:
-        """What each channel reads in all modes, or of what is moved elsewhere if it reads next to nothing."""
+        """Norm of each channel's readings over all modes, at least `PART` of the motion `elsewhere`."""
         least = np.maximum(PART * self.elsewhere(moved), TINY)
         return np.maximum(np.linalg.norm(self.read, axis=1), least)
 
     def noise(self, moved: np.ndarray) -> np.ndarray:
-        """Of that, what may be noise."""
+        """Part of `size` that may be noise."""
         return NOISE * np.linalg.norm(self.std, axis=1) / self.size(moved)
 
     def left(self, moved: np.ndarray) -> np.ndarray:
-        """Of that, what does not agree."""
+        """Part of `size` by which reading and motion differ."""
         return np.linalg.norm(self.read - moved[: len(self.read)], axis=1) / self.size(moved)
 
     def left_without(self, kept: np.ndarray, row: int) -> float:
-        """In squares, of the other kept channels where one is left out."""
+        """Sum of squares of `left` over the other kept channels, fitted without channel ``row``."""
         others = kept & (np.arange(len(kept)) != row)
         moved = self.moved(others)
         return np.inf if moved is None else float(np.sum(self.left(moved)[others] ** 2))
 
     def moved(self, kept: np.ndarray) -> np.ndarray | None:
-        """By the modes that fit the kept channels best, each with its neighbours."""
+        """Motion by the modes that fit the kept channels best, each with its neighbours; None if too few."""
         out, count = np.empty((len(self.motion), len(self.near))), len(kept)
         for k, own in enumerate(self.near):
             basis = self.motion[:, self.column[k, own]]
@@ -140,7 +140,7 @@ def _by_a_factor(read: np.ndarray, moved: np.ndarray) -> bool:
 
 
 def how_it_reads(read: np.ndarray, moved: np.ndarray, still: float) -> str:
-    """The matter with an instrument that reads ``read`` where the model moves by ``moved``.
+    """The likely fault of an instrument that reads ``read`` where the model moves by ``moved``.
 
     No motion below ``still`` counts, whatever it is alike.
     """

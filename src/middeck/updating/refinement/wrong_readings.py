@@ -1,4 +1,4 @@
-"""Gauges, and load cases, that read otherwise than the model where all others of the static tests agree."""
+"""Gauges and load cases that contradict the model where all others of the static tests agree."""
 
 import itertools
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ FAR_OFF = 0.3
 
 
 def wrong_readings(refined: Refined) -> tuple[str, ...]:
-    """A sentence for the gauge or the test that is off alone: beside the refined model or that before it."""
+    """A sentence for a single deviating gauge or test, beside the refined model or the one before it."""
     statics = refined.statics
     if not statics:
         return ()

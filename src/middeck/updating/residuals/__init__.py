@@ -1,1 +1,1 @@
-"""What was measured beside what the article gives: modes, responses, sag."""
+"""Measurements beside the model's values: modes, responses, sag."""

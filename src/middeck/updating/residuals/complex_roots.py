@@ -20,7 +20,7 @@ from middeck.values import record
 
 @record
 class LogRoots:
-    """Roots s of complex modes, derivatives of ln s by unknowns, and what losses alone have of these.
+    """Roots s of complex modes, derivatives of ln s by unknowns, and the part of these by losses alone.
 
     One for each mode, in their order, or for each pair of a survey.
     """
@@ -85,7 +85,7 @@ def differentiate_roots(
 def roots_of_pairs(
     damped: DampedModes, paired: ModePairing
 ) -> tuple[Complex[np.ndarray, " pair"], Complex[np.ndarray, "mode pair"]]:
-    """Root of each pair with what friction loses at its amplitude, and its shape in its article's modes."""
+    """Root of each pair with friction at its amplitude, and its shape in its article's modes."""
     if paired.own.turn is None:
         return damped.s[paired.labels], damped.shapes[:, paired.labels]
     rows = np.array([a.row for a in paired.added])

@@ -34,7 +34,7 @@ class ComparedDamping:
     Attributes:
         pairs: (mode, measured mode) of each row.
         zeta: The model's damping ratios.
-        residual, std, slope: Of ln zeta, measured less the model's; deviations are the survey's.
+        residual, std, slope: ln zeta, measured less the model's; the survey's deviations of it; its slopes.
         likeness: Part of each complex mode that is its real one.
         left_out: Paired measured modes whose ratio is zero, not stated or not determined.
         frequency_hz: Frequency of the complex modes of all pairs of the survey, in their order.
@@ -58,12 +58,12 @@ def moves_losses(survey: Survey, bound: Sequence[Bound]) -> bool:
 
 
 def states_damping(survey: Survey) -> bool:
-    """Whether any of its modes has a damping ratio; frequencies tell friction without."""
+    """Whether any of its modes has a damping ratio; frequencies show friction without one."""
     return bool(np.any(np.nan_to_num(survey.measured.damping) != 0.0))
 
 
 def solve_damped_near(modes: Modes, survey: Survey) -> DampedModes:
-    """Complex modes of all that a measured mode may be, and of `SPARE` above these, without friction.
+    """Complex modes that a measured mode may be, and `SPARE` above these, without friction.
 
     Raises `DataError` for measured ratios that are negative, or one and more.
     """
@@ -73,7 +73,7 @@ def solve_damped_near(modes: Modes, survey: Survey) -> DampedModes:
 
 
 def shifted_by_losses(compared: Compared) -> Float[np.ndarray, " pair"]:
-    """ln |s| of each pair's complex mode in the model less ln omega of its undamped one, without friction.
+    """ln |s| of each pair's complex mode less ln omega of its undamped mode, without friction.
 
     Ratios that modes have each by itself move nothing; what dampers and loss factors do between modes does.
     Raises `ConfigError` and `NumericalError` as `solve_damped`.

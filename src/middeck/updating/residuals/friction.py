@@ -31,7 +31,7 @@ BEYOND = np.exp(2.0 * np.arange(-15.0, 25.0, STEP))
 
 @record(kw_only=True)
 class SurveyedFriction:
-    """Friction of a joint, and how far the joint moved in each measured mode.
+    """Friction of a joint, and the joint's amplitude in each measured mode.
 
     Attributes:
         joint: Name of the joint. Unknowns are ``friction.NAME.slip_torque`` and ``friction.NAME.slip_angle``,
@@ -61,7 +61,7 @@ class SurveyedFriction:
 
     @property
     def parameters(self) -> tuple[str, str]:
-        """Names of slip torque and slip angle."""
+        """Names of the parameters of slip torque and slip angle."""
         return f"friction.{self.joint}.{TORQUE}", f"friction.{self.joint}.{ANGLE}"
 
     def moved_by(self, unknowns: Sequence[Sequence[str]]) -> Float[np.ndarray, "2 unknown"]:
@@ -107,7 +107,7 @@ def joint_coordinate(modes: Modes, name: str) -> int:
 def added_to_joint(
     modes: Modes, count: int, friction: SurveyedFriction, bound: Sequence[Bound], x: np.ndarray
 ) -> Added:
-    """What the friction of one joint adds to the lowest ``count`` modes, with the unknowns at ``x``."""
+    """Effect of one joint's friction on the lowest ``count`` modes, with the unknowns at ``x``."""
     moved = friction.moved_by([b.unknown.parameters for b in bound])
     torque, angle = np.array([friction.slip_torque, friction.slip_angle]) * np.exp(moved @ x)
     value, slopes = equivalent(friction, torque, angle)
@@ -128,7 +128,7 @@ def equivalent(
     if friction.random:
         slips = angle / (np.sqrt(2.0) * friction.amplitude)
         t = slips * (1.0 + BEYOND[:, None])
-        # Of exp(-u) u du with u = (A/rms)^2/2 = t^2.
+        # Weights of exp(-u) u du with u = (A/rms)^2/2 = t^2.
         A, weights = (
             np.sqrt(2.0) * friction.amplitude * t,
             4.0 * STEP * np.exp(3.0 * np.log(t) - t**2) * (t - slips),

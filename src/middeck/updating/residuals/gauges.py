@@ -1,4 +1,4 @@
-"""What instruments read of an article at rest: displacements, tilts, forces of supports; and their slopes."""
+"""Gauge readings of an article at rest: displacements, tilts, forces of supports; and their slopes."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def read(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gauge"]:
-    """Readings of ``gauges`` in ``rest``. Raises `ConfigError` for a node or a support that is not there."""
+    """Readings of ``gauges`` in ``rest``. Raises `ConfigError` for a missing node or support."""
     out = np.array([_seen(rest, gauge) @ gauge.along for gauge in gauges])
     for k, gauge in enumerate(gauges):
         if gauge.kind is GaugeKind.TILT:
@@ -100,7 +100,7 @@ def read(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray, " gaug
 def lengths(
     rest: Equilibrium, before: Equilibrium | None, gauges: Sequence[Gauge]
 ) -> Float[np.ndarray, " gauge"]:
-    """Length of the change since ``before``, since drawn without one, of which each gauge reads a part.
+    """Length of the change since ``before`` (or since drawn) of which each gauge reads a component.
 
     Of a shift that of its point, of a tilt that of its line, of a force that of the whole of it: an error of
     the model, or of the mounting of a gauge, is in parts of this.
@@ -130,7 +130,7 @@ def _seen(rest: Equilibrium, gauge: Gauge) -> np.ndarray:
 
 
 def motion_rows(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge coordinate"]:
-    """How shifts and tilts follow the coordinates of the frame tree; zero rows for forces."""
+    """Rows of shifts and turns over the coordinates of the frame tree; zero rows for forces."""
     rows = np.zeros((len(gauges), rest.model.tree.size))
     for k, gauge in enumerate(gauges):
         if gauge.kind not in (GaugeKind.SHIFT, GaugeKind.TILT):
@@ -153,7 +153,7 @@ def motion_rows(rest: Equilibrium, gauges: Sequence[Gauge]) -> Float[np.ndarray,
 
 
 def slopes(rest: Equilibrium, by: RestMotion, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge cause"]:
-    """Derivatives of what they read, the way that the rest state moves included."""
+    """Derivatives of the readings, the motion of the rest state included."""
     out = motion_rows(rest, gauges) @ by.motion
     for k, gauge in enumerate(gauges):
         if gauge.kind is GaugeKind.SHIFT:  # since drawn, and what is drawn may move

@@ -106,7 +106,7 @@ class MeasuredResponse:
 
     @property
     def top_hz(self) -> float:
-        """The highest frequency that counts."""
+        """Highest frequency [Hz] that counts."""
         ends = [z.frequency_hz for z in self.anti_resonances]
         if self.band_hz is not None:
             ends.append(self.band_hz[1])

@@ -38,7 +38,7 @@ class ModalTransfer:
         return s[:, None] ** 2 + 2.0 * self.zeta * self.omega * s[:, None] + self.omega**2
 
     def read(self, s: Complex[np.ndarray, " line"], output: int) -> Complex[np.ndarray, "line mode"]:
-        """Reading of an output in each mode."""
+        """Reading of an output, per unit of each mode."""
         at = s[:, None]
         return self.phi[output] + at * self.phi_rate[output] + at**2 * self.phi_acceleration[output]
 
@@ -116,7 +116,7 @@ def transfer_slopes(
     held: Sequence[int],
     count: int,
 ) -> TransferSlopes:
-    """Derivatives by the unknowns; the poles of modes ``held`` stay, those of the others move."""
+    """Derivatives by the unknowns; the poles of modes ``held`` are fixed, those of the others move."""
     rest = modes.equilibrium
     now = [[read_parameter(rest.model.structure, rest.environment, p) for p in b.parameters] for b in bound]
     found = iter(

@@ -1,4 +1,4 @@
-"""Articles in which a survey with friction measured its modes, each with the stiffness of its own amplitude.
+"""Articles of a survey with friction: each measured mode's, with the stiffness of its own amplitude.
 
 Joints that stick make other modes of the free ones, so that a measured mode is compared with the modes of its
 own article. Those are all there are: of two measured modes neither can be what the other is.
@@ -36,10 +36,10 @@ class OwnArticles:
     """The articles side by side, all with the same number of modes.
 
     Attributes:
-        modes: Of the articles, one behind the other, each in the order of the free modes that they have most
-            of.
+        modes: Modes of the articles, one article after the other, each in the order of the free modes that
+            they resemble most.
         count: Modes of each article.
-        turn: What they, in columns, have of the free ones; None without friction, where one article serves
+        turn: Parts of the free modes in them, by columns; None without friction, where one article serves
             all.
     """
 
@@ -48,7 +48,7 @@ class OwnArticles:
     turn: Float[np.ndarray, "article mode mode"] | None
 
     def columns(self, measured: np.ndarray) -> np.ndarray:
-        """Places in ``modes`` of the modes, in rows, that each of the ``measured`` may be."""
+        """Indices in ``modes`` of the modes, in rows, that each of the ``measured`` may be."""
         return np.arange(self.count)[:, None] + self.count * (0 * measured if self.turn is None else measured)
 
     def in_free(self, shapes: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ class OwnArticles:
 
 
 def own_articles(modes: Modes, count: int, added: Sequence[Added]) -> OwnArticles:
-    """The articles of the lowest ``count`` modes with what friction has ``added`` for each measured mode."""
+    """Articles of the lowest ``count`` modes with the friction ``added`` for each measured mode."""
     if not added:
         return OwnArticles(modes, len(modes.omega), None)
     free, rows = modes.omega[:count], np.array([a.row for a in added])

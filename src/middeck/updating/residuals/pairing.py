@@ -1,4 +1,4 @@
-"""Which mode of the model a measured mode is: by shape and nearness in frequency."""
+"""Pairs of measured modes and modes of the model, by shape and nearness in frequency."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def at_channels(modes: Modes, measured: MeasuredModes) -> Float[np.ndarray, "cha
 def pair(
     modes: Modes, measured: MeasuredModes, columns: Int[np.ndarray, "row measured"] | None = None
 ) -> Int[np.ndarray, "pair 2"]:
-    """One to one: by shape and nearness in frequency; where there are no shapes by frequency.
+    """Pairs, one to one: by shape and nearness in frequency; without shapes by frequency alone.
 
     ``columns`` are the modes that each measured mode may be, those of one row as one; else all may be any.
     """
@@ -45,7 +45,7 @@ def pair(
 def pair_shapes(
     alike: Float[np.ndarray, "mode measured"], apart: Float[np.ndarray, "mode measured"]
 ) -> Int[np.ndarray, "pair 2"]:
-    """One to one, from the MAC of all with all and the distances of their frequencies, in logarithms."""
+    """Pairs, one to one, from the MAC of all with all and the distances of log frequencies."""
     # At few channels modes far apart look alike: of two that do the nearer one counts. In squares, so that
     # pairs of modes that all look alike rise together: the sum of distances is the same where they cross.
     near = np.maximum(1.0 - (apart / np.log(WINDOW)) ** 2, 0.0)

@@ -155,7 +155,7 @@ def compare_response(
     x: Float[np.ndarray, " unknown"],
     open_x: Float[np.ndarray, "unknown drawn"],
 ) -> ComparedResponse:
-    """The rows; ``open_x`` is a root of the covariance of what is still unknown of ``x``.
+    """The rows; ``open_x`` is a root of the covariance of the remaining uncertainty of ``x``.
 
     Raises `ConfigError` for ports that the article does not have, and where no line counts.
     """
@@ -321,6 +321,6 @@ def poles_of(
 
 
 def kept_modes(modes: Modes, pairs: np.ndarray, top_hz: float) -> int:
-    """How many of the lowest modes a response needs: those of the survey, and some beyond its band."""
+    """Number of modes that a response needs: those of the survey, and some beyond its band."""
     below = int(np.count_nonzero(modes.frequency_hz < BEYOND * top_hz))
     return min(max(below, LEAST, int(pairs[:, 0].max(initial=-1)) + 1), len(modes.omega))

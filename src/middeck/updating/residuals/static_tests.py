@@ -89,7 +89,7 @@ class StaticTest:
 
 
 def check_zero(load_case: LoadCase | str | None, since_unloaded: bool, where: str) -> None:
-    """Raise `ConfigError` for changes since the article was unloaded that is not loaded."""
+    """Raise `ConfigError` for readings since unloading of an article that is not loaded."""
     if load_case is None and since_unloaded:
         raise ConfigError(
             "a change since unloaded, of no load case", where=where, hint="since drawn, or with a load case"
@@ -103,7 +103,7 @@ class Loaded(NamedTuple):
     unloaded: Equilibrium | None
 
     def states(self) -> Iterator[tuple[float, Equilibrium]]:
-        """Those of which a reading is the sum, each with its sign."""
+        """Rest states whose sum a reading is, each with its sign."""
         yield 1.0, self.rest
         if self.unloaded is not None:
             yield -1.0, self.unloaded
@@ -117,12 +117,12 @@ class Loaded(NamedTuple):
         return lengths(self.rest, self.unloaded, gauges)
 
     def strains(self) -> Float[np.ndarray, "state whitened"]:
-        """Strains of the members, so that their dot product is twice the energy."""
+        """Strains of the members, scaled so that their dot product is twice the energy."""
         return np.array([_whitened(rest) for _, rest in self.states()])
 
 
 class StaticSetUp(NamedTuple):
-    """An article under a load case and, where readings count from there, without it; and what moves it."""
+    """An article under a load case and, where readings count from there, without it; and its unknowns."""
 
     name: str
     loaded: SetUp
@@ -135,7 +135,7 @@ class StaticSetUp(NamedTuple):
     def slope(
         self, at: Loaded, gauges: Sequence[Gauge], moves: OncePerState | None = None
     ) -> Float[np.ndarray, "gauge unknown"]:
-        """Derivatives of what gauges read by the unknowns, in the rest states ``at``.
+        """Derivatives of readings by the unknowns, in the rest states ``at``.
 
         ``moves`` knows how states that several tests share move with the unknowns.
         """
@@ -151,13 +151,13 @@ class StaticSetUp(NamedTuple):
 
 
 class OncePerState:
-    """What is computed of each rest state, once: tests in one set-up share that without their loads."""
+    """Values computed once for each rest state: tests in one set-up share that without loads."""
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[Equilibrium, RestMotion]] = {}
 
     def motion(self, rest: Equilibrium, compute: Callable[[], RestMotion]) -> RestMotion:
-        """How the state moves, as computed when it was first asked for."""
+        """Motion of the state, computed at the first request."""
         if id(rest) not in self._known:
             self._known[id(rest)] = rest, compute()  # kept with it, so that no other state has its place
         return self._known[id(rest)][1]
@@ -260,7 +260,7 @@ class ComparedStatic:
 def compare_statics(
     at: Sequence[Loaded], tests: Sequence[StaticTest], places: Sequence[StaticSetUp]
 ) -> tuple[ComparedStatic, ...]:
-    """Residuals and slopes. Raises `ConfigError` for a gauge on what is not there, and as `slopes`."""
+    """Residuals and slopes. Raises `ConfigError` for a gauge on a missing part, and as `slopes`."""
     full, moves = full_scales(at, tests), OncePerState()
     return tuple(_compare(*one, full, moves) for one in zip(at, tests, places, strict=True))
 
@@ -275,7 +275,7 @@ def full_scales(at: Sequence[Loaded], tests: Sequence[StaticTest]) -> dict[tuple
 
 
 def gauge_key(gauge: Gauge) -> tuple[str, str, str]:
-    """The same of one gauge in all tests."""
+    """Key shared by one gauge in all tests."""
     return gauge.at, gauge.kind.value, gauge.name
 
 
@@ -325,7 +325,7 @@ class ErrorFields(NamedTuple):
         return ErrorFields(np.zeros((at.strains().shape[1], 0)), np.zeros(0))
 
     def part(self, at: Loaded) -> float:
-        """Part of the strain energy of the load that has the strains of the tests."""
+        """Part of the load's strain energy with the strains of the tests."""
         change = np.array([sign for sign, _ in at.states()]) @ at.strains()
         own = self.whitened.T @ change
         return float(own @ own / (change @ change or 1.0))
@@ -333,7 +333,7 @@ class ErrorFields(NamedTuple):
     def slope(
         self, at: Loaded, gauges: Sequence[Gauge], moves: OncePerState | None = None
     ) -> tuple[Float[np.ndarray, "gauge error"], Float[np.ndarray, " gauge"]]:
-        """What gauges read by each error, all at ``most`` first, and by that of all that has no direction.
+        """Readings by each error, all at ``most`` first, and by all errors without a direction.
 
         ``moves`` knows how states that several tests share move with the errors.
         """
@@ -344,7 +344,7 @@ class ErrorFields(NamedTuple):
         return out[:, :-1], out[:, -1]
 
     def beyond(self, at: Loaded, gauges: Sequence[Gauge]) -> Float[np.ndarray, "gauge direction"]:
-        """What gauges read by a change of each error that begins at ``most``, where the tests end.
+        """Readings by a change of each error that begins at ``most``, where the tests end.
 
         The way in which an error changes within the tests need not go on beyond them: members that stiffen
         change their error by more and more for every factor of e, so that it is counted in parts of ``most``;

@@ -73,7 +73,7 @@ class Survey:
     friction: tuple[SurveyedFriction, ...] = ()
 
     def set_up(self, structure: Structure, unknowns: Sequence[Unknown]) -> SetUp:
-        """The article as this test has it. Raises `ConfigError` as `set_up` and `apply_load_case`."""
+        """The article in this test. Raises `ConfigError` as `set_up` and `apply_load_case`."""
         bare = set_up(structure, self.environment, self.settings, unknowns)
         if self.load_case is None:
             return bare
@@ -110,12 +110,12 @@ class Survey:
 
 
 class ModePairing(NamedTuple):
-    """Modes of the articles in which a survey's modes were measured, and which the measured ones are.
+    """Modes of the articles in which a survey was measured, and the pairs with the measured modes.
 
     Attributes:
         pairs: (mode, measured mode), one to one.
         column: Mode that each pair is (second axis) in the article of each.
-        added: By friction.
+        added: Stiffness and loss added by friction.
     """
 
     own: OwnArticles
@@ -154,7 +154,7 @@ class Compared:
 
     @property
     def modes(self) -> Modes:
-        """Modes of the articles in which they were measured."""
+        """Modes of the articles in which the survey was measured."""
         return self.paired.own.modes
 
     @property
@@ -171,7 +171,7 @@ class Compared:
 
 
 def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
-    """Frequencies [Hz] of measured neighbours of which the survey's shapes do not say how they mix."""
+    """Frequencies [Hz] of measured neighbours whose mixing the survey's shapes leave open."""
     column = compared.paired.column
     near = neighbours(compared.modes, column)
     said = compared.rows[len(compared.pairs) :]
@@ -185,7 +185,7 @@ def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
 
 
 class SetUp(NamedTuple):
-    """An article in an environment, and what the unknowns move there."""
+    """An article in an environment, and the unknowns' parameters there."""
 
     structure: Structure
     environment: Environment
@@ -226,7 +226,7 @@ def set_up(
 
 
 def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count: int = 0) -> ModePairing:
-    """Pairs with the modes that have what friction has ``added`` to the lowest ``count`` of ``modes``.
+    """Pairs with the modes, with friction ``added`` to the lowest ``count`` of ``modes``.
 
     Raises `ConfigError` where nothing measured resembles any of the modes, and as `check_spare`.
     """
@@ -354,7 +354,7 @@ def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.nd
 
 
 def shape_deviations(modes: Modes, measured: MeasuredModes) -> np.ndarray:
-    """Stated standard deviations of shapes; otherwise `SHAPE_STD` of the mode at channels of that sort."""
+    """Standard deviations of shapes as stated; otherwise `SHAPE_STD` of the mode at channels of that sort."""
     rms = sort_rms(straight_channels(modes, measured.node, measured.direction), measured.shape)
     usual, stated = SHAPE_STD * np.where(rms > 0.0, rms, 1.0), measured.shape_std
     return usual if stated is None else np.where(stated > 0.0, stated, usual)

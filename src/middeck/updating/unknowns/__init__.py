@@ -1,1 +1,1 @@
-"""What a refinement may change, of the article and of the loop."""
+"""Unknowns of a refinement, in the article and in the loop."""

@@ -82,7 +82,7 @@ class Bound:
 
 
 def bind(unknowns: Sequence[Unknown], structure: Structure, environment: Environment) -> tuple[Bound, ...]:
-    """The parameters that each unknown moves here; those of a suspension are not in every environment.
+    """Parameters that each unknown moves here; those of a suspension are not in every environment.
 
     Raises `ConfigError` for a name that fits none, for a parameter named twice, and for a factor on numbers
     that are zero.
@@ -178,7 +178,7 @@ class LoopSlopes:
 
     @property
     def any(self) -> np.ndarray:
-        """Whether each unknown moves anything here."""
+        """Whether each unknown has an effect here."""
         return (np.vstack([self.delay, self.output, self.input]) != 0.0).any(axis=0)
 
 

@@ -1,1 +1,1 @@
-"""A plant and a compensator as the two halves of a loop, and the frequency lines it is looked at on."""
+"""A plant and a compensator as the two halves of a loop, and the frequency lines of its analysis."""

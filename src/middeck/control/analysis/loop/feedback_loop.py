@@ -74,7 +74,7 @@ class FeedbackLoop:
 
 
 def split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray, " pole"]]:
-    """The loop without modes uncontrollable from u or unobservable in y, and the poles of these modes.
+    """The loop without modes uncontrollable from u or unobservable in y, and these modes' poles.
 
     No return ratio contains them, so that counting its roots must not include them.
     """
@@ -274,7 +274,7 @@ def _sum_modes(modal: ModalSystem) -> Resolvent:
 
 
 def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
-    """Names of the channels at which the loop is broken."""
+    """Names of the channels where the loop is broken."""
     names = {"inputs": loop.inputs, "outputs": loop.outputs, "both": (*loop.inputs, *loop.outputs)}
     if at not in names:
         raise ConfigError(f"the loop cannot be broken at {at!r}", hint=f"one of {', '.join(names)}")
@@ -282,7 +282,7 @@ def broken_at(loop: FeedbackLoop, at: At) -> tuple[str, ...]:
 
 
 def channels_at(loop: FeedbackLoop, at: At) -> range:
-    """Numbers of those channels in `approximate_halves`."""
+    """Indices of those channels in `approximate_halves`."""
     first = len(loop.inputs) if at == "outputs" else 0
     return range(first, first + len(broken_at(loop, at)))
 

@@ -1,4 +1,4 @@
-"""Frequency lines for a loop: around every pole and zero, then refined wherever the ratio still changes."""
+"""Frequency lines for a loop: around every pole and zero, then refined where the ratio still changes."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _apart(centre: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def add_ends(loop: FeedbackLoop, ratio: Response, curve: Curve) -> Curve:
-    """The curve extended by zero frequency and by half the sampling rate, where finite."""
+    """The curve extended to zero frequency and to half the sampling rate, where finite."""
     period = loop.period_s
     ends = np.array([0.0] if period is None else [0.0, np.pi / period])
     omega, value = (

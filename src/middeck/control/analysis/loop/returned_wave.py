@@ -1,4 +1,4 @@
-"""What goes round a delayed loop at frequencies so high that its direct terms alone are left.
+"""The wave around a delayed loop at frequencies so high that only its direct terms are left.
 
 There the loop depends on the phase w T of their common delay T only: each turn of it repeats (a neutral
 equation; Hale and Verduyn Lunel 1993, section 9.6).
@@ -19,7 +19,7 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 361)
 
 @record
 class ReturnedWave:
-    """The direct terms of a loop, of which the plant's have one delay.
+    """The direct terms of a loop; the plant's have one delay.
 
     Attributes:
         through: The plant's.
@@ -32,7 +32,7 @@ class ReturnedWave:
     delay_s: float
 
     def halves(self, s: np.ndarray) -> tuple[Complex[np.ndarray, "phase output input"], np.ndarray]:
-        """G and K where the delay turns by the imaginary ``s`` [rad]."""
+        """G and K, where the delay is a phase of the imaginary ``s`` [rad]."""
         G = np.exp(-np.asarray(s, dtype=complex))[:, None, None] * self.through
         return G, np.broadcast_to(self.law.astype(complex), (len(G), *self.law.shape))
 

@@ -1,4 +1,4 @@
-"""Whether rounding of a continuous plant leaves the stability of its sampled loop open.
+"""Stability of a sampled loop that rounding of the continuous plant leaves open.
 
 Of mixed states the exponential that samples them loses more than their poles do, so that the sampled matrices
 alone do not tell: the plant is sampled again with its entries moved by rounding.
@@ -20,7 +20,7 @@ SPREADS = 10.0
 
 
 def sample_known(path: Plant, law: SampledStateSpace) -> Plant:
-    """The plant from the law's outputs to its inputs, sampled at its period.
+    """The plant from the compensator's outputs to its inputs, sampled at its period.
 
     Raises `NumericalError` where poles of the plant are vague (`is_vague`), and the loop with ``law`` is not
     `SPREADS` from the limit of growth.

@@ -1,4 +1,4 @@
-"""Where a return ratio meets the negative real axis or the unit circle, to rounding."""
+"""Crossings of a return ratio with the negative real axis or the unit circle, to rounding."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Ratio = Callable[[np.ndarray], np.ndarray]
 
 @record
 class Crossings:
-    """Where one quantity of L changes sign, channel by channel.
+    """Sign changes of one quantity of L, channel by channel.
 
     Attributes:
         omega: Angular frequency [rad/s].
@@ -43,7 +43,7 @@ class Crossings:
 
 
 def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
-    """Where L is real and negative, within 80 dB of one; of many a channel, the `MOST` nearest on each side.
+    """Real negative values of L within 80 dB of one; of many in a channel, the `MOST` nearest on each side.
 
     Where L is real everywhere, only where it turns back: roots on the axis meet there, and one leaves it.
     """
@@ -61,7 +61,7 @@ def axis_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarra
 
 
 def circle_crossings(ratio: Ratio, omega: Float[np.ndarray, " line"], L: np.ndarray) -> Crossings:
-    """Where L has gain one."""
+    """Crossings of L with the unit circle."""
     found = _roots(ratio, omega, L, lambda x: (np.abs(x) ** 2 - 1.0) / (np.abs(x) ** 2 + 1.0))
     return _keep(found, np.isfinite(found.L))
 
@@ -129,7 +129,7 @@ def _levels(
 
 
 def join_crossings(*parts: Crossings) -> Crossings:
-    """All of them."""
+    """All crossings together."""
     omega, channel, L = (
         np.concatenate(x) for x in zip(*((p.omega, p.channel, p.L) for p in parts), strict=True)
     )

@@ -134,7 +134,7 @@ def _hidden(P: np.ndarray, S: np.ndarray) -> np.ndarray:
 def skewed_sensitivity(
     P: Complex[np.ndarray, "line channel channel"],
 ) -> Complex[np.ndarray, "line channel channel"]:
-    """S - 1/2 = (1 - P)^-1 (1 + P)/2 of what goes round, P = -L; not a number on a pole of the loop."""
+    """S - 1/2 = (1 - P)^-1 (1 + P)/2, P = -L; not a number on a pole of the loop."""
     identity = np.eye(P.shape[1])
     try:
         return 0.5 * np.linalg.solve(identity - P, identity + P)

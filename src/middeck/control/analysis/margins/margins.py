@@ -84,7 +84,7 @@ class LoopMargins:
 
     @property
     def broken(self) -> bool:
-        """Whether the loop is unstable: it then has crossings, and limits of zero."""
+        """Whether the loop is unstable: it then has crossings, but limits of zero."""
         return self.disk.alpha == 0.0
 
     @property

@@ -1,4 +1,4 @@
-"""Loops whose gain stays at one or above at infinite frequency, which any additional delay destabilises.
+"""Loops whose gain stays at one or above at infinite frequency: any additional delay destabilises them.
 
 The delayed loop is of neutral type, with a chain of roots whose real parts tend to log(gain)/delay (Hale and
 Verduyn Lunel 1993, section 9.6): however short the delay, infinitely many roots are unstable.

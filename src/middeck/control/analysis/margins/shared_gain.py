@@ -1,4 +1,4 @@
-"""Where several loops share one unbounded gain, and rounding hides their difference.
+"""Several loops that share one unbounded gain, where rounding hides their difference.
 
 Beside a free body's poles each loop is unbounded, while its return ratio with the other loops closed
 and the sensitivity of all are finite: differences of numbers that grow as 1/s^2. There they follow from the

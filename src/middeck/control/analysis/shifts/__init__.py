@@ -1,1 +1,1 @@
-"""What a drifting plant does to a loop: allowed shifts, inverted modes, the worst of a box."""
+"""Effects of a drifting plant on a loop: allowed shifts, inverted modes, the worst of a box."""

@@ -22,7 +22,7 @@ CANCELLED = 1e-8
 
 @record(kw_only=True)
 class Inversion:
-    """A zero of the law beside a pole of the plant.
+    """A zero of the compensator beside a pole of the plant.
 
     Attributes:
         mode: The plant's mode.

@@ -1,4 +1,4 @@
-"""How far each mode may shift before the loop is unstable, mode by mode and in both directions."""
+"""Allowed shift of each mode before the loop becomes unstable, mode by mode and in both directions."""
 
 from __future__ import annotations
 

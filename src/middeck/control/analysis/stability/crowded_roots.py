@@ -1,4 +1,4 @@
-"""Roots that rounding does not tell apart, from a ring around all of them.
+"""Roots that rounding makes indistinguishable, from a ring around all of them.
 
 Rounding splits a double root by its own square root, and one on an open pole is a simple zero beside it:
 Newton's method comes to rest nowhere near. Number and sums of powers of the roots in a ring follow from the
@@ -38,7 +38,7 @@ class Ring:
     radius: float
 
     def holds(self, s: np.ndarray) -> Bool[np.ndarray, " point"]:
-        """Which points are inside."""
+        """Whether each point is inside."""
         return np.abs(s - self.middle) < self.radius
 
 

@@ -83,14 +83,14 @@ def _once(roots: np.ndarray, start: np.ndarray, own: np.ndarray, is_root: np.nda
 
 
 def find_open_poles(loop: FeedbackLoop) -> tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:
-    """Poles of plant and compensator; and how far rounding of each entry of their matrices moves them."""
+    """Poles of plant and compensator, and their shifts by rounding of the entries of the matrices."""
     parts = [poles_with_rounding(A) for A in (remove_delays(loop.plant).system.A, loop.law.A) if len(A)]
     values, rounding = zip((np.zeros(0, dtype=complex), np.zeros(0)), *parts, strict=True)
     return np.concatenate(values), np.concatenate(rounding)
 
 
 def is_light(poles: np.ndarray) -> np.ndarray:
-    """Upper poles that oscillate with little damping."""
+    """Whether each pole is an upper one that oscillates with little damping."""
     return (np.imag(poles) > 0.0) & (np.abs(np.real(poles)) < LIGHT * np.abs(poles))
 
 

@@ -66,7 +66,7 @@ class LoopStability:
 
 
 def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
-    """Stability with exact delays, including modes that the compensator does not move.
+    """Stability with exact delays, with the modes that the compensator does not move.
 
     Loops without delays and sampled loops are decided by eigenvalues. With delays, the poles of an
     approximation valid for all light modes start Newton's method on det(1 - K G); roots right of a line left
@@ -97,7 +97,7 @@ def _numbers(found: LoopStability) -> Float[np.ndarray, " number"]:
 
 @functools.lru_cache(maxsize=KEPT)
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
-    """As `decide_stability`, for a loop already formed; margin and damping may be uncertain."""
+    """`decide_stability` for a loop already formed; margin and damping may be uncertain."""
     return judge_roots(find_roots(loop), loop.period_s)
 
 

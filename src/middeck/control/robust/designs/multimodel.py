@@ -1,4 +1,4 @@
-"""One law of any order for several plants: fixed-order multi-model H2 (MacMartin, Hall and Bernstein 1991).
+"""One compensator of any order for several plants: fixed-order H2 (MacMartin, Hall and Bernstein 1991).
 
 The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the law's matrices,
 with analytic gradients. The domain is the set of laws that stabilise all models; the cost grows without bound
@@ -62,7 +62,7 @@ def design_multimodel(
     start: Compensator | None = None,
     tolerance: float = 1e-9,
 ) -> MultiModelCompensator:
-    """The law of a given form that minimises the mean or the maximum of the costs of several plants.
+    """The compensator of a given form with the least mean or maximum of the costs of several plants.
 
     Args:
         plant: The nominal plant, before ``uncertainty.finish``.

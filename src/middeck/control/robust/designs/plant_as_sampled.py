@@ -1,4 +1,4 @@
-"""A sampled plant in the w-plane, where a law sampled by Tustin's rule becomes continuous.
+"""A sampled plant in the w-plane, where a compensator sampled by Tustin's rule becomes continuous.
 
 The inverse of Tustin's rule s = (2/T) (z - 1)/(z + 1) maps the exactly sampled plant to a continuous one
 (Franklin, Powell and Workman 1998, section 7.4). Its loop with the continuous law has the mapped poles of the
@@ -17,7 +17,7 @@ from middeck.systems.state_space.statespace import StateSpace
 
 
 def plant_as_sampled(plant: Plant, period_s: float) -> Plant:
-    """The plant seen by a law sampled by Tustin's rule every ``period_s``, delay and hold exact.
+    """The plant seen by a compensator sampled by Tustin's rule every ``period_s``, delay and hold exact.
 
     Disturbances are held over a period too and keep their intensity; their direct term to z (at half the
     rate) is left out, because white noise would make the cost infinite. Ports outside the groups y and z are

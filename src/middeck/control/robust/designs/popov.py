@@ -1,4 +1,4 @@
-"""Popov/H2: a law with a guaranteed cost over a box of modal frequencies (How, Hall and Haddad 1994).
+"""Popov/H2: a compensator with guaranteed cost over a box of modal frequencies (How and others 1994).
 
 The bound of `middeck.control.robust.designs.popov_bound` is minimised over the law and the multipliers
 together, by quasi-Newton descent with analytic gradients.
@@ -46,7 +46,7 @@ FURTHEST = 20.0
 
 @record(kw_only=True)
 class PopovCompensator(RobustCompensator):
-    """A law whose ``cost`` bounds that of every plant whose modes lie in the box, in frequency alone.
+    """A compensator whose ``cost`` bounds that of every plant with modes in the box of frequencies.
 
     The box is that of `finished_plants`: damping ratios stay. Plants whose dampings 2 zeta omega stay while
     the frequencies move are in it too.
@@ -78,7 +78,7 @@ def design_popov(
     shaping: Shaping | None = None,
     tolerance: float = 1e-7,
 ) -> PopovCompensator:
-    """The law that minimises a bound on the cost over all frequencies in a box.
+    """The compensator that minimises a bound on the cost over all frequencies in a box.
 
     Every mode of ``uncertainty.shifts`` moves independently within its width, also within a group, with
     constant damping ratio; uncertain damping, gain and delay do not enter the bound. The law has as many

@@ -1,4 +1,4 @@
-"""Minimax law for many plants by exchange: the worst plants are added to the models until none is worse.
+"""Minimax compensator for many plants by exchange: the worst plants are added to the models.
 
 The exchange method of semi-infinite programming (Hettich and Kortanek 1993, SIAM Review 35): a minimax law
 for few plants, the worst of all plants under it, a minimax law for these too. It ends when no plant costs

@@ -1,1 +1,1 @@
-"""The models that a robust design is for, how they vary, and what a design returns."""
+"""The models of a robust design, their variation, and the result of a design."""

@@ -49,7 +49,7 @@ class Directions:
 
 
 def shift_directions(plant: Plant, finished: Plant, uncertainty: Uncertainty) -> Directions:
-    """Directions of stiffnesses, then of the dampings that move with them, each free within its bounds.
+    """Directions of stiffnesses, then of the dampings tied to them, each free within its bounds.
 
     Raises `ConfigError` as `stiffness_directions`, and where a shift changes more of the plant: outputs that
     read the acceleration of an uncertain mode.

@@ -1,4 +1,4 @@
-"""One law for several plants: its problem at each size of the perturbation and authority, and its result."""
+"""One compensator for several plants: problem at each size and authority, and the result."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _unmixed(plant: Plant) -> Plant:
 
 
 def true_costs(problem: Problem, law: Law) -> Float[np.ndarray, " model"]:
-    """E[z' W^2 z + rho u' R u], shaped, of each plant at full size under the law with its filters."""
+    """E[z' W^2 z + rho u' R u], shaped, of each plant at full size under the compensator with its filters."""
     whole = whole_law(law, problem.form)
     closed = Law(whole.A, whole.B, whole.C)
     return np.array(
@@ -132,14 +132,14 @@ def true_costs(problem: Problem, law: Law) -> Float[np.ndarray, " model"]:
 
 
 def whole_law(law: Law, form: LawForm) -> StateSpace:
-    """The law with its fixed filters."""
+    """The compensator with its fixed filters."""
     system = StateSpace(law.A, law.B, law.C, np.zeros((len(law.C), law.B.shape[1])))
     filtered = system if form.before is None else series(form.before, system)
     return filtered if form.after is None else series(filtered, form.after)
 
 
 def report_law(problem: Problem, law: Law) -> dict[str, Any]:
-    """Fields that the compensators of all robust designs have of their problem and law."""
+    """Fields on problem and compensator that the results of all robust designs share."""
     part = partition_modes(problem.nominal)
     return {
         "dynamics": whole_law(law, problem.form),

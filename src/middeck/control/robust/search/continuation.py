@@ -1,4 +1,4 @@
-"""Continuation to a law that stabilises all models: by authority, discount and size of perturbation."""
+"""Continuation to a `Law` that stabilises all models: by authority, discount and size of perturbation."""
 
 import dataclasses
 from collections.abc import Iterable, Sequence
@@ -35,7 +35,7 @@ ENOUGH = 1.02
 
 @record
 class Arrival:
-    """A law, the relative norm of its gradient, and the stages so far."""
+    """A `Law`, the relative norm of its gradient, and the stages so far."""
 
     law: Law
     gradient: float
@@ -43,7 +43,7 @@ class Arrival:
 
 
 def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
-    """A law that stabilises all models at full size, not yet optimal.
+    """A `Law` that stabilises all models at full size, not yet optimal.
 
     At the first size (the nominal model alone for a box, all plants where listed) a start is an LQG law of
     the right order, at the authority requested or a lower one, where a weak law stabilises any stable plant;
@@ -56,7 +56,7 @@ def approach(problem: Problem, start: Law | None, power: float) -> Arrival:
 
 
 def begin(problem: Problem, start: Law | None, power: float) -> Arrival:
-    """A law that stabilises the models at the first size."""
+    """A `Law` that stabilises the models at the first size."""
     if start is not None:
         return _given(problem, start)
     return _best_start(problem, station_ports(problem.form, problem.nominal), power)

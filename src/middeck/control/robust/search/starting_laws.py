@@ -46,7 +46,7 @@ def _factor(gramian: np.ndarray) -> np.ndarray:
 
 
 def pad_law(law: Law, order: int) -> Law:
-    """The law with stable states added over its frequencies, coupled by 1 % of its typical gains."""
+    """The `Law` with stable states added over its frequencies, coupled by 1 % of its typical gains."""
     extra = order - len(law.A)
     if extra <= 0:
         return law

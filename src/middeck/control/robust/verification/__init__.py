@@ -1,1 +1,1 @@
-"""Laws on many plants: stability, rms and comparison, continuous and sampled."""
+"""Compensators on many plants: stability, rms and comparison, continuous and sampled."""

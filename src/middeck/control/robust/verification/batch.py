@@ -1,4 +1,4 @@
-"""Loops in stacks: groups of one shape, rows of their covariances, and what to say of those undecided."""
+"""Loops in stacks: groups of one shape, rows of their covariances, and the warning of undecided ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One law on many modal plants with exact delays: stability by a verified phase count, rms by quadrature.
+"""One compensator on many modal plants with exact delays: verified phase count, rms by quadrature.
 
 If all modes decay, the unstable poles of the open loop are the P unstable poles of the law, the same for all
 plants. With f = det(I - K G), which tends to one,
@@ -58,7 +58,7 @@ class _Poles:
 
 @dataclass(frozen=True, kw_only=True)  # holds a function, so no value to compare
 class FamilyLaw:
-    """A law prepared for many plants, with the weights and noise of the rms; ``unstable`` is P."""
+    """A compensator prepared for many plants, with the weights and noise of the rms; ``unstable`` is P."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -71,7 +71,7 @@ class FamilyLaw:
 
 
 def family_law(compensator: Compensator, weights: LQGWeights) -> FamilyLaw | None:
-    """The prepared law; None if `is_vague`, without roll-off, or with a pole on the axis."""
+    """The prepared compensator; None if `is_vague`, without roll-off, or with a pole on the axis."""
     system = balance_states(compensator.system)
     values, vectors = np.linalg.eig(system.A) if len(system.A) else (np.zeros(0), np.zeros((0, 0)))
     if np.any(system.D) or np.any(np.abs(np.real(values)) < LIGHTEST) or is_vague(system):

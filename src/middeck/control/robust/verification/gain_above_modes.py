@@ -1,4 +1,4 @@
-"""A bound of a plant's gain above all of its modes, where the gain of most loops is small.
+"""Bound of a plant's gain above all of its modes, where the gain of most loops is small.
 
 A loop whose gain is below one has no root on the axis at that frequency, whatever its delay: an approximation
 of the delay need not be good there to tell whether the loop is stable.
@@ -28,7 +28,7 @@ def gain_above(plant: Plant, low: float) -> float:
 
 
 def _entries_above(system: StateSpace, low: float) -> Float[np.ndarray, "output input"]:
-    """Each pair of poles together: of the reading of a position both residues cancel but for 1/s^2."""
+    """Bounds of the entries, each pair of poles together: residues of a position cancel but for 1/s^2."""
     balanced, unit = balance(system.A)
     poles, vectors = np.linalg.eig(balanced)
     try:
@@ -39,7 +39,7 @@ def _entries_above(system: StateSpace, low: float) -> Float[np.ndarray, "output 
         return np.full(system.D.shape, np.inf)
     into, out = left @ (system.B / unit[:, None]), (system.C * unit) @ vectors
     residue = out.T[:, :, None] * into[:, None, :]
-    # Of r/(s - p) + r'/(s - p') = (2 Re r s - 2 Re(r p')) / ((s - p)(s - p')), and |s| < |s - p'|.
+    # r/(s - p) + r'/(s - p') = (2 Re r s - 2 Re(r p')) / ((s - p)(s - p')), and |s| < |s - p'|.
     turn = np.imag(poles)
     near = np.hypot(np.real(poles), np.maximum(low - turn, 0.0))
     moved, held = np.abs(np.real(residue)), np.abs(np.real(residue * np.conj(poles)[:, None, None]))

@@ -56,7 +56,7 @@ def close_many(
     outputs: tuple[Float[np.ndarray, "loop z state"], Float[np.ndarray, "loop y state"]],
     law: Law,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, C from w to z of plants (their columns w, u and rows z, y) under one law u = K y."""
+    """A, B, C from w to z of plants (columns w, u, rows z, y) under one compensator u = K y."""
     count, n, m = len(A), A.shape[1], len(law.A)
     closed = np.empty((count, n + m, n + m))
     closed[:, :n, :n], closed[:, n:, n:] = A, law.A

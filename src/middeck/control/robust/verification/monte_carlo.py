@@ -46,7 +46,7 @@ class PlantOutcomes:
 
     Attributes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
-        stable: By roots. A loop of infinite rms does not count as stable: a root on the axis drifts.
+        stable: Stability by the roots. A loop of infinite rms is not stable: a root on the axis drifts.
         rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
             unstable. Of a sampled loop at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
@@ -183,7 +183,7 @@ def noise_on(
 def which_decay(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights
 ) -> Bool[np.ndarray, " plant"]:
-    """Loops that are stable and of finite rms by `noise_on`, which does not compute it for this.
+    """Which loops are stable and of finite rms in `noise_on`, without computing the rms.
 
     Above the modes of a plant the phase of its delay is not kept where the gain of the loop is small there.
     """
@@ -289,7 +289,7 @@ def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> li
     if turning <= low:
         return [False] * len(plants)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of an uncertainty that is far below the half left
+        warnings.simplefilter("ignore")  # its uncertainty is far below the half left
         try:
             most = peak_gain(law, (low, np.inf)).gain
         except NumericalError:

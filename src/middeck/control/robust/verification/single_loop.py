@@ -23,7 +23,7 @@ TOLERATED = 1e-4
 def measure_one(
     A: Float[np.ndarray, "state state"], B: Float[np.ndarray, "state w"], C: Float[np.ndarray, "z state"]
 ) -> tuple[bool, np.ndarray, np.ndarray, float]:
-    """Stability, rms of the outputs, their errors, and the residual, as of `ManyLoops`.
+    """Stability, rms of the outputs, their errors, and the residual, as in `ManyLoops`.
 
     Where rounding leaves stability open (`is_open`) the loop counts as unstable, with a residual of ``inf``.
     An output lost in the rounding of others is computed again, in units of the states' rms.

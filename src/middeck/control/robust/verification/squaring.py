@@ -103,7 +103,7 @@ def share_way(A: np.ndarray, scale: np.ndarray) -> Way:
 
 @record(kw_only=True)
 class RmsProof:
-    """Which loops are proved stable and which to grow; of the proved, rms, their errors, and residuals."""
+    """Loops proved stable, and proved to grow; rms of the former, their errors, and residuals."""
 
     proved: np.ndarray
     grown: np.ndarray
@@ -169,7 +169,7 @@ def _square(
     while True:
         power, k = powers[-1], len(powers) - 1
         size = _norm(power)
-        most_trace = size * size  # of the next power
+        most_trace = size * size  # largest trace of the next power
         peak = max(peak, size)
         if size < SMALL:
             return powers, int(feigned * peak * peak * 3.0 * 2.0**k < DOUBT)

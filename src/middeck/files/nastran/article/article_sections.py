@@ -21,12 +21,12 @@ from middeck.structure.model.connectivity import some_names
 Formulation = Literal["consistent", "coupled", "lumped"]
 Array = np.ndarray
 THIRDS = 3
-PARTS = (2, 4, 8)  # of a member that tapers
-LEAST = 0.1  # of a third's flexibility, against its mean
-NEAR = 0.25 ** np.arange(1, 20)  # of a cell: a beam may end in 1e-12 of its second moment
-CHANGE = 1.3  # of flexibility and mass along a part, against the mean
-ROUNDING = 1e-9  # of a coupling of bending in both planes
-PRODUCT = 1e-6  # of rotary inertia that an article leaves out
+PARTS = (2, 4, 8)  # numbers of parts of a member that tapers
+LEAST = 0.1  # least flexibility of a third, over the mean
+NEAR = 0.25 ** np.arange(1, 20)  # parts of a cell: a beam may end in 1e-12 of its second moment
+CHANGE = 1.3  # largest change of flexibility and mass along a part, over the mean
+ROUNDING = 1e-9  # relative rounding of a coupling of bending in both planes
+PRODUCT = 1e-6  # relative product of rotary inertia that an article leaves out
 # Extension, shears, twist, curvatures; what a section rigid in shear has; units of length in each.
 RIGID_IN_SHEAR = np.ix_(*2 * [[0, 3, 4, 5]])
 LENGTHS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
@@ -98,7 +98,7 @@ def taper_notes(made: Mapping[str, ArticleSections]) -> list[str]:
 
 
 def lumps(bar: Bar) -> list[Mass]:
-    """Halves at the ends, of one that tapers with its mass and its centre along it.
+    """Half masses at the ends of a member that tapers with its mass and its centre along it.
 
     Those of a CBEAM turn about its axis, those of a bar or rod do not.
     """

@@ -20,7 +20,7 @@ from middeck.files.nastran.masses_and_springs.direct_matrices import carried_mot
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie, arm_from
 from middeck.structure.model.connectivity import some_names
 
-NOTHING = 1e-9  # of a spring's largest stiffness, shifts and turns apart
+NOTHING = 1e-9  # zero stiffness, over a spring's largest, shifts and turns apart
 STAY = "they stay in the article, where a bushing's axes turn with its first grid"
 TO_GROUND = "they are springs to the ground, in the environment, and their axes do not turn"
 

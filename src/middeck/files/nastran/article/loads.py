@@ -21,8 +21,8 @@ BY_GRIDS: dict[str, tuple[str, ...]] = {
 }
 DIRECT = ("FORCE", "MOMENT", *BY_GRIDS)
 TAKEN = (*DIRECT, "PLOAD1", "GRAV")
-LEAST = 1e-9  # of the largest coordinate: the length of a line that rounding of places may be
-ALIKE = 1e-6  # of gravity: fields of eight columns
+LEAST = 1e-9  # length of a line, over the largest coordinate, that may be rounding of places
+ALIKE = 1e-6  # relative difference of gravity in fields of eight columns
 INSIDE = "how its member bends between its ends, which move and turn as under it"
 
 
@@ -123,7 +123,7 @@ class LoadSets:
         return {"gravity_m_s2": size, "gravity_direction": along}, notes
 
     def down(self) -> np.ndarray | None:
-        """The direction of gravity, of the sets that are converted or else of all GRAV, if they have one."""
+        """Common direction of gravity of the converted sets, or else of all GRAV; None without one."""
         falls = [g for g in self.gravity.values() if np.any(g)]
         falls = falls or [self._acceleration(1.0, e, []) for e in self.entries if e.name == "GRAV"]
         ways = [g / np.linalg.norm(g) for g in falls if np.any(g)]

@@ -19,7 +19,7 @@ from middeck.structure.elements.beam_inertia import transverse_shapes
 KIND = re.compile("([FM])([XYZ])(E?)")
 SCALES = {"LE": False, "FR": True}  # whether places are fractions of the length
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
-BEYOND = 1e-6  # of the length: rounding of a place at its end
+BEYOND = 1e-6  # rounding of a place at a member's end, over its length
 
 
 def member_load(

@@ -1,4 +1,4 @@
-"""Which grids of a deck become nodes, which ride on others, and which constraints mean something there."""
+"""Which grids of a deck become nodes, which ride on others, and which constraints have an effect there."""
 
 from collections.abc import Sequence
 
@@ -47,7 +47,7 @@ class Standing:
 def find_standing(
     basis: Basis, parts: DeckParts, components: Sequence[Component], left_out: list[LeftOut]
 ) -> Standing:
-    """Appends to ``left_out`` what means nothing; raises `ConfigError` with what depends twice or is held."""
+    """Which grids are nodes; raises `ConfigError` for dependents given twice or held, fills ``left_out``."""
     grids = basis.places.grids
     joined = [tuple(int(frame[1:]) for frame in part.frames) for part in components]
     on_components = set().union(*joined)

@@ -136,12 +136,12 @@ ROUNDING = 1e-12
 
 
 def turns(body: Mass) -> bool:
-    """Whether it has inertia beyond the rounding of its place."""
+    """Whether the body has inertia beyond the rounding of its place."""
     return bool(np.abs(body.inertia).max() > body.mass * reach(body) ** 2)
 
 
 def reach(body: Mass) -> float:
-    """Rounding of the place of its centre."""
+    """Rounding of the place of the body's centre."""
     return ROUNDING * float(np.linalg.norm(body.centre))
 
 

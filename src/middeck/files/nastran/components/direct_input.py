@@ -39,7 +39,7 @@ class Lone:
         return self.matrix[6 * row : 6 * row + 6, 6 * column : 6 * column + 6]
 
     def size(self, row: int) -> np.ndarray:
-        """Roots of the diagonal of one grid."""
+        """Square roots of the diagonal for one grid."""
         return np.sqrt(np.abs(np.diagonal(self.block(row, row))))
 
 

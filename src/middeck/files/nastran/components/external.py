@@ -25,7 +25,7 @@ from middeck.files.nastran.deck.units import Units
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
 from middeck.values import record
 
-BARE = Units("", 1.0, 1.0, 1.0)  # of the deck itself
+BARE = Units("", 1.0, 1.0, 1.0)  # units of the deck itself
 
 # Names of stiffness, mass, viscous and structural damping in what programs write.
 NAMES = {
@@ -221,7 +221,7 @@ def basic_matrix(
             where=where,
             hint="select another matrix, or remove its selection from the deck",
         )
-    size = np.sqrt(np.abs(np.diagonal(matrix)))  # of each coordinate: a turn's may be 1e9 in mm and N
+    size = np.sqrt(np.abs(np.diagonal(matrix)))  # a turn's entry may be 1e9 in mm and N
     allowed = UNEQUAL * np.outer(size, size) + ROUNDING * np.abs(matrix).max()
     if np.any(np.abs(matrix - matrix.T) > allowed):
         raise DataError(

@@ -18,7 +18,7 @@ CAUSE = 0.1
 
 
 def as_printed(part: Component, rounding: np.ndarray | None) -> Component:
-    """The component without what the digits of its files leave of a resistance to rigid motion.
+    """The component without the resistance to rigid motion that is rounding of its printed digits.
 
     ``rounding`` bounds that of each entry of its stiffness, None for exact matrices. Where the places of its
     grids do not fit its matrices, those within `NEAR` that do are its positions, and their distances from

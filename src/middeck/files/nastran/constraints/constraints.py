@@ -53,7 +53,7 @@ class Constraint:
 def read_constraints(
     deck: Deck, places: GridPlaces, points: Container[int], still: Container[int], faults: list[DocumentFault]
 ) -> list[Constraint]:
-    """All constraints, whether they mean anything or not; appends to ``faults`` what is wrong.
+    """All constraints, with or without an effect; appends to ``faults`` what is wrong.
 
     The ground holds the scalar ``points`` that are ``still``: they have no part in an equation.
     """
@@ -69,7 +69,7 @@ def read_constraints(
 
 
 def that_matter(constraints: list[Constraint], used: Container[int]) -> list[Constraint]:
-    """Those that do more than say how a grid moves on which nothing stands.
+    """Constraints that do more than say how a grid moves on which nothing stands.
 
     Two that share a motion of such a grid join what else they name.
     """
@@ -93,7 +93,7 @@ def joined_components(constraints: list[Constraint]) -> dict[int, str]:
 def check_dependent(
     constraints: list[Constraint], carriers: dict[int, int], held: dict[int, str], faults: list[DocumentFault]
 ) -> None:
-    """Appends to ``faults`` what depends twice, or depends and is held."""
+    """Append to ``faults`` components that are dependent twice, or dependent and held."""
     first: dict[tuple[int, str], Constraint] = {}
     for c in constraints:
         for grid, component in c.dependent:

@@ -140,7 +140,7 @@ def _without_collection() -> Generator[None]:
 
 
 def given(deck: Deck, name: str) -> Iterator[tuple[str, DocumentFault]]:
-    """What PARAM says of ``name``, in bulk data and then in case control, which goes before it.
+    """Values of PARAM ``name``, in bulk data and then in case control, which takes precedence.
 
     Each with a complaint about it that has no message yet.
     """
@@ -175,7 +175,7 @@ def reference_grid(deck: Deck) -> int | None:
 
 
 def unread_params(deck: Deck) -> list[str]:
-    """Names of the PARAM of bulk data and case control that nothing is made of, each once."""
+    """Names of PARAM in bulk data and case control that are not used, each once."""
     stated = [text.upper().replace(",", " ").split() for text, _, _ in deck.selection.params]
     names = [entry.id for entry in deck.entries.of("PARAM")] + [words[1] for words in stated if words[1:]]
     return [name for name in dict.fromkeys(names) if name not in READ]

@@ -108,7 +108,7 @@ class Lines:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to say of includes: missing before bulk data, or with a last line that does not end."""
+        """Notes on includes: missing before bulk data, or with a last line that does not end."""
         gone = (f"include not found before BEGIN BULK: {f.value} ({f.place})" for f in self._absent)
         return (*gone, *self._cut)
 

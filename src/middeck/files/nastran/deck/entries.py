@@ -111,7 +111,7 @@ class Entry(NamedTuple):
 
 
 class CardError(ValueError):
-    """A complaint that knows its field and card, which may be another than the one being converted."""
+    """A complaint with its field and card, which may be another than the one being converted."""
 
     def __init__(self, fault: DocumentFault) -> None:
         super().__init__(fault.message)
@@ -119,14 +119,14 @@ class CardError(ValueError):
 
 
 def add_fault(faults: list[DocumentFault], error: ValueError, entry: Entry, key: str = "") -> None:
-    """Append what ``error`` complains of, once; about the field ``key`` of ``entry`` if it does not say."""
+    """Append the complaint of ``error`` once, about field ``key`` of ``entry`` unless it names another."""
     fault = error.fault if isinstance(error, CardError) else entry.fault(f"{error}", key)
     if fault not in faults:
         faults.append(fault)
 
 
 class Entries(NamedTuple):
-    """What was read of a deck's bulk data: by card, and how many cards of each other name there are."""
+    """A deck's bulk data: entries by card, and the number of cards of each other name."""
 
     by_name: dict[str, list[Entry]]
     idle: Counter[str]

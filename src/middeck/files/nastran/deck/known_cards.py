@@ -1,4 +1,4 @@
-"""What stands in which field of the cards that are read, and which other cards there are.
+"""Fields of the cards that are read, and the names of the other cards.
 
 A format names the fields in their order, each as ``name:kind``: n a positive integer, i an integer, r a
 real, g a grid (integer) or a real, c components (digits 1 to 6, or 0 for none), d some of them, t text, a
@@ -140,7 +140,7 @@ class Field(NamedTuple):
 
 
 class Format(NamedTuple):
-    """The fields of a card, and what all that follow them are, if anything may."""
+    """The fields of a card, and the field that may repeat after them."""
 
     fields: tuple[Field, ...]
     rest: Field | None

@@ -33,7 +33,7 @@ def replicated(groups: Sequence[list[Row]], faults: list[DocumentFault]) -> list
     """
     out: list[list[Row]] = []
     pattern: tuple[str, ...] | None = None
-    spoilt = False  # by a fault: cards that repeat this one say nothing more
+    spoilt = False  # after a fault, cards that repeat this one report nothing more
     for group in groups:
         head, fields, _, _, line = group[0]
         if head == EQUATIONS or not (head[0] == "=" or any(not COPIES.isdisjoint(row[1]) for row in group)):

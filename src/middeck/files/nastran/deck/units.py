@@ -18,8 +18,8 @@ _COMMON = "mm-kg-s-mN m-kg-s-N mm-t-s-N in-slinch-s-lbf mm-kg-ms-kN mm-g-ms-N ft
 COMMON = tuple(_COMMON.split())
 # Range of Young's modulus, density and size of structures, from wood to carbon fibres and tungsten.
 YOUNG, DENSITY, SIZE = (1e8, 1.5e12), (100.0, 2.3e4), (1e-3, 2e3)
-BUILT = (1e10, 5e11)  # of the most common: light alloys, fibres, steel
-ROUNDING = 1e-6  # of a force that people round
+BUILT = (1e10, 5e11)  # Young's moduli of the most common: light alloys, fibres, steel
+ROUNDING = 1e-6  # relative rounding of a force by people
 
 
 class Units(NamedTuple):
@@ -85,7 +85,7 @@ def guess_units(materials: Sequence[tuple[float, float]], size: float) -> list[U
 
 
 def doubt_modulus(units: Units, E: float) -> str:
-    """What is wrong with a Young's modulus in ``units``, and in which others it is one; else nothing.
+    """A warning for an implausible Young's modulus in ``units``, with plausible units; else empty.
 
     A power of ten is one for form's sake, of a beam that is given by E A and E I.
 

@@ -27,7 +27,7 @@ NOISE = 10.0
 
 
 def direct_ties(lone: Lone, places: GridPlaces, faults: list[DocumentFault]) -> list[Tie]:
-    """Bushings of a stiffness that stands alone; appends to ``faults`` one that is no sum of such."""
+    """Bushings equivalent to a stiffness that stands alone; appends to ``faults`` one without such."""
     grids, count = lone.grids, len(lone.grids)
     own = [lone.block(k, k).copy() for k in range(count)]
     half = rounding_of(lone.digits)

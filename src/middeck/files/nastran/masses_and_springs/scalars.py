@@ -63,7 +63,7 @@ class Element(NamedTuple):
 
     @property
     def has_node(self) -> bool:
-        """Whether it needs a node of its own, for what it sees is no scalar point."""
+        """Whether it needs a node of its own: some end is no scalar point, or it is a mass between two."""
         return bool(self.grids) or (self.is_mass and len(self.ends) == 2)
 
 

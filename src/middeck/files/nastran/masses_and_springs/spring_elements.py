@@ -18,7 +18,7 @@ from middeck.files.toml.faults import DocumentFault
 from middeck.values import record
 
 ROW = 8
-APART = 1e-9  # of a length, and the sine between directions that are one
+APART = 1e-9  # relative length, and sine between directions, that are zero
 BASIC_AXES = "0 for the basic axes"
 ALONG = 1e-6  # the sine between a bushing's line and its orientation vector
 
@@ -40,7 +40,7 @@ class Tie:
 
 
 def arm_from(place: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """From a place to a point; zero where only their rounding is between them."""
+    """Vector from a place to a point; zero where it is rounding."""
     arm = point - place
     return arm if np.linalg.norm(arm) > APART * np.linalg.norm(place) else np.zeros(3)
 

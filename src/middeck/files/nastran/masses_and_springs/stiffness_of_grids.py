@@ -11,7 +11,7 @@ from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.nastran.members.members import Bar, own_axes
 
-NOTHING = 1e-9  # of a grid's largest stiffness, of shifts or of turns
+NOTHING = 1e-9  # zero stiffness, over a grid's largest, shifts and turns apart
 
 
 def is_firm(bar: Bar) -> bool:
@@ -40,7 +40,7 @@ def loose_shifts(
     carriers: Mapping[int, int],
     places: GridPlaces,
 ) -> list[int]:
-    """Those of ``grids`` that shift in some direction without resistance, square to what is ``held``."""
+    """Those of ``grids`` that nothing holds against shifts in some direction normal to what is ``held``."""
     firm = {carriers.get(grid, grid) for bar in bars if is_firm(bar) for grid in bar.grids}
     stiffness = {grid: np.zeros((3, 3)) for grid in grids if grid not in firm}
     for bar in bars:

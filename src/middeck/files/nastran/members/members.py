@@ -58,7 +58,7 @@ class Bar:
 
     @property
     def length(self) -> float:
-        """From end to end."""
+        """Distance between the ends."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
 

@@ -14,7 +14,7 @@ from middeck.structure.model.section_torsion import Wall, torsion_of_polygon, tw
 from middeck.values import record
 
 PI = float(np.pi)
-ROUNDING = 1e-12  # of a product moment over the second moments, of a place over the sizes
+ROUNDING = 1e-12  # rounding of a product moment over the second moments, of a place over the sizes
 
 
 @record(kw_only=True)

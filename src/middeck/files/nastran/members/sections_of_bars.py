@@ -34,12 +34,12 @@ class BarSection(NamedTuple):
 
     @property
     def first(self) -> Cut:
-        """That at end A."""
+        """The cross-section at end A."""
         return self.stations.cuts[0][1]
 
     @property
     def tapers(self) -> bool:
-        """Whether it has more than one."""
+        """Whether it has more than one cross-section."""
         return len(self.stations.cuts) > 1
 
     @property
@@ -59,7 +59,7 @@ class BarSection(NamedTuple):
 
 
 class Sections:
-    """Sections by the property that a member names; what is wrong with one is said once."""
+    """Sections by the property that a member names; a fault of one is reported once."""
 
     def __init__(self, entries: Entries, faults: list[DocumentFault]) -> None:
         self.materials = entries.numbered("MAT1")
@@ -140,7 +140,7 @@ def _check(entry: Entry, at: float, cut: Cut, where: str) -> None:
 
 
 def read_material(card: Entry) -> Material:
-    """Moduli of a MAT1, one of which may follow from others; raises `ValueError` for those of no solid."""
+    """Moduli of a MAT1, one of which may follow from the others; raises `ValueError` for impossible ones."""
     young, shear, nu = card["e"], card["g"], card["nu"]
     if nu is not None and not -1.0 < nu <= 0.5:
         what = f"MAT1 {card.id} has Poisson's ratio {nu}; must be > -1 and <= 0.5"

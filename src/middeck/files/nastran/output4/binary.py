@@ -34,7 +34,7 @@ class BinarySource:
         self.order, self.size = found[0]
 
     def fail(self, what: str) -> NoReturn:
-        """Raise with the place."""
+        """Raise `DataError` with the place."""
         named = f", matrix {self.matrix!r}" if self.matrix else ""
         raise DataError(what, where=f"{self.path}{named}, byte {self.at}", hint="write the file once more")
 
@@ -81,14 +81,14 @@ class BinarySource:
         return count
 
     def end(self) -> None:
-        """The record beyond the last column: a number, whatever it says of its words."""
+        """Read the record beyond the last column: one number, whatever word count it states."""
         if self.stop - self.at not in (4, 8, 16):
             self.fail(f"{self.stop - self.at} bytes in place of a number")
         self._take(self.stop - self.at)
         self.end_column()
 
     def end_column(self) -> None:
-        """The record must be over, and say so."""
+        """Check that the record is over and that its closing length is the opening one."""
         if self.at != self.stop:
             self.fail(f"{self.stop - self.at} bytes too many in a record")
         begun = self.length

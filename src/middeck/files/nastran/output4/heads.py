@@ -27,7 +27,7 @@ class MatrixHeader:
 
 
 def head_of(numbers: tuple[int, ...], name: str, fail: Callable[[str], NoReturn]) -> MatrixHeader:
-    """A header whose numbers make sense."""
+    """The header; calls ``fail`` for numbers that are impossible in one."""
     columns, rows, form, kind = numbers
     if not (columns > 0 and rows != 0 and form in FORMS and 1 <= kind <= 4):
         fail(f"a header of {columns} columns, {rows} rows, form {form} and type {kind}, which is no matrix's")

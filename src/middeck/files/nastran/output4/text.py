@@ -14,8 +14,8 @@ FORMAT = re.compile(r"(?:1P,?)?(\d+)[ED](\d+)\.(\d+)")
 # A Fortran exponent of three digits may stand without its letter.
 NUMBER = re.compile(r"([+-]?\d+\.\d*|[+-]?\.\d+)(?:[ED]?([+-]\d+)|[ED](\d+))?")
 INTEGER = re.compile(r" *-?\d+")
-PLAIN = (5, 16)  # of older files, which state no format
-PYNASTRAN = (3, 23)  # of Nastran too, in double precision
+PLAIN = (5, 16)  # format of older files, which state none
+PYNASTRAN = (3, 23)  # also Nastran's format in double precision
 
 
 class TextSource:
@@ -34,7 +34,7 @@ class TextSource:
         self.format = PLAIN
 
     def fail(self, what: str) -> NoReturn:
-        """Raise with the place."""
+        """Raise `DataError` with the place."""
         named = f", matrix {self.matrix!r}" if self.matrix else ""
         raise DataError(what, where=f"{self.path}{named}, line {self.at}", hint="write the file once more")
 

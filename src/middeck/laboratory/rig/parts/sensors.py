@@ -7,7 +7,7 @@ import numpy as np
 from middeck.errors import ConfigError
 from middeck.values import record
 
-BUTTERWORTH_DELAY = math.sqrt(2.0)  # of the filter of second order at low frequency, times its omega
+BUTTERWORTH_DELAY = math.sqrt(2.0)  # low-frequency delay of the second-order filter, times its omega
 
 
 @record

@@ -1,1 +1,1 @@
-"""How far to trust a mode: the mesh, and members too stiff for matrices."""
+"""Accuracy of a mode: the mesh, and members too stiff for matrices."""

@@ -46,7 +46,7 @@ CLAMPED_COLUMN = 4.0 * np.pi**2  # its critical load in EI / L^2
 STRING = 1e-9  # EI / (N L^2) taken of a string, which has none: its tension holds it alone
 # omega^2 over an element's own: beyond, the mesh has no shape like the mode.
 BEYOND = 0.5
-UNCOUPLED = 1e-9  # of both bending stiffnesses: the coupling below which rounding alone turns the axes
+UNCOUPLED = 1e-9  # coupling over both bending stiffnesses below which rounding alone turns the axes
 ORDER = 0.25  # errors fall with the fourth power of the number of elements at most: those of bending
 POINTS = 8  # Gauss points, exact for the moments of cubic loads
 MORE_ELEMENTS = "use more elements a member (mesh.elements_per_strut, or elements of a strut)"

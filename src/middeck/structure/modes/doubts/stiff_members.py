@@ -19,7 +19,7 @@ LIMIT = 1e10
 
 @record
 class Stiffest:
-    """The member, spring or bushing that is stiffest, beside what holds the article.
+    """The stiffest member, spring or bushing, compared with what holds the article.
 
     Attributes:
         where: Its kind and name.
@@ -32,7 +32,7 @@ class Stiffest:
     ratio: float
 
     def refusal(self, what: str, why: str = "", instead: str = "") -> NumericalError:
-        """The error that names it; ``why`` it cannot be made softer, and what ``instead`` can be had."""
+        """The error that names it, with ``why`` it cannot be made softer and what ``instead`` is possible."""
         return NumericalError(
             f"{what} would be rounding: {self.where} is {self.ratio:.1e} times as stiff as the supports"
             f"{', and ' if why else ''}{why}",
@@ -59,7 +59,7 @@ def check_beside_devices(equilibrium: Equilibrium, what: str) -> None:
 
 
 def beside_modes(modes: Modes) -> Stiffest | None:
-    """The stiffest beside the softest mode that swings; None where none does."""
+    """The stiffest part over the softest mode that oscillates; None where none does."""
     swings = modes.omega[modes.omega > 0.0]
     if not len(swings):
         return None
@@ -68,7 +68,7 @@ def beside_modes(modes: Modes) -> Stiffest | None:
 
 
 def beside_devices(equilibrium: Equilibrium) -> Stiffest | None:
-    """The stiffest beside all devices together; None where there are none, and nothing moves."""
+    """The stiffest part over all devices together; None where there are none."""
     held = float(np.sum(equilibrium.loads.law.stiffness))
     return _stiffest(equilibrium, held) if held > 0.0 else None
 

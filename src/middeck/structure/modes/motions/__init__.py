@@ -1,1 +1,1 @@
-"""What a shape is made of: rigid motions, strain of members and parts, motion as one beam."""
+"""Composition of a shape: rigid motions, strain of members and parts, motion as one beam."""

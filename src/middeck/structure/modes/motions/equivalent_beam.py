@@ -1,4 +1,4 @@
-"""How far a slender article moves like one beam: bending, torsion or axial motion of its cross-sections.
+"""Motion of a slender article as one beam: bending, torsion or axial motion of its cross-sections.
 
 Sections across the long axis that stay plane and keep their form move by three translations and three
 rotations, each a polynomial along that axis. The part of a mode's kinetic energy in such motion depends on no
@@ -138,7 +138,7 @@ def _planes_of(aside: Float[np.ndarray, "2 point mode"]) -> Float[np.ndarray, "m
 
 
 def turned_bodies(equilibrium: Equilibrium) -> Float[np.ndarray, "body 3 3"]:
-    """Roots of the inertia of the bodies, in W: their product with a turn is squared its energy, twice."""
+    """Square roots of the inertia of the bodies, in W: |root turn|^2 is twice the energy."""
     model = equilibrium.model
     own, axes = np.linalg.eigh(model.body_inertia)
     root = (axes * np.sqrt(np.maximum(own, 0.0))[:, None, :]) @ axes.transpose(0, 2, 1)

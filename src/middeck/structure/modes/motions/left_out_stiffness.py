@@ -1,4 +1,4 @@
-"""What forces and bending at rest, which linear matrices of components do not know, may make of each mode."""
+"""Effect of forces and bending at rest that the linear matrices of components lack, for each mode."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from middeck.structure.model.article import JointState
 from middeck.structure.rest.equilibrium import Equilibrium
 
 AXES = "xyz"
-TURNS = slice(3, 6)  # of the motions: the rotations
+TURNS = slice(3, 6)  # the rotations among the motions
 BODY, HALF = 6, 0.5
 # A motion that is less than this part new is one that earlier ones contain, e.g. a second coaxial joint.
 NEW_PART = 1e-3

@@ -1,4 +1,4 @@
-"""Where a mode keeps its elastic energy."""
+"""Elastic energy of a mode by parts."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def strain_energy(
 def part_energy(
     equilibrium: Equilibrium, shapes: Inexact[np.ndarray, "coordinate mode"]
 ) -> Inexact[np.ndarray, "mode part"]:
-    """The same by parts: members, springs, joints, bushings, components, in the order of the structure."""
+    """Elastic energy [J] by member, spring, joint, bushing and component, in the order of the structure."""
     changes = equilibrium.moves(shapes)
     ties = _tie_energies(equilibrium, shapes, changes)
     return np.hstack([_each_member(equilibrium, changes), *ties])
@@ -110,7 +110,7 @@ def lossy_shares(
     lam: Inexact[np.ndarray, " mode"],
     shapes: Inexact[np.ndarray, "coordinate mode"],
 ) -> Inexact[np.ndarray, "2 mode"]:
-    """Strain, and all else that holds the article, as parts of the energy omega^2 / 2 of each mode; analytic.
+    """Shares of strain, and of all else that holds the article, in the energy omega^2 / 2; analytic.
 
     What else holds is the strain of devices and, where it is positive, the work of weight and preload. Energy
     that weight or preload takes away has no loss, and takes none from what strains: the sum is then above
@@ -138,7 +138,7 @@ def device_strain(
 
 
 def _device_energies(equilibrium: Equilibrium, shapes: np.ndarray) -> Inexact[np.ndarray, "2 mode"]:
-    """By their strain and by their pull."""
+    """Energy [J] in devices, springs and bushings to the ground by their strain, then by their pull."""
     model, loads = equilibrium.model, equilibrium.loads
     places, moves = points_in_world(model.points, equilibrium.poses), equilibrium.moves(shapes)
     state = spring_state(loads.law, places[loads.attach_point] - loads.anchor)

@@ -21,7 +21,7 @@ from middeck.structure.rest.equilibrium import Equilibrium
 ALIKE = 0.8
 # Two members run on in one line where the sine of their angle is less.
 STRAIGHT = 1e-3
-MOST = 0.75  # of all members in one part: that says nothing
+MOST = 0.75  # share of all members from which on a part says nothing
 STATION = re.compile(r"_\d+$")
 NUMBERED = re.compile(r"(.*?[^\W\d])[ _./-]*\d+")
 

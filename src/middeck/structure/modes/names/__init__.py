@@ -1,1 +1,1 @@
-"""Kind and name of each mode: suspension, pendulum or flexible, and what it does."""
+"""Kind and name of each mode: suspension, pendulum or flexible, and its motion."""

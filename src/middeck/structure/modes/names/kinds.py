@@ -1,4 +1,4 @@
-"""Suspension, pendulum or flexible: which part of a mode's motion the free article could make without strain.
+"""Suspension, pendulum or flexible: the part of a mode's motion that strains nothing in the free article.
 
 The rigid-body motions of the free article (turns of its free joints included) span a space of dimension n.
 The part of a mode's kinetic energy that lies in it is its *rigid share*, 1 for a body that swings as a whole
@@ -61,7 +61,7 @@ class Kinds:
 
 
 def is_held(equilibrium: Equilibrium) -> bool:
-    """Whether gravity or a device acts: else there is no suspension, and no mode of it."""
+    """Whether gravity or a device acts: otherwise no mode is one of a suspension."""
     loads = equilibrium.loads
     return bool(np.any(loads.gravity)) or len(loads.attach_point) + len(loads.ground.point) > 0
 
@@ -73,7 +73,7 @@ def find_kinds(
     shapes: Float[np.ndarray, "coordinate mode"],
     rigid: int,
 ) -> Kinds:
-    """Kinds of modes, the first ``rigid`` at zero: one of `HELD` where most moves rigidly, held by no strain.
+    """Kinds of modes, the first ``rigid`` at zero: one of `HELD` where most moves rigidly without strain.
 
     The basis of modes of equal frequency is arbitrary. Where a suspension mode and a flexible one coincide,
     the basis that separates them is taken, and else the one of `turn_apart`, so that the result does not
@@ -210,7 +210,7 @@ def _null_space(equilibrium: Equilibrium) -> np.ndarray:
 
 
 def in_one_piece(model: Model) -> bool:
-    """Whether members join all: then the strainless motions are those of one body and its free joints."""
+    """Whether members join all nodes: strainless motions are then those of one body and its free joints."""
     structure = model.structure
     return (
         not structure.springs

@@ -26,7 +26,7 @@ class Wording(NamedTuple):
     bent: Float[np.ndarray, "2 2"] | None = None
 
 
-UNCLEAR = 0.25  # of two bendings: in one plane, or across, to less than this; else half, as at 45 degrees
+UNCLEAR = 0.25  # two bendings are in one plane, or across, to less than this; else half, as at 45 degrees
 ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LOCAL, BENDING = "local: ", "bending"
 COMPONENT, INSIDE = "component", "deformation of {}"  # which only the program that reduced it can name
@@ -86,7 +86,7 @@ def deformation_names(
     lam: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "coordinate mode"],
 ) -> list[Wording]:
-    """The deformation of each mode, not numbered.
+    """Words for the deformation of each mode, not numbered.
 
     Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
     strain energy is in a mast (see `BeamMotion`). Of any other that is slender, or is strained axially, it is

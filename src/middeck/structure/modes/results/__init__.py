@@ -1,1 +1,1 @@
-"""What is read from modes: drawings, results of components, and which of them bend."""
+"""Results of modes: drawings, outputs of components, and the modes that bend."""

@@ -1,4 +1,4 @@
-"""Which modes of an article a robustness sweep shifts, and which of them are its first bending."""
+"""Modes of an article that a robustness sweep shifts, and its first bending modes."""
 
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.dispersed_frequencies import DispersedModes
@@ -7,7 +7,7 @@ FIRST = "first bending"
 
 
 def dispersed_modes(modes: Modes, count: int) -> DispersedModes:
-    """The flexible ones of the lowest ``count`` modes; rigid and suspension modes are not bending.
+    """The flexible modes among the lowest ``count``; rigid and suspension modes are not bending.
 
     First bending is every mode of that name, one for each plane; where none has it, the lowest flexible mode.
     """

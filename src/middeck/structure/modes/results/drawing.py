@@ -1,4 +1,4 @@
-"""What is drawn of an article: lines with several points a member, marks, and how shapes move the points.
+"""Drawing of an article: lines with several points a member, marks, and the motion of points in shapes.
 
 One value for pictures, pages and files: whatever shows a shape shows these arrays.
 """
@@ -38,8 +38,8 @@ MOST_SECTIONED, CELLS = 60, 8
 # The twelve edges of a box in one stroke, by the binary digits of its corners.
 STROKE = (0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4)
 CORNERS = np.array([[(c >> axis & 1) - 0.5 for axis in range(3)] for c in range(8)])
-DECIMALS = 6  # of distances over the size: which of several equal ones is drawn hangs on no rounding
-STEP = 1e-30  # of the complex step
+DECIMALS = 6  # decimals of distances over the size: rounding does not decide which of equal ones is drawn
+STEP = 1e-30  # complex step
 # Extent, over the largest coordinate, of what is a point to rounding; it is drawn this large [m].
 POINT, POINT_M = 1e-9, 1.0
 
@@ -86,8 +86,8 @@ class Drawing:
         strain: Share of every line's member or component in the elastic energy of each shape; zero for the
             other lines.
         number: Number of each shape in its modes.
-        frequency_hz, kind, name: Of each shape.
-        alike: How many modes have the frequency of each shape: of several any basis will do. 1 at zero.
+        frequency_hz, kind, name: Those of each shape.
+        alike: Number of modes at the frequency of each shape: several have no unique basis. 1 at zero.
     """
 
     title: str

@@ -64,7 +64,7 @@ def _tested(
     taken = take_modal_test(there, settings, build_modal_test(form), rng)
     joints = [(joint, joint) for joint in form.joints]
     friction = find_friction(taken, joints, band_hz=form.band_hz, delay_s=settings.delay_s)
-    with warnings.catch_warnings():  # of free motions that are not over, which the variance holds
+    with warnings.catch_warnings():  # free motions that are not over: the variance holds them
         warnings.simplefilter("ignore", UserWarning)
         response = estimate_response(without_friction(taken, friction), band_hz=form.band_hz)
     fit = _fit(response, form.states)
@@ -91,11 +91,11 @@ def _fit(response: FrequencyResponse, states: Sequence[int]) -> FitResult:
 
 
 def _without_poles_beyond(response: FrequencyResponse, states: int) -> FitResult:
-    """Of so many states, less those that went to poles beyond the band if no mode is lost with them.
+    """A fit with so many states, less those of poles beyond the band if that loses no mode.
 
     The constant stands for what is there; poles and constant together may be large and cancel.
     """
-    # Dampers at joints make the modes complex; all paths are as late as each other.
+    # Dampers at joints make the modes complex; all paths have the same delay.
     fit = fit_response(response, states=states, constants="complex", delay="common")
     beyond = fit.standing.count("outside")
     if not beyond:

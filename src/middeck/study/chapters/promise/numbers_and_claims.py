@@ -11,7 +11,7 @@ from middeck.study.words import Claim, Numbers, above, at_most, fields, row
 from middeck.updating.promise.stability_probability import LEVELS
 from middeck.updating.refinement.findings import findings
 
-PERCENT, LEAST_TIMES = 0.1, 8.0  # of the first flexible frequencies: error, and how far below the sheet's
+PERCENT, LEAST_TIMES = 0.1, 8.0  # error of the first flexible frequencies, and the sheet's error over it
 COVERED = 90.0  # per cent of outcomes within 95 % intervals
 WITH_FRICTION_DB, ROUTES_DB, ENOUGH_DB = 0.5, 3.0, -20.0
 NEAR_REST_HZ = 0.1

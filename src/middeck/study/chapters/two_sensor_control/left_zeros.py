@@ -8,8 +8,8 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Complex, Float
 
-STEPS = 200  # of the refit, which takes some tens
-FIRST_STEPS = 20  # of either sign of the gain; the better goes on
+STEPS = 200  # most steps of the refit, which takes some tens
+FIRST_STEPS = 20  # steps with either sign of the gain; the better goes on
 LEAST_DAMPING = 1e-6  # with which a zero on the axis starts
 
 

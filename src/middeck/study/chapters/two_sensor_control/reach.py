@@ -21,7 +21,8 @@ class LoopReach:
 
     Attributes:
         what, states: The design, and the states of the fit it was made on.
-        log10_authority, predicted_db: Of the last level that is stable on all; None where the lowest is not.
+        log10_authority, predicted_db: Those of the last level that is stable on all; None where the lowest is
+            not.
         least_db: The least improvement among them at that level, by the rig's own linear loop.
         stopped_hz, stopped_percent: What grows fastest at the next level, and with which shift; None where no
             level is stopped.
