@@ -20,7 +20,7 @@ from middeck.files.nastran.components.external import read_external
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.units import parse_units
 from middeck.files.nastran.output4.matrices import op4_by_name, write_op4
-from middeck.structure.model.component import body_of, component_doubts
+from middeck.structure.model.component import body_of, warnings_on_component
 
 DATA = Path("data/nastran-superelement")
 UNITS = parse_units("mm-kg-s-mN")
@@ -199,7 +199,7 @@ def test_damaged_files_are_refused_or_change_nothing(tmp_path, campaign):
                 assert not np.any(apart[:first, :first])
                 if np.any(apart):
                     assert name == "inboard.op4"
-                    doubted = [*component_doubts(now)]
+                    doubted = [*warnings_on_component(now)]
                     alone = np.count_nonzero(apart) == np.count_nonzero(np.diagonal(apart))
                     assert doubted or (alone and key == "stiffness")
 

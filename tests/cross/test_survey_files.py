@@ -20,7 +20,7 @@ from middeck.structure.correlation.frequencies import compare_frequencies
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, MeasurementNoise
 from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.review_criteria import Quantity, find_profile
-from middeck.structure.correlation.unit_slips import doubt_frequency_units
+from middeck.structure.correlation.unit_slips import warnings_on_frequency_units
 from middeck.structure.modes.solve import Modes
 from repeats import LONG
 
@@ -304,9 +304,9 @@ def test_frequencies_alone_in_another_unit_are_told(factor: float, unit: str) ->
     hz = hung().frequency_hz
     off = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(hz))
     modes = hz[hz > 0.0]
-    said = doubt_frequency_units(modes, factor * (hz * off)[hz > 0.0][:8])
+    said = warnings_on_frequency_units(modes, factor * (hz * off)[hz > 0.0][:8])
     assert (unit in " ".join(said)) if unit else not said
-    assert not doubt_frequency_units(modes, modes[[3, 7, 8, 12, 15]])
+    assert not warnings_on_frequency_units(modes, modes[[3, 7, 8, 12, 15]])
 
 
 def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from middeck.errors import FitError
 from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.model.measurement_model import MeasurementModel
-from middeck.identification.search.fit_warnings import doubts_of_deviations, doubts_of_model
+from middeck.identification.search.fit_warnings import warnings_on_deviations, warnings_on_model
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.uncertainty.covariance import as_exact
 from middeck.signals.excitation.multisine import random_multisine
@@ -106,7 +106,7 @@ def test_a_model_worse_than_none_is_refused(shaken):
     )
     measured = estimate_response(record, band_hz=(0.5, 14.0))
     with pytest.raises(FitError, match="3 times the response") as caught:
-        doubts_of_model(measured, np.array([3.0]), 1.0, 2.0 * measured.H)
+        warnings_on_model(measured, np.array([3.0]), 1.0, 2.0 * measured.H)
     assert caught.value.where == "output tip"
 
 
@@ -120,13 +120,13 @@ def test_a_small_part_of_the_rms_says_on_which_lines_it_is_most():
     )
     wrong = np.where(np.arange(100) < 70, 0.0, 0.9e-6)[:, None, None] + 0j
     error = np.sqrt(np.sum(np.abs(wrong) ** 2) / np.sum(np.abs(H) ** 2))
-    (told,) = doubts_of_model(measured, np.array([error]), 1.0, wrong)
+    (told,) = warnings_on_model(measured, np.array([error]), 1.0, wrong)
     assert "5.9e-05% of the response's rms" in told
     assert "exceeds half of the response on 30 of 100 frequency lines, 71-100 Hz" in told
     noisy = dataclasses.replace(measured, variance=np.full(H.shape, 1e-12))
-    (told,) = doubts_of_model(noisy, np.array([error]), 1.0, wrong)
+    (told,) = warnings_on_model(noisy, np.array([error]), 1.0, wrong)
     assert "half of the response" not in told  # a line of noise is not wrong
-    (told,) = doubts_of_model(measured, np.array([0.02]), 1.0, 0.02 * H)
+    (told,) = warnings_on_model(measured, np.array([0.02]), 1.0, 0.02 * H)
     assert "it is 2% of the response's rms over the band;" in told
 
 
@@ -151,10 +151,10 @@ def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_sam
     measured = FrequencyResponse(
         frequency_hz=lines, H=H, inputs=ports[0], outputs=ports[1], variance=np.ones(H.shape)
     )
-    of_lines = doubts_of_deviations(measured, known)
+    of_lines = warnings_on_deviations(measured, known)
     assert [w for w in of_lines if "outside" in w] == [
         "modes at 0.1, 20 Hz: they lie outside the band 1-9.9 Hz, and represent all modes beyond it"
     ]
     assert any("half-power" in w for w in of_lines)
-    of_samples = doubts_of_deviations(measured, known, of_samples=True)
+    of_samples = warnings_on_deviations(measured, known, of_samples=True)
     assert of_samples == [w for w in of_lines if "half-power" not in w]

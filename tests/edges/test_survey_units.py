@@ -21,7 +21,7 @@ from middeck.structure.correlation.measured_modes import (
     measure_modes,
     sensor_rows,
 )
-from middeck.structure.correlation.unit_slips import doubt_units
+from middeck.structure.correlation.unit_slips import warnings_on_units
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.refinement.findings import findings
@@ -52,7 +52,7 @@ def survey(modes: Modes, seed: int) -> MeasuredModes:
 
 def doubts(modes: Modes, measured: MeasuredModes) -> str:
     rows = sensor_rows(modes, measured.node, measured.direction)
-    return " | ".join(doubt_units(modes, measured, np.asarray(rows @ modes.shapes)))
+    return " | ".join(warnings_on_units(modes, measured, np.asarray(rows @ modes.shapes)))
 
 
 def turned(measured: MeasuredModes, by: float) -> MeasuredModes:

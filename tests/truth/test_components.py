@@ -21,9 +21,9 @@ from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.component import (
     Component,
     body_of,
-    component_doubts,
     component_faults,
     rigid_mass,
+    warnings_on_component,
 )
 from middeck.structure.model.finer_mesh import refine_mesh
 from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness, left_out
@@ -346,7 +346,7 @@ def test_few_modes_on_one_grid_whose_stiffness_is_rounding(modes, campaign):
 
 def test_what_is_seldom_meant_is_doubted():
     good = with_component(*bent_beam(np.random.default_rng(1)), count=8).components[0]
-    assert not [*component_doubts(good)]
+    assert not [*warnings_on_component(good)]
     heavy = dataclasses.replace(good, mass=_pair(good.mass, 14, 14, 0.0625))
     stiff = dataclasses.replace(good, stiffness=_pair(good.stiffness, 14, 14, 1e20))
     for bad, said in ((heavy, "modal mass of 1.0625"), (stiff, "modal coordinate 3 at")):
@@ -356,7 +356,7 @@ def test_what_is_seldom_meant_is_doubted():
                 bad, mass=modal @ bad.mass @ modal, stiffness=modal @ bad.stiffness @ modal
             )
             assert not [*component_faults(bad)]
-            (doubt,) = component_doubts(bad)
+            (doubt,) = warnings_on_component(bad)
             assert (said if unit == 1.0 else said.replace("1.0625", "1.0625e-06")) in doubt
 
 

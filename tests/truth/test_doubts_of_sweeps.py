@@ -11,7 +11,7 @@ import scipy.signal
 
 from middeck import Port, Record, estimate_response, fit_response
 from middeck.identification.model.measurement_model import natural_hz
-from middeck.identification.search.fit_warnings import doubts_of_model
+from middeck.identification.search.fit_warnings import warnings_on_model
 from middeck.systems.plants.response import FrequencyResponse
 from repeats import repeats
 
@@ -86,5 +86,5 @@ def test_a_mode_that_the_model_lacks_raises_a_doubt_though_its_lines_weigh_littl
     ports = {"inputs": (Port("force", "N"),), "outputs": (Port("sensor", "m"),)}
     measured = FrequencyResponse(frequency_hz=f, H=H, variance=variance, **ports)
     residual = np.where(f > 90.0, -10.0, 0.0)[:, None, None] + 0j
-    said = doubts_of_model(measured, np.array([0.96]), 0.4, residual)
+    said = warnings_on_model(measured, np.array([0.96]), 0.4, residual)
     assert [words for words in said if "96% of the response unexplained" in words]

@@ -124,7 +124,7 @@ def test_past_the_horizontal_is_a_value_and_the_angle_of_loss_is_found():
     assert branch(found, "payload pendulum p") == pytest.approx(M * G * D * np.cos(angles) / about, rel=1e-6)
     assert found.stable == (True, True, True, False, False)
     assert [plant is None for plant in found.plants] == [False, False, False, True, True]
-    assert all("mode 'payload pendulum p' grows" in text for text in found.trouble[3:])
+    assert all("mode 'payload pendulum p' grows" in text for text in found.diagnosis[3:])
     (limit,) = found.limits
     assert limit.name == "payload pendulum p"
     assert limit.joint == "p"
@@ -169,7 +169,7 @@ def test_neighbours_that_were_reached_by_different_ways_are_one_family():
     assert found.stable == (True, True, True, False)
     assert [(x.joint, x.unstable) for x in found.limits] == [("pri_z", 3), ("pri_x", 3)]
     for limit in found.limits:
-        assert f"mode {limit.name!r} grows" in found.trouble[3]
+        assert f"mode {limit.name!r} grows" in found.diagnosis[3]
     # The one along pri_z is met by independent solutions on either side of it.
     where = {x.joint: x for x in found.limits}["pri_z"].at
     number = [[j.name for j in parts.joints].index(n) for n in ("pri_z", "pri_x")]
@@ -243,7 +243,7 @@ def test_a_point_without_a_rest_state_does_not_lose_the_others():
     lab = dataclasses.replace(Environment.lab(parts), title="lab")
     found = sweep_gimbals(parts, lab, {"arm": np.radians([-10.0, 0.0, 60.0])})
     assert found.stable == (True, True, False)
-    assert "slack" in found.trouble[2]
+    assert "slack" in found.diagnosis[2]
     assert found.rests[2] is None
     assert np.all(np.isnan(found.omega2[2]))
     assert np.all(np.isfinite(found.omega2[:2]))

@@ -16,7 +16,7 @@ from middeck.identification.impact.fit_of_blows import fit_impact, without_windo
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit import continuous_fit
 from middeck.identification.record_fit.fit_record import fit_record
-from middeck.identification.record_fit.folded_blows import doubts_of_folding
+from middeck.identification.record_fit.folded_blows import warnings_on_folding
 from middeck.identification.record_fit.record_spectra import without_trend
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.signals.record import Record
@@ -251,12 +251,12 @@ def test_only_blows_without_a_filter_are_said_to_fold_back(campaign):
         noise = 10.0 ** rng.uniform(-5.0, -3.0) * record.u.max() * rng.standard_normal(record.u.shape)
         noisy = dataclasses.replace(record, u=record.u + noise)
         for filtered in (noisy, average_blows(noisy).blocks):
-            assert doubts_of_folding(without_trend(filtered, inputs=True)) == []
+            assert warnings_on_folding(without_trend(filtered, inputs=True)) == []
         clock, bare = np.arange(record.u.size) / RATE, np.zeros(record.u.size)
         for t, size in zip(times, rng.uniform(30.0, 80.0, count), strict=True):
             part = (clock - t - rng.uniform(0.0, 0.01)) / rng.uniform(0.02, 0.06)
             bare += size * np.sin(np.pi * part) * ((part > 0.0) & (part < 1.0))
-        told = doubts_of_folding(dataclasses.replace(record, u=bare.reshape(record.u.shape) + noise))
+        told = warnings_on_folding(dataclasses.replace(record, u=bare.reshape(record.u.shape) + noise))
         assert [line.split(":")[0] for line in told] == ["input force"]
 
 

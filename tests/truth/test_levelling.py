@@ -14,7 +14,7 @@ from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.hanging.attitude import estimate_attitude
 from middeck.structure.hanging.levelling import LEVEL, level
-from middeck.structure.hanging.support_warnings import doubt_attitude, sag
+from middeck.structure.hanging.support_warnings import sag, warnings_on_attitude
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Device, Environment, GroundBushing
@@ -332,7 +332,7 @@ def test_what_turns_over_is_said_to():
     hung = estimate_attitude(solve_equilibrium(parts, environment))
     assert np.linalg.norm(hung.tilt) > np.radians(170.0)
     assert not sag(hung)
-    (doubt,) = doubt_attitude(hung, environment)
+    (doubt,) = warnings_on_attitude(hung, environment)
     assert "turned over" in doubt.what
     assert "above its centre of mass" in doubt.hint
 
@@ -347,7 +347,7 @@ def test_what_sags_is_not_said_to_hang_tilted():
     said = sag(hung)
     assert "the article sags: its nodes tilt by" in said
     assert f"{np.degrees(abs(by['z'])):.1f} deg (z)" in said
-    (doubt,) = doubt_attitude(hung, cables(("a", "m")))
+    (doubt,) = warnings_on_attitude(hung, cables(("a", "m")))
     assert "--free" not in doubt.hint
     assert "hang it at more points" in doubt.hint
     with pytest.raises(EquilibriumError, match="the article sags") as error:
@@ -355,6 +355,6 @@ def test_what_sags_is_not_said_to_hang_tilted():
     assert "hang it at more points" in error.value.hint
     stiff = estimate_attitude(solve_equilibrium(lopsided(), cables()))
     assert not sag(stiff)
-    (doubt,) = doubt_attitude(stiff, cables())
+    (doubt,) = warnings_on_attitude(stiff, cables())
     assert "hangs tilted" in doubt.what
     assert "--free left.z --about x" in doubt.hint

@@ -15,14 +15,14 @@ from middeck.structure.model.article import Section, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import MemberMass
-from middeck.structure.modes.doubts.mesh_error import (
+from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.modes.warnings.mesh_error import (
     BENT,
     LIMIT,
     estimate_mesh_error,
     mesh_warnings,
     rest_angles,
 )
-from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from structure_builders import GRAVITY, body, member, node, straight_beam, structure
 

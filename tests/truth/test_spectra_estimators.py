@@ -8,7 +8,7 @@ import scipy.signal
 from scipy.signal import lfilter
 
 from middeck.errors import ConfigError, DataError
-from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
+from middeck.identification.spectra.averages import estimate_spectra, warnings_on_window
 from middeck.identification.spectra.coherence import multiple_coherence, ordinary_coherence
 from middeck.identification.spectra.estimate import estimate_response, response_scatter
 from middeck.identification.spectra.h1_h2_hv import spectra_response
@@ -264,10 +264,10 @@ def test_a_window_as_wide_as_the_peak_is_said():
     y = lfilter([1.0], [1.0, -2.0 * radius * np.cos(2.0 * np.pi * 0.125), radius**2], u, axis=1)
     record = record_of(u, y)
     short, long = (estimate_spectra(record, segment=n) for n in (512, 8192))
-    (doubt,) = doubts_of_window(spectra_response(short), short)
+    (doubt,) = warnings_on_window(spectra_response(short), short)
     assert "8 Hz" in doubt
     assert "local model" in doubt
-    assert doubts_of_window(spectra_response(long), long) == []
+    assert warnings_on_window(spectra_response(long), long) == []
 
 
 def test_too_few_averages_and_wrong_segments_are_refused():

@@ -9,7 +9,7 @@ from middeck.identification.model.measurement_model import (
     model_response,
     natural_hz,
 )
-from middeck.identification.search.fit_warnings import doubts_of_deviations
+from middeck.identification.search.fit_warnings import warnings_on_deviations
 from middeck.identification.uncertainty.covariance import estimate_covariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.identification.uncertainty.parameter_deviations import stated, uncertainty_of
@@ -171,7 +171,7 @@ def test_what_is_not_determined_is_said_in_words():
     """In the warnings of a fit, by the command line and in the tables of the report."""
     model = model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 1e-20, 1e-20), real=False)
     covariance = found_of(model, COMPLEX, 1e-3)
-    said = doubts_of_deviations(measured_of(model, 1e-3), covariance)
+    said = warnings_on_deviations(measured_of(model, 1e-3), covariance)
     assert "mode at 7 Hz: its frequency is not determined by the data" in said
     assert any("128.4 Hz" in sentence and "the data do not determine it" in sentence for sentence in said)
     assert not any("mode at 3 Hz" in sentence and "determined" in sentence for sentence in said)

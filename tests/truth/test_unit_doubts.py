@@ -15,7 +15,7 @@ from middeck.errors import ConfigError
 from middeck.files.setups import load_setup, load_structure
 from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.environment import AnchoredSpring, Device
-from middeck.structure.summary.environment_plausibility import doubt_environment
+from middeck.structure.summary.environment_plausibility import warnings_on_environment
 from middeck.structure.summary.summary import summarise
 from structure_builders import TUBE, body, member, node, structure
 
@@ -88,7 +88,7 @@ def test_a_node_at_the_place_of_another_is_not_doubted(tmp_path: Path):
 
 def test_environments_in_other_units_are_doubted():
     parts, lab = load_setup("articles/mace-simple.toml", "environments/lab.toml")
-    assert doubt_environment(parts, lab) == ()
+    assert warnings_on_environment(parts, lab) == ()
     assert lab.suspension is not None
     changed = [
         dataclasses.replace(lab, gravity=lab.gravity / 0.3048),
@@ -107,7 +107,7 @@ def test_environments_in_other_units_are_doubted():
         ),
     ]
     for environment in changed:
-        said = doubt_environment(parts, environment)
+        said = warnings_on_environment(parts, environment)
         assert said
         assert all("?" in text for text in said)
 

@@ -17,10 +17,10 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
-from middeck.structure.modes.doubts.mesh_error import mesh_warnings
 from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.modes.warnings.mesh_error import mesh_warnings
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.summary.environment_plausibility import doubt_environment
+from middeck.structure.summary.environment_plausibility import warnings_on_environment
 from middeck.structure.summary.summary import summarise
 
 TILTED_DEG = 5.0  # from which every verb says how an article hangs; `check` does from one
@@ -107,7 +107,7 @@ def solve_in(
     Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
     which of the ``count`` lowest frequencies the mesh is too coarse for.
     """
-    doubts = case_doubts(structure, environment, *files)
+    doubts = case_warnings(structure, environment, *files)
     try:
         with reading(*files):
             rest = solve_equilibrium(structure, environment)
@@ -128,12 +128,12 @@ def solve_in(
     return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
 
 
-def case_doubts(structure: Structure, environment: Environment, *files: Path) -> tuple[str, ...]:
+def case_warnings(structure: Structure, environment: Environment, *files: Path) -> tuple[str, ...]:
     """Plausibility warnings of both ``files``."""
     return (
         *hung_anywhere(structure, *files),
         *summarise(structure).warnings,
-        *doubt_environment(structure, environment),
+        *warnings_on_environment(structure, environment),
     )
 
 

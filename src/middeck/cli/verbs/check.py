@@ -94,19 +94,19 @@ def _in_environment(
     import numpy as np
 
     from middeck.cli.shown.mass_and_attitude import attitude_numbers
-    from middeck.structure.hanging.support_warnings import doubt_attitude, doubt_devices
-    from middeck.structure.modes.doubts.mesh_error import mesh_warnings
-    from middeck.structure.summary.environment_plausibility import doubt_environment
+    from middeck.structure.hanging.support_warnings import warnings_on_attitude, warnings_on_devices
+    from middeck.structure.modes.warnings.mesh_error import mesh_warnings
+    from middeck.structure.summary.environment_plausibility import warnings_on_environment
 
     numbers = None
-    found = [_doubt(text) for text in doubt_environment(structure, environment)]
-    found += [_doubt(d.what, d.where, d.hint) for d in doubt_devices(structure, environment)]
+    found = [_doubt(text) for text in warnings_on_environment(structure, environment)]
+    found += [_doubt(d.what, d.where, d.hint) for d in warnings_on_devices(structure, environment)]
     try:
         rest = md.solve_equilibrium(structure, environment)
         if rest.converged and np.any(environment.gravity) and not environment.clamps:
             attitude = md.structure.estimate_attitude(rest)
             numbers = attitude_numbers(attitude)
-            found += [_doubt(d.what, d.where, d.hint) for d in doubt_attitude(attitude, environment)]
+            found += [_doubt(d.what, d.where, d.hint) for d in warnings_on_attitude(attitude, environment)]
         modes = md.solve_modes(rest, COUNT, standstill=True)
         found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
     except NumericalError as error:

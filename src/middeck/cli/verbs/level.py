@@ -54,7 +54,7 @@ def verb(
     Prints the attitude before and after, and the new offsets under their keys in the article's file, as --set
     takes them. The file is not changed. The exit code is 5 if these offsets cannot level the article.
     """
-    from middeck.cli.given.cases import case_doubts, read_case
+    from middeck.cli.given.cases import case_warnings, read_case
     from middeck.files.setups import load_offset_keys
 
     structure, surroundings, *files = read_case(case)
@@ -64,7 +64,7 @@ def verb(
         found = md.level(structure, surroundings, free=free, about=axes, node=node, limit=limit)
     document = {
         **describe(found, load_offset_keys(*files, case.overrides)),
-        "warnings": case_doubts(structure, surroundings, *files),
+        "warnings": case_warnings(structure, surroundings, *files),
     }
     if figure_file is not None:
         _draw(structure, found, figure_file)

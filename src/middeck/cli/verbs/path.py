@@ -64,7 +64,7 @@ def verb(
     its gravity and mode. Suspension devices are tuned in the environment's own gravity and released in orbit.
     A load case acts at every gravity.
     """
-    from middeck.cli.given.cases import case_doubts, read_case
+    from middeck.cli.given.cases import case_warnings, read_case
     from middeck.structure.gravity.gravity_levels import DeviceRule
 
     structure, surroundings, *files = read_case(case)
@@ -73,7 +73,7 @@ def verb(
         found = md.follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
     document = {
         **describe(found),
-        "warnings": (*case_doubts(structure, surroundings, *files), *found.warnings),
+        "warnings": (*case_warnings(structure, surroundings, *files), *found.warnings),
     }
     if figure_file is not None:
         from middeck.plot.gravity_path import gravity_path_figure

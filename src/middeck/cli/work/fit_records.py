@@ -18,7 +18,7 @@ from middeck.identification.model.fit_options import FitOptions
 from middeck.identification.model.measurement_model import MeasurementModel, rank_of
 from middeck.identification.record_fit.fit_record import HELD_ABOVE, below_half_rate, fit_samples
 from middeck.identification.record_fit.residual_tests import named_cause
-from middeck.identification.spectra.averages import doubts_of_window, estimate_spectra
+from middeck.identification.spectra.averages import estimate_spectra, warnings_on_window
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
@@ -113,7 +113,7 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     warnings = _chosen(settings, float(measured.frequency_hz[-1]), taken) if reaches else []
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
-        warnings += doubts_of_window(spectra_response(spectra, method), spectra)
+        warnings += warnings_on_window(spectra_response(spectra, method), spectra)
     return Identified(
         record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=(*seen, *warnings, *fit.warnings)
     )

@@ -25,7 +25,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.state_units import in_units
 from middeck.systems.poles.verdict import CURE
-from middeck.systems.sampling.sampled_plant import doubt_period
+from middeck.systems.sampling.sampled_plant import warnings_on_period
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
@@ -98,7 +98,7 @@ def design_sampled_lqg(
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
     not fit and for a ``"current"`` law on a plant that answers within the sample. Warns (`UserWarning`) where
     rounding of the plant's matrices moves the law or its cost (`design_known`), and of a rate for the period
-    (`doubt_period`).
+    (`warnings_on_period`).
 
     >>> from middeck.systems.plants.plant_from_matrices import make_plant
     >>> walk = make_plant([[0.0]], [[1.0]], [[1.0]], w=["u1"], u=["u1"], z=["y1"], y=["y1"])
@@ -116,7 +116,7 @@ def design_sampled_lqg(
         return DesignView(law.dynamics, law.cost, (law.regulator, law.estimator))
 
     law = design_known("law and cost", design, view, plant)
-    doubt_period(plant, period_s)
+    warnings_on_period(plant, period_s)
     return law
 
 

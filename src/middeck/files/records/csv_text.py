@@ -25,13 +25,13 @@ from middeck.files.records.raw import SAME_RATE, ChannelHeader, Raw, channel_fau
 from middeck.files.records.stamps import (
     JITTER,
     SLOW,
-    doubt_of_seconds,
     is_even,
     last_digit,
     mean_step,
     open_share,
     rate_of,
     since_1970,
+    warning_on_seconds,
 )
 from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Channel, Port
@@ -100,7 +100,7 @@ def read_csv(file: Path, variable: str) -> Raw:
     if opening.timed:
         digit = _last_digit(file, opening)
         rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
-        faults = (*faults, *gaps, *_doubts_of_rate(opening, rate, digit, float(table[0, 0])))
+        faults = (*faults, *gaps, *_warnings_on_rate(opening, rate, digit, float(table[0, 0])))
         share = max(share, open_share(rate, len(table), digit))
         table = table[:, 1:]
     periods = opening.periods or 1
@@ -250,14 +250,14 @@ def _said(file: Path, opening: Opening) -> tuple[RecordFault, ...]:
     return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
 
 
-def _doubts_of_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[RecordFault, ...]:
+def _warnings_on_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[RecordFault, ...]:
     """Times at a rate that no structure is sampled at: a heading that says seconds may be wrong, too.
 
     A file that tells its samples is ours, and its times are seconds.
     """
     counted = opening.second == 1.0 and rate == 1.0 and digit == 1.0
     meant = opening.in_words and not counted
-    what = "" if meant and (opening.samples or rate >= SLOWEST) else doubt_of_seconds(rate, counted, first)
+    what = "" if meant and (opening.samples or rate >= SLOWEST) else warning_on_seconds(rate, counted, first)
     if not what and (meant or rate >= SLOW or not since_1970(first)):
         return ()
     if not what:

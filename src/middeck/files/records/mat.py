@@ -16,7 +16,14 @@ from middeck.files.records.columns import Side
 from middeck.files.records.hdf5 import opened, pick, plain
 from middeck.files.records.own_layout import build_raw, contents_of, is_own
 from middeck.files.records.raw import SAME_RATE, ChannelHeader, Raw, channel_fault, raw_matrix
-from middeck.files.records.stamps import doubt_of_seconds, is_even, last_digit, mean_step, open_share, rate_of
+from middeck.files.records.stamps import (
+    is_even,
+    last_digit,
+    mean_step,
+    open_share,
+    rate_of,
+    warning_on_seconds,
+)
 from middeck.signals.fault import RecordFault
 from middeck.signals.record import Record
 
@@ -103,16 +110,16 @@ def _rate(
         rate, digit = _rate_of_times(time, f"{file}, {name}")
         rates[name], share = rate, max(share, open_share(rate, samples, digit))
         if not told:
-            doubt = doubt_of_seconds(rate, rate == 1.0, float(time[0]))
+            doubt = warning_on_seconds(rate, rate == 1.0, float(time[0]))
             what = doubt or f"the times {name}, taken as seconds, give {rate:.9g} Hz: no fs or Ts is there"
             hint = "state the rate (fs or Ts) if it is another one"
             faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)
     _refuse_rates(rates, told, share, file)
-    doubts = () if times else _doubts_of_told(told, head)  # the times say the same rate
+    doubts = () if times else _warnings_on_told(told, head)  # the times say the same rate
     return next(iter(rates.values()), None), share, faults or doubts
 
 
-def _doubts_of_told(told: dict[str, float], head: ChannelHeader) -> tuple[RecordFault, ...]:
+def _warnings_on_told(told: dict[str, float], head: ChannelHeader) -> tuple[RecordFault, ...]:
     """A fault where a rate below 1 Hz is told: rather a period as fs, or a rate as Ts."""
     rates = _rates(told)
     slow = next((n for n in told if rates[n] < 1.0), None)

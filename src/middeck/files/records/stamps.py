@@ -98,7 +98,7 @@ def since_1970(first: float) -> bool:
     return EPOCH[0] <= first < EPOCH[1]
 
 
-def doubt_of_seconds(rate: float, counted: bool, first: float) -> str:
+def warning_on_seconds(rate: float, counted: bool, first: float) -> str:
     """Words about stamps that were read as seconds, at a ``rate`` [Hz] that no structure is sampled at; none
     where nothing is odd, or where the ``first`` may be seconds since 1970."""
     if (not counted and rate >= SLOW) or (since_1970(first) and rate >= LOGGED):

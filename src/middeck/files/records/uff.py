@@ -16,7 +16,7 @@ from middeck.files.records.columns import Side
 from middeck.files.records.raw import SAME_RATE, ChannelHeader, Raw, channel_fault
 from middeck.files.records.uff58 import AXES, NONE, RESPONSE, TIME, Dataset, Place, read_values
 from middeck.files.records.uff58_write import Header, stated, write_58, write_count
-from middeck.files.records.uff_cut import doubts_of_whole
+from middeck.files.records.uff_cut import warnings_on_whole
 from middeck.files.records.uff_sets import is_si, scan
 from middeck.signals.fault import RecordFault
 from middeck.signals.ports import Channel, Port
@@ -68,7 +68,7 @@ def read_uff(file: Path, variable: str) -> Raw:
     sets = [data for run in runs for data in run.sets]
     faults += tuple(
         channel_fault("truncated", "note", head, doubt, hint, experiment=None)
-        for doubt in doubts_of_whole([d for d in sets if _side(d) == "output"], sets, file)
+        for doubt in warnings_on_whole([d for d in sets if _side(d) == "output"], sets, file)
     )
     return dataclasses.replace(raws[0], x=x, faults=faults)
 
@@ -317,7 +317,7 @@ def read_response(file: Path) -> FrequencyResponse:
             what, where=str(file), hint="a file of frequency responses; load_record reads time functions"
         )
     found = _by_ends(sets, file)
-    for doubt in doubts_of_whole(sets, sets, file):
+    for doubt in warnings_on_whole(sets, sets, file):
         warnings.warn(f"{file}: {doubt}", UserWarning, stacklevel=3)
     outputs, inputs = (list(dict.fromkeys(ends[k] for ends in found)) for k in range(2))
     lines: np.ndarray | None = None

@@ -14,7 +14,7 @@ ALIKE = 3
 """Nodes that must be measured alike before one that is not makes a file look cut."""
 
 
-def doubts_of_whole(outputs: Sequence[Dataset], sets: Sequence[Dataset], file: Path) -> Iterator[str]:
+def warnings_on_whole(outputs: Sequence[Dataset], sets: Sequence[Dataset], file: Path) -> Iterator[str]:
     """Words where a file seems cut between two data sets, which leaves a file that looks whole: of all its
     ``sets`` those of ``outputs``."""
     measured: dict[Place, set[int]] = {}

@@ -17,12 +17,12 @@ from middeck.identification.fit.mode_trust import (
     SteadyLine,
     beside_one_line,
     checked_covariance,
-    doubts_of_delays,
-    doubts_of_one_line,
-    doubts_of_phase,
-    doubts_of_standing,
     standing_of,
     standing_of_delays,
+    warnings_on_delays,
+    warnings_on_one_line,
+    warnings_on_phase,
+    warnings_on_standing,
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
@@ -44,12 +44,12 @@ from middeck.identification.order.recommended_order import count_unknowns
 from middeck.identification.problem.data import Data, data_of
 from middeck.identification.search.fit_warnings import (
     LEFT,
-    doubts_of_deviations,
-    doubts_of_model,
-    doubts_of_record,
     refuse_failed,
+    warnings_on_deviations,
+    warnings_on_model,
+    warnings_on_record,
 )
-from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads, refuse_a_lead
+from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead, warnings_on_leads
 from middeck.identification.search.likelihood import likelihood_polish
 from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
 from middeck.identification.spectra.excess_variance import (
@@ -354,7 +354,7 @@ def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[s
             noise=run.spread.variance,
         )
     )  # fmt: skip
-    return model, covariance, doubts_of_leads(measured, found.delay_s, uncertainty_of(covariance))
+    return model, covariance, warnings_on_leads(measured, found.delay_s, uncertainty_of(covariance))
 
 
 def _result(run: _Searched) -> FitResult:
@@ -367,16 +367,16 @@ def _result(run: _Searched) -> FitResult:
     error = _errors(measured, residual)
     if not best.refined.converged:
         warnings.append(f"the search had not settled after {len(best.refined.history)} steps")
-    warnings += doubts_of_record(measured, residual)
+    warnings += warnings_on_record(measured, residual)
     excess = model_error(best, spread)
     lacks = _lacks(run, covariance)
-    of_model = doubts_of_model(measured, error, excess, residual)
+    of_model = warnings_on_model(measured, error, excess, residual)
     doubts = [
         *lacks.said,
         *(of_model if not lacks.said or np.any(error > LEFT) else []),
     ]  # modes are what it does not lack
     warnings += doubts if lacks.said else name_missing_delay(doubts, measured, covariance, error)
-    warnings += doubts_of_deviations(measured, covariance)
+    warnings += warnings_on_deviations(measured, covariance)
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
     beside = beside_one_line(measured, model)
     doubted = [*phase[0], *lacks.modes, *beside]
@@ -390,9 +390,9 @@ def _result(run: _Searched) -> FitResult:
     if poles is not None:
         warnings.append(poles.doubt())
     elif not (noise or doubts):
-        warnings += doubts_of_delays(of_delays, excess)
-    warnings += doubts_of_one_line(measured, model)
-    warnings += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
+        warnings += warnings_on_delays(of_delays, excess)
+    warnings += warnings_on_one_line(measured, model)
+    warnings += [*warnings_on_phase(model, *phase), *warnings_on_standing(covariance, standing)]
     return FitResult(
         model=model,
         cost=2.0 * best.refined.step.cost / r.size,

@@ -118,7 +118,7 @@ def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.nda
     return found
 
 
-def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]) -> list[str]:
+def warnings_on_standing(covariance: ModelCovariance, standing: Sequence[Standing]) -> list[str]:
     """Warnings for doubtful modes and for modes that are not resolved."""
     model, significance = covariance.model, mode_significance(covariance)
     f = natural_hz(model)
@@ -138,7 +138,7 @@ def doubts_of_standing(covariance: ModelCovariance, standing: Sequence[Standing]
     return found
 
 
-def doubts_of_delays(standing: Sequence[Standing], excess: float) -> list[str]:
+def warnings_on_delays(standing: Sequence[Standing], excess: float) -> list[str]:
     """A warning for doubtful delays: the share ``excess`` of the residual's variance is not noise."""
     if "doubtful" not in standing:
         return []
@@ -171,7 +171,7 @@ def _half_power_hz(model: MeasurementModel) -> np.ndarray:
     return np.abs(np.real(model.poles)) / np.pi
 
 
-def doubts_of_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[str]:
+def warnings_on_one_line(measured: FrequencyResponse, model: MeasurementModel) -> list[str]:
     """A warning for lines that poles without width follow, and for the modes beside them."""
     f, odd = natural_hz(model), poles_of_one_line(measured, model)
     if not odd:
@@ -187,7 +187,7 @@ def doubts_of_one_line(measured: FrequencyResponse, model: MeasurementModel) -> 
     ]
 
 
-def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
+def warnings_on_phase(model: MeasurementModel, phase: Iterable[int], delay_s: float) -> list[str]:
     """A warning for the pairs that stand for a delay (`modes_that_stand_for_delay`)."""
     f, zeta = natural_hz(model), -np.real(model.poles) / np.abs(model.poles)
     places = ", ".join(f"{f[m]:.4g} Hz ({zeta[m]:.0%})" for m in sorted(phase, key=lambda m: f[m]))
@@ -200,7 +200,7 @@ def doubts_of_phase(model: MeasurementModel, phase: Iterable[int], delay_s: floa
     ]
 
 
-def doubts_of_lines(lines: Sequence[SteadyLine]) -> list[str]:
+def warnings_on_lines(lines: Sequence[SteadyLine]) -> list[str]:
     """Warnings for the sines that were taken for hum."""
     return [
         f"a sine at {line.hz:.6g} Hz ({line.name}) lasts through the record without an input that drives "

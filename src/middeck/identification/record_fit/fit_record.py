@@ -20,11 +20,11 @@ from middeck.identification.fit.fit_response import FitResult, ModelAlone, fit_m
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.mode_trust import (
     checked_covariance,
-    doubts_of_lines,
-    doubts_of_phase,
-    doubts_of_standing,
     standing_of,
     standing_of_delays,
+    warnings_on_lines,
+    warnings_on_phase,
+    warnings_on_standing,
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
@@ -46,11 +46,6 @@ from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
 from middeck.identification.record_fit.behind_hold import First, Made, fit_behind_hold
 from middeck.identification.record_fit.continuous_fit import fit_continuous
-from middeck.identification.record_fit.doubts_of_two_modes import (
-    doubts_of_perhaps_two,
-    doubts_of_two,
-    modes_perhaps_two,
-)
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record, record_length
@@ -65,8 +60,13 @@ from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
 from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
-from middeck.identification.search.fit_warnings import doubts_of_deviations
-from middeck.identification.search.leading_outputs import causal_delay, doubts_of_leads
+from middeck.identification.record_fit.warnings_on_two_modes import (
+    modes_perhaps_two,
+    warnings_on_perhaps_two,
+    warnings_on_two,
+)
+from middeck.identification.search.fit_warnings import warnings_on_deviations
+from middeck.identification.search.leading_outputs import causal_delay, warnings_on_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import NOTHING
@@ -423,19 +423,19 @@ def _result(
     found_covariance, moves = record_covariance(run, data, fitted, input_noise, power)
     covariance = checked_covariance(found_covariance)
     uncertainty = uncertainty_of(covariance)
-    said = doubts_of_leads(lines, fitted.delay_s, uncertainty)
+    said = warnings_on_leads(lines, fitted.delay_s, uncertainty)
     error = np.sqrt(np.sum(np.abs(r) ** 2, axis=(1, 2)) / np.sum(np.abs(data.H) ** 2, axis=(1, 2)))
     said += [
         *_doubts(run, record, error),
-        *_doubts_of_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
+        *_warnings_on_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
-    said += doubts_of_deviations(lines, covariance, of_samples=True)
+    said += warnings_on_deviations(lines, covariance, of_samples=True)
     lacking = fitted.sample_hz is None and input_noise is None
     lacks = record_lacks(run, data, covariance) if lacking else NOTHING
-    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += doubts_of_two(fit)
+    wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += warnings_on_two(fit)
     if model.sample_hz is None:
-        wrong += folded_blows.doubts_of_folding(record)
+        wrong += folded_blows.warnings_on_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     phase = _pairs_for_a_delay(model, covariance, data, run)
@@ -444,10 +444,10 @@ def _result(
     said += [
         *lacks.said,
         *wrong,
-        *residual_tests.doubts_of_level(measured, data, run, heard),
-        *residual_tests.doubts_of_wander(record, data, run, error),
-        *doubts_of_lines(fit.lines),
-        *doubts_of_perhaps_two(fit),
+        *residual_tests.warnings_on_level(measured, data, run, heard),
+        *residual_tests.warnings_on_wander(record, data, run, error),
+        *warnings_on_lines(fit.lines),
+        *warnings_on_perhaps_two(fit),
     ]
     doubted = [*phase[0], *lacks.modes, *modes_perhaps_two(fit, model)]
     alone, standing = (
@@ -459,7 +459,7 @@ def _result(
         said.append(poles.doubt())
         if poles.shorter:
             standing = standing_of(lines, covariance, holds=False, doubted=phase[0])
-    said += [*doubts_of_phase(model, *phase), *doubts_of_standing(covariance, standing)]
+    said += [*warnings_on_phase(model, *phase), *warnings_on_standing(covariance, standing)]
     return FitResult(
         model=model,
         cost=float(np.mean(np.abs(r) ** 2 / run.variance)),
@@ -534,7 +534,7 @@ def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
     return floor_variance(record.u.reshape(len(record.u), -1, record.u.shape[3]))
 
 
-def _doubts_of_inputs(record: Record, noise: np.ndarray, back: np.ndarray, moves: np.ndarray) -> list[str]:
+def _warnings_on_inputs(record: Record, noise: np.ndarray, back: np.ndarray, moves: np.ndarray) -> list[str]:
     """Inputs whose ``noise``, folded ``back`` or not, moves the model by more than its other deviations."""
     rms = np.sqrt(np.mean((record.u - record.u.mean(axis=(1, 2), keepdims=True)) ** 2, axis=(0, 1, 2)))
     return [

@@ -50,7 +50,7 @@ def _share(x: Float[np.ndarray, "run sample"]) -> float:
     return float(np.sqrt(max(top - CLEAR * noise, 0.0) / largest)) if largest else 0.0
 
 
-def doubts_of_folding(record: Record) -> list[str]:
+def warnings_on_folding(record: Record) -> list[str]:
     """Warnings for inputs whose blows reach beyond half the sampling rate."""
     return [
         f"input {port.name}: at half the sampling rate its blows still have {share:.1%} of their largest "

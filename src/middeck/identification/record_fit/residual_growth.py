@@ -54,7 +54,7 @@ def _power(data: Data, spectra: np.ndarray) -> Float[np.ndarray, "column block"]
     return np.add.reduceat(x, edges, axis=1) / np.diff(np.append(edges, x.shape[1]))
 
 
-def doubts_of_growth(record: Record, score: np.ndarray) -> list[str]:
+def warnings_on_growth(record: Record, score: np.ndarray) -> list[str]:
     """Warnings for outputs whose residual is larger while they move more."""
     return [
         f"output {port.name}: the residual grows with the response ({z:.0f} standard deviations of noise), "

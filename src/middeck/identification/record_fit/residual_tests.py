@@ -168,7 +168,7 @@ def causes_of(
     return found
 
 
-def doubts_of_level(record: Record, data: Data, run: RecordRun, heard: Heard) -> list[str]:
+def warnings_on_level(record: Record, data: Data, run: RecordRun, heard: Heard) -> list[str]:
     """Warnings for a repeated, distorted signal: its residual repeats with it.
 
     The fit counts that on each line, so that modes and their standard deviations are valid.
@@ -195,7 +195,7 @@ def _wander(r: Complex[np.ndarray, "line column"], data: Data) -> tuple[float, f
     return (share, float(data.omega[WANDERING]) / (2.0 * np.pi)) if falls and share > WANDERS else None
 
 
-def doubts_of_wander(
+def warnings_on_wander(
     record: Record, data: Data, run: RecordRun, left: Float[np.ndarray, " output"]
 ) -> list[str]:
     """Warnings for outputs that drift at random: noise that the deviations count."""

@@ -38,7 +38,7 @@ FAR = 100.0
 UNDETERMINED = "is not determined by the data"
 
 
-def doubts_of_record(
+def warnings_on_record(
     measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]
 ) -> list[str]:
     """Warnings for outputs whose periods or experiments disagree; ``residual`` is E - H of a fit."""
@@ -90,7 +90,7 @@ def refuse_failed(measured: FrequencyResponse, error: Float[np.ndarray, " output
         )
 
 
-def doubts_of_model(
+def warnings_on_model(
     measured: FrequencyResponse,
     error: Float[np.ndarray, " output"],
     model_error: float,
@@ -135,7 +135,7 @@ def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "lin
     )
 
 
-def doubts_of_deviations(
+def warnings_on_deviations(
     measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool = False
 ) -> list[str]:
     """Warnings for standard deviations that are too small or poorly known.
@@ -144,13 +144,13 @@ def doubts_of_deviations(
     spacing of the lines then shows in all samples.
     """
     return [
-        *_doubts_of_variance(measured, covariance),
+        *_warnings_on_variance(measured, covariance),
         *list(confounded_delays(measured, covariance).values()),
-        *_doubts_of_modes(measured, covariance, of_samples=of_samples),
+        *_warnings_on_modes(measured, covariance, of_samples=of_samples),
     ]
 
 
-def _doubts_of_variance(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
+def _warnings_on_variance(measured: FrequencyResponse, covariance: ModelCovariance) -> list[str]:
     if measured.variance is None:
         return [
             "the record has one period, in which noise and errors of the model cannot be separated: the "
@@ -208,7 +208,7 @@ def is_narrow(measured: FrequencyResponse) -> bool:
     return bool(measured.frequency_hz[-1] < NARROW * measured.frequency_hz[0])
 
 
-def _doubts_of_modes(
+def _warnings_on_modes(
     measured: FrequencyResponse, covariance: ModelCovariance, *, of_samples: bool
 ) -> list[str]:
     """Modes in rising frequency; those outside the band together in one sentence."""
@@ -233,7 +233,7 @@ def _doubts_of_modes(
         )
     within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
     for m in within:
-        found += _doubts_of_damping(measured, covariance, m, of_samples=of_samples)
+        found += _warnings_on_damping(measured, covariance, m, of_samples=of_samples)
     return found
 
 
@@ -247,7 +247,7 @@ def _lost(hz: list[float], beyond: int) -> str:
     return f"; the data do not determine {'that' if len(hz) == 1 else 'those'} at {places} Hz"
 
 
-def _doubts_of_damping(
+def _warnings_on_damping(
     measured: FrequencyResponse, covariance: ModelCovariance, m: int, *, of_samples: bool
 ) -> list[str]:
     """Warnings for one mode within the band."""

@@ -33,7 +33,7 @@ def causal_delay(measured: FrequencyResponse, delay_s: np.ndarray) -> np.ndarray
     return np.maximum(delay_s, 0.0)
 
 
-def doubts_of_leads(
+def warnings_on_leads(
     measured: FrequencyResponse, delay_s: np.ndarray, uncertainty: ParameterDeviations
 ) -> list[str]:
     """Warnings for advances beyond chance, that `causal_delay` sets to zero."""

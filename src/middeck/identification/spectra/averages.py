@@ -173,7 +173,7 @@ def _worth(segments: int, taper: Float[np.ndarray, " sample"], hop: int) -> floa
     return segments / (1.0 + 2.0 * float(shared))
 
 
-def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
+def warnings_on_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     """Peaks of a response that are as narrow as the window it was seen through; none for whole periods.
 
     >>> from middeck.identification.spectra.h1_h2_hv import spectra_response
@@ -184,7 +184,7 @@ def doubts_of_window(found: ResponseScatter, spectra: Spectra) -> list[str]:
     >>> y = lfilter([1.0], [1.0, -1.9, 0.9975], u, axis=2)          # a mode 1 % of the sampling rate wide
     >>> S = estimate_spectra(Record(sample_hz=1.0, u=u, y=y, inputs=(Port("u", ""),), outputs=(Port("y",
     ...     ""),), periodic=False))
-    >>> len(doubts_of_window(spectra_response(S), S))
+    >>> len(warnings_on_window(spectra_response(S), S))
     1
     """
     if spectra.window_hz == 0.0:

@@ -41,7 +41,7 @@ from middeck.structure.correlation.pass_probability import (
 from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.reduction import ReducedMass, Reduction, reduce_mass
 from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
-from middeck.structure.correlation.unit_slips import doubt_units
+from middeck.structure.correlation.unit_slips import warnings_on_units
 from middeck.structure.eigenproblem.repeated import repeated
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
@@ -146,7 +146,7 @@ def correlate_modes(
     if runs < 1:
         raise ConfigError(f"{runs} runs of a correct model", where="runs", hint="1 or more, e.g. 1000")
     rows = sensor_rows(modes, measured.node, measured.direction)
-    units = doubt_units(modes, measured, seen(rows, modes))
+    units = warnings_on_units(modes, measured, seen(rows, modes))
     index = _candidates(modes, measured, units)
     model, reduced = _model(modes, measured, rows, index, profile, reduction, units)
     found = evaluate_shapes(model, measured.frequency_hz, measured.shape, spread[1])

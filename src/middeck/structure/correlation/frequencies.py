@@ -15,7 +15,7 @@ from middeck.structure.correlation.frequency_pairs import SAME, nearest_two, pai
 from middeck.structure.correlation.measured_modes import MeasuredModes, called, not_measured
 from middeck.structure.correlation.not_judged import below_the_test, not_judged
 from middeck.structure.correlation.review_criteria import RECALLED, Criterion, Profile, Quantity
-from middeck.structure.correlation.unit_slips import doubt_survey_units
+from middeck.structure.correlation.unit_slips import warnings_on_survey_units
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
 
@@ -91,7 +91,7 @@ def compare_frequencies(modes: Modes, measured: MeasuredModes, profile: Profile)
             where="measured modes",
             hint="; ".join(
                 (
-                    *doubt_survey_units(modes, measured),
+                    *warnings_on_survey_units(modes, measured),
                     f"are the frequencies in Hz? {nearest_two(modes.frequency_hz, measured.frequency_hz)}",
                 )
             ),
@@ -140,7 +140,7 @@ def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
     modes, hz = found.modes, found.measured.frequency_hz
     partner = dict(zip(found.pairs[:, 1].tolist(), found.pairs[:, 0].tolist(), strict=True))
     said = list(found.measured.warnings)
-    said += doubt_survey_units(modes, found.measured)
+    said += warnings_on_survey_units(modes, found.measured)
     said += ["frequencies alone: pairs rest on their order of size, not on shapes"]
     if found.unjudged:
         said.append(f"{len(found.unjudged)} criteria of {found.profile.name} need shapes and are not judged")

@@ -50,18 +50,20 @@ SCALES = {
 PERCENT, LOSS = 100.0, 0.2
 
 
-def doubt_survey_units(modes: Modes, measured: MeasuredModes) -> tuple[str, ...]:
+def warnings_on_survey_units(modes: Modes, measured: MeasuredModes) -> tuple[str, ...]:
     """Warnings of wrong units in ``measured``, by its shapes or, without any, by its frequencies."""
     if measured.node:
         rows = sensor_rows(modes, measured.node, measured.direction)
-        return doubt_units(modes, measured, seen(rows, modes))
+        return warnings_on_units(modes, measured, seen(rows, modes))
     moving = np.array([kind != "rigid" for kind in modes.kind]) & (modes.frequency_hz > 0.0)
     bends = moving & np.array([kind == "flexible" for kind in modes.kind])
     ours, theirs = modes.frequency_hz, measured.frequency_hz
-    return doubt_frequency_units(ours[moving], theirs) or doubt_frequency_units(ours[bends], theirs)
+    return warnings_on_frequency_units(ours[moving], theirs) or warnings_on_frequency_units(
+        ours[bends], theirs
+    )
 
 
-def doubt_units(
+def warnings_on_units(
     modes: Modes, measured: MeasuredModes, shapes: Float[np.ndarray, "channel mode"]
 ) -> tuple[str, ...]:
     """Warnings of wrong units in ``measured``; ``shapes`` are those of the model at its channels."""
@@ -76,7 +78,7 @@ def doubt_units(
     near = _nearest(modes.frequency_hz[index], measured.frequency_hz)
     ours, theirs = (alike if len(alike) >= FEWEST else near).T
     said = [levels] if levels else []
-    said += doubt_frequencies_of_shapes(modes.frequency_hz[index], phi, measured, straight)
+    said += warnings_on_frequencies_of_shapes(modes.frequency_hz[index], phi, measured, straight)
     said += _damping(modes, measured, index[ours], theirs)
     sorts = _sorts(phi, np.asarray(measured.shape), straight, alike)
     # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
@@ -84,7 +86,7 @@ def doubt_units(
     return tuple(said + ([] if levels else channels))
 
 
-def doubt_frequencies_of_shapes(
+def warnings_on_frequencies_of_shapes(
     frequency_hz: Float[np.ndarray, " mode"],
     phi: Float[np.ndarray, "channel mode"],
     measured: MeasuredModes,
@@ -95,10 +97,10 @@ def doubt_frequencies_of_shapes(
     least = ALIKE if len(theirs) >= FEWEST else VERY_ALIKE
     ours, there = _matches(phi, shape, straight, least).T
     known = len(there) >= FEWEST or (least == VERY_ALIKE and len(phi) >= FEW_CHANNELS)
-    return doubt_frequencies(frequency_hz[ours], theirs[there]) if known else ()
+    return warnings_on_frequencies(frequency_hz[ours], theirs[there]) if known else ()
 
 
-def doubt_frequency_units(
+def warnings_on_frequency_units(
     frequency_hz: Float[np.ndarray, " mode"], measured_hz: Float[np.ndarray, " measured"]
 ) -> tuple[str, ...]:
     """A warning where frequencies without shapes are the model's lowest, in order, in another unit."""
@@ -147,7 +149,7 @@ def _unit(factor: float | None, units: dict[float, str]) -> str:
     return next((u for f, u in units.items() if factor and abs(np.log(factor / f)) < AGREE), "")
 
 
-def doubt_frequencies(
+def warnings_on_frequencies(
     ours: Float[np.ndarray, " pair"], theirs: Float[np.ndarray, " pair"]
 ) -> tuple[str, ...]:
     """A warning where the frequencies of pairs differ by a unit."""

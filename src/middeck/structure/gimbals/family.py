@@ -46,7 +46,7 @@ class StabilityLimit:
     """Where, between two neighbours of the grid, a branch of the family begins to grow.
 
     ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``unstable`` is the point beyond,
-    ``name`` what the mode that grows is at that point, the same as in its ``trouble``.
+    ``name`` what the mode that grows is at that point, the same as in its ``diagnosis``.
     """
 
     joint: str
@@ -77,7 +77,7 @@ class GimbalFamily:
         match: Cross-orthogonality of each branch with itself at the neighbour from which it was followed.
         rests: Rest states; None where there is none.
         plants: None where the rest state is not stable, or no ports were asked for.
-        trouble: Why each point has no rest state or is not stable; empty where all is well.
+        diagnosis: Why each point has no rest state or is not stable; empty where all is well.
         limits: Where stability is lost between neighbours.
     """
 
@@ -93,7 +93,7 @@ class GimbalFamily:
     match: Float[np.ndarray, "point branch"]
     rests: tuple[Equilibrium | None, ...]
     plants: tuple[Plant | None, ...]
-    trouble: tuple[str, ...]
+    diagnosis: tuple[str, ...]
     limits: tuple[StabilityLimit, ...]
 
     @property
@@ -109,7 +109,7 @@ class GimbalFamily:
     @property
     def stable(self) -> tuple[bool, ...]:
         """Whether each point has a stable rest state."""
-        return tuple(not trouble for trouble in self.trouble)
+        return tuple(not diagnosis for diagnosis in self.diagnosis)
 
     @property
     def doubtful(self) -> tuple[tuple[int, int], ...]:
@@ -123,7 +123,7 @@ class _Member(NamedTuple):
     rest: Equilibrium
     modes: Modes | None
     spectrum: Spectrum
-    trouble: str
+    diagnosis: str
 
 
 class _Followed(NamedTuple):
@@ -195,7 +195,7 @@ def sweep_gimbals(
         match=match,
         rests=tuple(m.rest if isinstance(m, _Member) else None for m in members),
         plants=tuple(_plant(m, inputs, outputs, count) for m in members),
-        trouble=tuple(m.trouble if isinstance(m, _Member) else m for m in members),
+        diagnosis=tuple(m.diagnosis if isinstance(m, _Member) else m for m in members),
         limits=_limits(grid, at, followed, solve, names),
     )
 
@@ -279,8 +279,9 @@ def _origin(members: list[_Member | str], at: np.ndarray, nominal: np.ndarray) -
         if isinstance(member, _Member) and member.modes is not None:
             return int(p)
     first = members[nearest[0]]
+    why = first if isinstance(first, str) else first.diagnosis
     raise UnstableEquilibriumError(
-        f"no point of the grid has a stable rest state: {first if isinstance(first, str) else first.trouble}",
+        f"no point of the grid has a stable rest state: {why}",
         where="angles",
         hint="a grid that reaches to where the payload hangs below its axes",
     )
@@ -417,7 +418,7 @@ def _zero(
         here = _step(here, done[angle])
     lost = done[nearest].spectrum.shapes[:, _swinging(done[nearest].spectrum, rest)[rank]]
     alike = np.abs(here.spectrum.shapes.T @ (here.spectrum.mass @ lost))
-    # One loss, one name: that of the mode at the point beyond, where `trouble` speaks of it.
+    # One loss, one name: that of the mode at the point beyond, where `diagnosis` speaks of it.
     name = _name(bad.rest, bad.spectrum, int(_swinging(bad.spectrum, rest)[rank]))
     return found, int(np.argmax(alike)), name
 

@@ -17,7 +17,7 @@ ASIDE = 0.1  # part of the larger tilt: a smaller one is not reported
 AXES = "xyz"
 
 
-class Doubt(NamedTuple):
+class SupportWarning(NamedTuple):
     """A warning: where, what, and what to try."""
 
     where: str
@@ -25,7 +25,7 @@ class Doubt(NamedTuple):
     hint: str
 
 
-def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Doubt]:
+def warnings_on_devices(structure: Structure, environment: Environment) -> Iterator[SupportWarning]:
     """Attach points without load, and directions that nothing holds while devices are tuned."""
     if not environment.hung:
         return
@@ -33,7 +33,7 @@ def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Do
     used = {tie.attach for tie in ties} | {n for s in structure.springs for n in (s.start, s.end)}
     for point in structure.attach_points:
         if point.name not in used:
-            yield Doubt(
+            yield SupportWarning(
                 f"attach point {point.name!r}",
                 f"no device or spring of {environment.title!r} holds it",
                 "name it in the environment's [suspension.held], give it a [[device]], or leave it out",
@@ -41,27 +41,27 @@ def doubt_devices(structure: Structure, environment: Environment) -> Iterator[Do
     tuned = [device.held for device in environment.hung if device.force is None]
     for axis in AXES:
         if tuned and not environment.springs and not any(axis in held for held in tuned):
-            yield Doubt(
+            yield SupportWarning(
                 "suspension",
                 f"no attach point is held along {axis} while the loads of its devices are found",
                 f"add {axis} to what one of the points holds, in [suspension.held] or the [[device]]",
             )
 
 
-def doubt_attitude(attitude: Attitude, environment: Environment) -> Iterator[Doubt]:
+def warnings_on_attitude(attitude: Attitude, environment: Environment) -> Iterator[SupportWarning]:
     """A tilt beyond `LARGE_TILT`, with offsets that would level it; or parts that have turned over."""
     tilt = float(np.linalg.norm(attitude.tilt))
     if tilt <= LARGE_TILT:
         return
     if tilt > OVER:
-        yield Doubt(
+        yield SupportWarning(
             "", f"the article has turned over: it hangs tilted by {np.degrees(tilt):.0f} deg", OVER_HINT
         )
         return
     if said := sag(attitude):
-        yield Doubt("", said, SAG_HINT)
+        yield SupportWarning("", said, SAG_HINT)
         return
-    yield Doubt(
+    yield SupportWarning(
         "",
         f"the article hangs tilted by {np.degrees(tilt):.1f} deg; it was drawn level",
         f"{_levelling(attitude, environment)}see docs/how-to/level-an-article.md",

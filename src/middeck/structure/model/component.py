@@ -193,7 +193,7 @@ def _modal_diagonals(component: Component) -> tuple[np.ndarray, np.ndarray]:
     return np.diagonal(component.stiffness)[first:], np.diagonal(component.mass)[first:]
 
 
-def component_doubts(component: Component) -> Iterator[str]:
+def warnings_on_component(component: Component) -> Iterator[str]:
     """Warnings for unusual components: a modal mass unlike the others, a frequency beyond all others."""
     first = 6 * len(component.grids)
     k, m = _modal_diagonals(component)

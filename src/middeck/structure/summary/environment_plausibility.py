@@ -13,7 +13,7 @@ BOUNCE = (1e-3, 1e3)  # Hz: a pneumatic device to a hard mount
 LOAD = 100.0  # weights of the article that a device may be given to carry
 
 
-def doubt_environment(structure: Structure, environment: Environment) -> tuple[str, ...]:
+def warnings_on_environment(structure: Structure, environment: Environment) -> tuple[str, ...]:
     """One warning for each implausible number, with the unit in which it is read."""
     return (*_gravity(environment), *_devices(structure, environment), *_springs(structure, environment))
 

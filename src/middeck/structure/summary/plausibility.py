@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from middeck.structure.model.article import Body, JointState, Node, Section, Structure
-from middeck.structure.model.component import body_of, component_doubts, modal_hz
+from middeck.structure.model.component import body_of, modal_hz, warnings_on_component
 from middeck.structure.model.connectivity import some_names
 from middeck.values import record
 
@@ -51,7 +51,7 @@ class Measures:
     rounding: float
 
 
-def doubt_measures(
+def warnings_on_measures(
     structure: Structure, of: Measures, length: np.ndarray, radius: np.ndarray, elements: np.ndarray
 ) -> tuple[str, ...]:
     """One warning for each implausible quantity; ``length`` and later arguments are the members'."""
@@ -65,7 +65,7 @@ def doubt_measures(
         *_members(structure, length, radius),
         *_mesh(structure, of, length, elements),
         *_components(structure),
-        *(doubt for component in structure.components for doubt in component_doubts(component)),
+        *(doubt for component in structure.components for doubt in warnings_on_component(component)),
     )
 
 

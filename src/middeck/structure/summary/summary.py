@@ -14,7 +14,7 @@ from middeck.structure.model.article_checks import check_structure
 from middeck.structure.model.component import body_of
 from middeck.structure.model.member_mesh import member_geometry
 from middeck.structure.model.section import MemberMass, mean_section
-from middeck.structure.summary.plausibility import Measures, doubt_measures
+from middeck.structure.summary.plausibility import Measures, warnings_on_measures
 from middeck.values import record
 
 EPS = float(np.finfo(float).eps)
@@ -109,7 +109,7 @@ def summarise(structure: Structure) -> Summary:
         bending_hz=measures.bending_hz,
         slenderness=(float(slim.min()), float(slim.max())) if len(slim) else None,
         rounding=measures.rounding,
-        warnings=doubt_measures(structure, measures, rods.length, radius, rods.elements),
+        warnings=warnings_on_measures(structure, measures, rods.length, radius, rods.elements),
     )
 
 

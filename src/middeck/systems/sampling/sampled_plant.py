@@ -31,11 +31,11 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
     ('state 0', 'delay', 'delay')
     """
     sampled = _sample(plant, float(period_s))
-    doubt_period(plant, period_s)
+    warnings_on_period(plant, period_s)
     return sampled
 
 
-def doubt_period(plant: Plant, period_s: float) -> None:
+def warnings_on_period(plant: Plant, period_s: float) -> None:
     """Warn (`UserWarning`) of what looks like a rate in Hz given for the period."""
     if period_s**2 <= 2.0 * TURNS:  # no mode can be both too fast and too slow
         return

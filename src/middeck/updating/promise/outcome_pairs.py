@@ -17,7 +17,7 @@ from middeck.errors import DataError
 from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.correlation.measured_modes import STRAIGHT, MeasuredModes
 from middeck.structure.correlation.placing import list_names
-from middeck.structure.correlation.unit_slips import doubt_frequencies_of_shapes
+from middeck.structure.correlation.unit_slips import warnings_on_frequencies_of_shapes
 from middeck.updating.residuals.pairing import WINDOW, pair_shapes
 from middeck.values import record
 
@@ -140,7 +140,7 @@ def pair_by_shape(
         for i, j in sorted(pairs.tolist())
     )
     straight = np.array([way in STRAIGHT for way in seen.direction])
-    units = doubt_frequencies_of_shapes(promised.frequency_hz, said, seen, straight)
+    units = warnings_on_frequencies_of_shapes(promised.frequency_hz, said, seen, straight)
     found = _of_the_survey(promised, measured, len(common), set(pairs[:, 1].tolist()))
     return paired, (*(f"{promised.environment}: {unit}" for unit in units), *found)
 

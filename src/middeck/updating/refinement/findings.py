@@ -7,7 +7,7 @@ import numpy as np
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.correlation.assurance import modal_assurance
-from middeck.structure.correlation.unit_slips import doubt_survey_units
+from middeck.structure.correlation.unit_slips import warnings_on_survey_units
 from middeck.structure.model.article import JointState
 from middeck.updating.refinement.bayesian_estimate import errors_shown
 from middeck.updating.refinement.contradictions import CONTRADICT
@@ -68,7 +68,7 @@ def findings(refined: Refined) -> tuple[str, ...]:
         *(
             f"{c.survey.name}: {said}"
             for c in refined.compared
-            for said in doubt_survey_units(c.modes, c.survey.measured)
+            for said in warnings_on_survey_units(c.modes, c.survey.measured)
         ),
         *_of_the_search(refined),
         *repeated_tests([c.survey for c in refined.compared], [c.test for c in refined.statics]),

@@ -16,7 +16,7 @@ from middeck.structure.correlation.measured_modes import (
     sort_rms,
     straight_channels,
 )
-from middeck.structure.correlation.unit_slips import doubt_survey_units
+from middeck.structure.correlation.unit_slips import warnings_on_survey_units
 from middeck.structure.model.article import JointState, LoadCase, Structure
 from middeck.structure.model.connectivity import REDRAW, turned_by_redrawing
 from middeck.structure.model.environment import Environment
@@ -239,7 +239,7 @@ def pair_survey(modes: Modes, survey: Survey, added: Sequence[Added] = (), count
             where=survey.name,
             hint="; ".join(
                 (
-                    *doubt_survey_units(modes, survey.measured),
+                    *warnings_on_survey_units(modes, survey.measured),
                     _nearest(own.modes, survey.measured),
                     "check nodes, directions, units and the environment",
                 )

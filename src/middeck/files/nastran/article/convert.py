@@ -12,7 +12,11 @@ from middeck.files.nastran.article.floating_parts import check_whole
 from middeck.files.nastran.article.ground_springs import ground_springs, idle_springs
 from middeck.files.nastran.article.nodes_and_riders import find_standing
 from middeck.files.nastran.article.parts import Basis, DeckParts, LeftOut, read_parts, set_out
-from middeck.files.nastran.article.what_became_of_cards import account_left_out, count_converted, note_doubts
+from middeck.files.nastran.article.what_became_of_cards import (
+    account_left_out,
+    count_converted,
+    note_warnings,
+)
 from middeck.files.nastran.components.direct_input import NAME
 from middeck.files.nastran.deck.coordinates import place_grids
 from middeck.files.nastran.deck.deck import Deck, reference_grid, weight_factor
@@ -87,7 +91,7 @@ def convert_deck(
     made = write_documents(name, settled, components)
     reference, lost = _reference(basis)
     notes = [f"{fault.place}: {fault.what}" for fault in lacking]
-    notes += note_doubts(basis, settled.parts, made.coordinates)
+    notes += note_warnings(basis, settled.parts, made.coordinates)
     return Conversion(
         document=made.article,
         read={card: len(found) for card, found in deck.entries.by_name.items()},

@@ -11,7 +11,7 @@ from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unre
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.known_cards import DIVIDING
 from middeck.files.nastran.deck.numbers import integer, real
-from middeck.files.nastran.deck.units import doubt_modulus
+from middeck.files.nastran.deck.units import warnings_on_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES, SPRINGS
 from middeck.files.nastran.masses_and_springs.spring_elements import ROW
 
@@ -99,7 +99,7 @@ def _why_idle(card: str) -> str:
     return next(found, "no effect on stiffness and mass")
 
 
-def note_doubts(basis: Basis, parts: DeckParts, coordinates: int) -> list[str]:
+def note_warnings(basis: Basis, parts: DeckParts, coordinates: int) -> list[str]:
     """Notes on missing sets of case control, and on differences from the deck's own program.
 
     ``coordinates`` is how many the article has, the most modes that can be asked of it.
@@ -128,7 +128,7 @@ def note_doubts(basis: Basis, parts: DeckParts, coordinates: int) -> list[str]:
         by = f"to its {', '.join(kept)}" if kept else "by OMIT"
         notes.append(f"the deck reduces {by}: the article keeps all degrees of freedom")
     for card in entries.of("MAT1"):
-        if doubt := doubt_modulus(basis.units, card["e"] or 0.0):
+        if doubt := warnings_on_modulus(basis.units, card["e"] or 0.0):
             notes.append(f"{card.label} has {doubt}: are the units {basis.units.name}?")
     asked = asked_formulation(deck)
     if asked != basis.formulation and any(bar.section.has_mass for bar in parts.bars):

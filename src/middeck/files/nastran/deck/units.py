@@ -84,12 +84,12 @@ def guess_units(materials: Sequence[tuple[float, float]], size: float) -> list[U
     return sorted(fitting, key=distance)
 
 
-def doubt_modulus(units: Units, E: float) -> str:
+def warnings_on_modulus(units: Units, E: float) -> str:
     """A warning for an implausible Young's modulus in ``units``, with plausible units; else empty.
 
     A power of ten is one for form's sake, of a beam that is given by E A and E I.
 
-    >>> doubt_modulus(parse_units("m-kg-s-N"), 7e4)
+    >>> warnings_on_modulus(parse_units("m-kg-s-N"), 7e4)
     "a Young's modulus of 7e+04 Pa, which nothing has that is built with; in mm-t-s-N it is 7e+10 Pa"
     """
     found = E * units.force / units.length**2

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.structure.elements.component import ComponentElement
-from middeck.structure.model.component import Component, body_of, component_doubts
+from middeck.structure.model.component import Component, body_of, warnings_on_component
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # Least relative change of a frequency that is reported.
@@ -74,7 +74,7 @@ def component_warnings(
     parts = equilibrium.model.structure.components
     if not parts:
         return ()
-    found = [doubt for part in parts for doubt in component_doubts(part)]
+    found = [doubt for part in parts for doubt in warnings_on_component(part)]
     for part, cost in zip(parts, left_out(equilibrium, lam, shapes), strict=True):
         worst = int(np.argmax(cost)) if len(cost) else 0
         if len(cost) and cost[worst] > FELT:

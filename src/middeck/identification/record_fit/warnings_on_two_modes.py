@@ -7,7 +7,7 @@ from middeck.identification.model.measurement_model import MeasurementModel, nat
 from middeck.identification.record_fit.unneeded_modes_and_sines import BY_CHANCE, Tidied
 
 
-def doubts_of_two(fit: Tidied) -> list[str]:
+def warnings_on_two(fit: Tidied) -> list[str]:
     """Warnings for modes that two would describe better, where the given order allows no more."""
     return [
         f"mode at {hz:.4g} Hz: two modes in its place describe the record better (by over {CLEARLY:g} of "
@@ -16,7 +16,7 @@ def doubts_of_two(fit: Tidied) -> list[str]:
     ]
 
 
-def doubts_of_perhaps_two(fit: Tidied) -> list[str]:
+def warnings_on_perhaps_two(fit: Tidied) -> list[str]:
     """Warnings for modes that are likelier as two than chance explains."""
     return [
         f"mode at {hz:.4g} Hz: it may be two modes, or one that is not linear; two in its place are likelier "
