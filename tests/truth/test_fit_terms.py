@@ -232,8 +232,12 @@ def test_a_held_input_of_any_kind_is_exact():
 
 def summed(each):
     """Several outputs as one: what they say of theta is added."""
-    linear, cost, gradient, gram = list(zip(*each, strict=True))[:4]
-    return Solved(linear=np.concatenate(linear), cost=sum(cost), gradient=sum(gradient), gram=sum(gram))
+    return Solved(
+        linear=np.concatenate([one.linear for one in each]),
+        cost=sum(one.cost for one in each),
+        gradient=sum(one.gradient for one in each),
+        gram=sum(one.gram for one in each),
+    )
 
 
 @pytest.mark.parametrize("from_sums", [True, False], ids=["from sums", "line by line"])

@@ -85,7 +85,7 @@ class _Topology:
 
     Attributes:
         size: Number of coordinates.
-        frame, special, moves: Frame of each point, and `Special.point` and `Special.moves`.
+        frame, special, moves: Frame of each point, and `Special.point` and `JacobianLayout.moves`.
         indptr, indices: Sparse structure of the Jacobian of the points.
         groups: Name of each group, its elements and the ends of one.
         poses: The ends of all elements of the groups in turn.
@@ -119,9 +119,9 @@ def lay_out_pattern(points: PoseMap, ends: Mapping[str, Int[np.ndarray, "element
             size=points.tree.size,
             frame=points.points.frame,
             special=points.special.point,
-            moves=points.special.moves,
-            indptr=points.indptr,
-            indices=points.indices,
+            moves=points.layout.moves,
+            indptr=points.layout.indptr,
+            indices=points.layout.indices,
             groups=tuple((name, *poses.shape) for name, poses in ends.items()),
             poses=np.concatenate([poses.ravel() for poses in ends.values()]),
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,8 +29,7 @@ KEPT = 16
 class Special:
     """Points that do not move as a root's origin: those with an offset, and those on joints.
 
-    ``joint`` has their joints from the root out, -1 where there are no more; ``moves`` the coordinates of the
-    root's turn and of these joints.
+    ``joint`` has their joints from the root out, -1 where there are no more.
     """
 
     point: Int[np.ndarray, " special"]
@@ -37,45 +37,55 @@ class Special:
     offset: Inexact[np.ndarray, "special 3"]
     root: Int[np.ndarray, " special"]
     joint: Int[np.ndarray, "special chain"]
+
+
+@record(kw_only=True)
+class JacobianLayout:
+    """The Jacobian of points by rows: its pattern, its values but for arms, and where arms and joints go.
+
+    ``moves`` has the coordinates of the root's turn and of the joints of each special point. Matrices of all
+    articles of one topology keep these very arrays.
+    """
+
     moves: Int[np.ndarray, "special turn"]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PoseMap:
-    """The Jacobian of points by rows: its pattern, its values but for arms, and where arms and joints go."""
-
-    tree: FrameTree
-    points: PosePoints
-    special: Special
     indptr: np.ndarray
     indices: np.ndarray
     constant: np.ndarray
     arm_slot: Int[np.ndarray, "special 6"]
     joint_slot: Int[np.ndarray, "special chain 6"]
 
+
+class PoseMap(NamedTuple):
+    """How poses of points follow from coordinates."""
+
+    tree: FrameTree
+    points: PosePoints
+    special: Special
+    layout: JacobianLayout
+
     def jacobian(self, poses: Poses) -> sp.csr_array:
         """Sparse A (6 rows a point, one column a coordinate): first-order change of every point's pose."""
         shape = (6 * len(self.points.frame), self.tree.size)
-        return csr_of(self.jacobian_values(poses), self.indices, self.indptr, shape)
+        return csr_of(self.jacobian_values(poses), self.layout.indices, self.layout.indptr, shape)
 
     def jacobian_values(self, poses: Poses) -> np.ndarray:
         """The values of `jacobian`, in the order of its pattern."""
         at, arm = self.special, self._arms(poses)
-        values = self.constant.astype(np.result_type(arm, poses.R))
-        values[self.arm_slot] = -skew(arm).reshape(-1, 9)[:, OFF_DIAGONAL]
+        values = self.layout.constant.astype(np.result_type(arm, poses.R))
+        values[self.layout.arm_slot] = -skew(arm).reshape(-1, 9)[:, OFF_DIAGONAL]
         if at.joint.shape[1]:
             own = at.joint >= 0
-            values[self.joint_slot[own]] = np.concatenate(self._twists(poses), axis=2)[own]
+            values[self.layout.joint_slot[own]] = np.concatenate(self._twists(poses), axis=2)[own]
         return values
 
     def second_order(self, poses: Poses, load: Inexact[np.ndarray, "point 6"]) -> np.ndarray:
-        """Blocks on `Special.moves`: second-order part of the poses, weighted by ``load``.
+        """Blocks on `JacobianLayout.moves`: second-order part of the poses, weighted by ``load``.
 
         That is the energy gradient (F, M) at each point; see the formulas of `frames`.
         """
         at = self.special
         F, M = load[at.point, :3], load[at.point, 3:]
-        width = at.moves.shape[1]
+        width = self.layout.moves.shape[1]
         block = np.zeros((len(at.point), width, width), dtype=np.result_type(poses.p, load))
         block[:, :3, :3] = symmetric_double_cross(F, self._arms(poses))
         if width == 3:
@@ -119,18 +129,6 @@ class _Movers:
     joint: Int[np.ndarray, "special chain"]
 
 
-@record(kw_only=True)
-class _Entries:
-    """`Special.moves`, and the entries of a `PoseMap`: matrices of all articles of one topology keep them."""
-
-    moves: np.ndarray
-    indptr: np.ndarray
-    indices: np.ndarray
-    constant: np.ndarray
-    arm_slot: np.ndarray
-    joint_slot: np.ndarray
-
-
 def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
     """Lay out the Jacobian of ``points``."""
     frame = points.frame
@@ -144,29 +142,15 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
         if jointed[point]:
             root[point], joints = chains[int(frame[point])]
             joint[k, : len(joints)] = joints
-    entries = _lay_out(_Movers(roots=tree.roots, root=root, special=special, joint=joint))
     of = Special(
-        point=special,
-        frame=frame[special],
-        offset=points.offset[special],
-        root=root[special],
-        joint=joint,
-        moves=entries.moves,
+        point=special, frame=frame[special], offset=points.offset[special], root=root[special], joint=joint
     )
-    return PoseMap(
-        tree=tree,
-        points=points,
-        special=of,
-        indptr=entries.indptr,
-        indices=entries.indices,
-        constant=entries.constant,
-        arm_slot=entries.arm_slot,
-        joint_slot=entries.joint_slot,
-    )
+    movers = _Movers(roots=tree.roots, root=root, special=special, joint=joint)
+    return PoseMap(tree, points, of, _lay_out(movers))
 
 
 @functools.lru_cache(maxsize=KEPT)
-def _lay_out(movers: _Movers) -> _Entries:
+def _lay_out(movers: _Movers) -> JacobianLayout:
     root, special, joint, count = movers.root, movers.special, movers.joint, len(movers.root)
     rows, columns, values = _plain(root)
     plain = len(rows)
@@ -186,7 +170,7 @@ def _lay_out(movers: _Movers) -> _Entries:
     turn = 6 * root[special, None] + np.arange(3, 6)
     # A chain that is shorter than the longest adds nothing, anywhere.
     index = np.concatenate([turn, np.where(joint >= 0, 6 * movers.roots + joint, turn[:, :1])], axis=1)
-    return _Entries(
+    return JacobianLayout(
         moves=index,
         indptr=indptr.astype(np.int32),
         indices=columns[rank].astype(np.int32),

@@ -17,7 +17,7 @@ from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.refinement_after_one_test import Foreseen, foresee
 from middeck.updating.orbit.deflections import Deflection
-from middeck.updating.orbit.frequencies import There, predict_at, solve_there
+from middeck.updating.orbit.frequencies import SolvedModes, predict_at, solve_there
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.values import record
@@ -111,7 +111,9 @@ def rank_tests(
 
 
 def _promised(
-    refined: Refined, places: Mapping[str, There], readings: Callable[[Refined], Sequence[Deflection]] | None
+    refined: Refined,
+    places: Mapping[str, SolvedModes],
+    readings: Callable[[Refined], Sequence[Deflection]] | None,
 ) -> tuple[Promised, ...]:
     found: list[Promised] = []
     for name, place in places.items():

@@ -100,7 +100,7 @@ class Prediction:
 
 
 @record(kw_only=True)
-class There:
+class SolvedModes:
     """The refined article in an environment: its modes, those that are predicted, and their slopes.
 
     Slopes are of the logarithms of frequencies by the unknowns; ``left_out`` is of `left_out`, found when it
@@ -108,14 +108,14 @@ class There:
     """
 
     modes: Modes
-    told: Int[np.ndarray, " mode"]
+    index: Int[np.ndarray, " mode"]
     slope: Float[np.ndarray, "mode unknown"]
     left_out: Float[np.ndarray, " mode"]
     curvature: Float[np.ndarray, "mode unknown unknown"]
     roots: LogRoots | None
 
 
-def solve_there(refined: Refined, environment: Environment, count: int = 10) -> There:
+def solve_there(refined: Refined, environment: Environment, count: int = 10) -> SolvedModes:
     """The lowest ``count`` modes that are not rigid, in ``environment``."""
     there = set_up(refined.structure, environment, (), refined.unknowns)
     modes = there.solve(refined.x)
@@ -124,9 +124,9 @@ def solve_there(refined: Refined, environment: Environment, count: int = 10) -> 
     slope = product_slopes(modes, there.bound, index, index, lam) / (2.0 * lam[:, None])
     finer = np.diag(left_out(modes, index)) / (2.0 * lam)
     roots = roots_of_lowest(modes, there.bound, int(index[-1]) + 1) if refined.damped else None
-    return There(
+    return SolvedModes(
         modes=modes,
-        told=index,
+        index=index,
         slope=slope,
         left_out=finer,
         curvature=frequency_curvature(modes, there.bound, index),
@@ -148,9 +148,9 @@ def predict_modes(
     return predict_at(refined, solve_there(refined, environment, count), umbilical_hz)
 
 
-def predict_at(refined: Refined, there: There, umbilical_hz: float = CABLE_HZ) -> Prediction:
+def predict_at(refined: Refined, there: SolvedModes, umbilical_hz: float = CABLE_HZ) -> Prediction:
     """The prediction of ``refined`` for modes already solved."""
-    modes, index, slope, finer = there.modes, there.told, there.slope, there.left_out
+    modes, index, slope, finer = there.modes, there.index, there.slope, there.left_out
     found, compared = refined.estimate, refined.compared
     errors = OwnErrors.of(compared) if compared else None
     share = np.zeros((len(index), 0)) if errors is None else errors.shared_with(modes)[index]

@@ -25,14 +25,14 @@ class Tests(NamedTuple):
     """Measured values beside the model, in the order of the rows of `linear_problem`."""
 
     compared: tuple[Compared, ...]
-    heard: tuple[ComparedResponse, ...]
+    responses: tuple[ComparedResponse, ...]
     damped: tuple[ComparedDamping, ...]
     statics: tuple[ComparedStatic, ...]
 
     @property
     def every(self) -> tuple[Compared | ComparedResponse | ComparedDamping | ComparedStatic, ...]:
         """All rows."""
-        return (*self.compared, *self.heard, *self.damped, *self.statics)
+        return (*self.compared, *self.responses, *self.damped, *self.statics)
 
     def rows_of_several(self, kind: type) -> Bool[np.ndarray, " row"]:
         """Rows of frequencies, or of ln zeta, that another survey may contradict."""
@@ -81,7 +81,7 @@ def estimate_of(
     """
 
     def solved(of: Tests) -> tuple[Linear, Estimate]:
-        problem = linear_problem(of.compared, of.statics, fields, from_mean, spread, of.heard, of.damped)
+        problem = linear_problem(of.compared, of.statics, fields, from_mean, spread, of.responses, of.damped)
         return problem, estimate(problem, usual[: problem.sorts])
 
     while True:

@@ -212,7 +212,7 @@ def refine(
         converged=found.converged,
         fields=found.fields,
         unseen=unseen_deviations(found.problem, found.estimate.tau, usual[: found.problem.sorts]),
-        responses=tests.heard,
+        responses=tests.responses,
         damped=tests.damped,
     )
 
@@ -229,7 +229,7 @@ def compare_at_first(
     refuse_repeated(surveys)
     mean, spread = (np.array([getattr(u, name) for u in unknowns]) for name in ("mean", "spread"))
     tests = places.compare(places.solve(mean, places.moves_damping), statics, True)
-    return tests._replace(heard=places.hear(tests.compared, mean, np.diag(spread))).every
+    return tests._replace(responses=places.compare_responses(tests.compared, mean, np.diag(spread))).every
 
 
 def _before(old: Compared, new: Compared) -> tuple[float, ...]:

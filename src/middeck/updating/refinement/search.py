@@ -213,7 +213,9 @@ def _search(
     while True:
         asked = places.compare(at, statics, settled)
         first = first or asked
-        asked = asked._replace(heard=places.hear(asked.compared, x, open_x) if settled else ())
+        asked = asked._replace(
+            responses=places.compare_responses(asked.compared, x, open_x) if settled else ()
+        )
         fields = ErrorFields.of(at.loaded) if at.loaded else None
         tests, problem, found = estimate_of(asked, fields, x - mean, spread, usual)
         step = mean + found.x - x
@@ -327,7 +329,7 @@ class TestSetups(NamedTuple):
                 lossy.append(ratios)
         return Tests(tuple(compared), (), tuple(lossy), compare_statics(at.loaded, statics, self.loaded))
 
-    def hear(
+    def compare_responses(
         self, compared: Sequence[Compared], x: np.ndarray, open_x: np.ndarray
     ) -> tuple[ComparedResponse, ...]:
         """Responses beside the model at the unknowns ``x``; ``open_x`` is a root of their covariance."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -107,7 +108,7 @@ def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
         else:
             read[output, : len(system.A)] = system.C[output]
     hold = functools.cache(functools.partial(hold_inputs, system))
-    tick = _Tick(system, hold, m, period_s, substeps, takes_over)
+    tick = _Tick(system=system, hold=hold, m=m, period_s=period_s, substeps=substeps, takes_over=takes_over)
     parts = [_one_step(tick, j, chains, heads) for j in range(substeps)]
     step, drive, push, answer = (np.array(x) for x in zip(*parts, strict=True))
     commands = plant.input_indices([*wiring.inputs, *(j.torque for j in joints)])
@@ -146,14 +147,16 @@ def _chain(ticks: float, direct: bool) -> tuple[int, float]:
     return length, length - (whole + part)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Tick:
     """A tick with its substeps, within which one command takes over from another."""
 
-    def __init__(
-        self, system: StateSpace, hold: Hold, m: int, period_s: float, substeps: int, takes_over: float
-    ) -> None:
-        self.system, self.hold, self.m = system, hold, m
-        self.period_s, self.substeps, self.takes_over = period_s, substeps, takes_over
+    system: StateSpace
+    hold: Hold
+    m: int
+    period_s: float
+    substeps: int
+    takes_over: float
 
     def rows(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States, two commands in a row and joints' torques to the states at ``end`` [ticks]."""
