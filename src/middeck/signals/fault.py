@@ -12,7 +12,7 @@ MOST_RUNS = 100
 
 @record(kw_only=True)
 class Fault:
-    """One thing wrong with one channel of a record.
+    """One fault of one channel of a record.
 
     Attributes:
         kind: In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
@@ -43,5 +43,5 @@ class Fault:
 
     @property
     def in_a_line(self) -> str:
-        """What it is and what to try, for a list of warnings."""
+        """The fault and its remedy in one line, for a list of warnings."""
         return str(self).replace("\n  try:", ";")

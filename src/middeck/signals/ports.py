@@ -83,5 +83,5 @@ def port_indices(ports: Sequence[Port], names: Sequence[str], side: str) -> list
 
 
 def once(*names: str) -> tuple[str, ...]:
-    """Each name at its first place."""
+    """Each name once, at its first place."""
     return tuple(dict.fromkeys(names))

@@ -38,7 +38,7 @@ class Record:
 
 @record
 class Campaign:
-    """Records of one test article with the same channels and rate, each as long as it happens to be.
+    """Records of one test article with the same channels and rate, of any lengths.
 
     Raises `DataError` if there is none, or if rates or ports differ. Records of equal length and kind fit in
     one `Record`, whose experiments they are.

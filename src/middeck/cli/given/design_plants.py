@@ -1,4 +1,4 @@
-"""The plant that a design is for, from an article or from a fitted model, with the ports that were typed."""
+"""The design plant, of an article or a fitted model, with the ports that were typed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Band = tuple[float, float]
 
 @record
 class Wanted:
-    """The ports to drive and to measure; empty where the only one is meant."""
+    """The ports to drive and to measure; empty for the only one there is."""
 
     control: tuple[str, ...]
     measure: tuple[str, ...]
@@ -50,7 +50,7 @@ def tell_warnings(modes: Modes) -> None:
 
 @record
 class FittedPlant:
-    """The plant of a fitted model, the band of its poles, and what was done to the model on the way."""
+    """The plant of a fitted model, the band of its poles, and notes on changes to the model."""
 
     plant: Plant
     band_hz: Band

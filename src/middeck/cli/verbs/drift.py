@@ -142,7 +142,7 @@ def _compare_lines(
 def describe(
     before: str, after: str, found: Drift, lines: ResponseDrift | None, warnings: Any
 ) -> dict[str, Any]:
-    """The JSON document; ``lines`` is None where nothing says how uncertain the responses are."""
+    """The JSON document; ``lines`` is None where the uncertainty of the responses is unknown."""
     return {
         "schema": "middeck.drift/1",
         "before": before,

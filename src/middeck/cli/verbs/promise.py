@@ -1,4 +1,4 @@
-"""``middeck promise``: what compensators will do in orbit, as a sealed document."""
+"""``middeck promise``: predictions of compensators in orbit, as a sealed document."""
 
 from __future__ import annotations
 

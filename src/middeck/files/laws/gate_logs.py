@@ -31,7 +31,7 @@ class LoggedGate:
         steps: Those that ended, in order.
         passed: Its verdict; None where the gate was cut off.
         tripped: The trip that the package is to blame for, as in `GateVerdict`; empty for none. A gate that
-            was cut off after a trip has told only the blacklist.
+            was cut off after a trip has written only the blacklist.
     """
 
     package: str

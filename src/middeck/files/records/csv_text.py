@@ -69,7 +69,7 @@ class Opening:
     """The lines before the numbers.
 
     ``names`` of the columns (empty if there is no such line), whether the first of them is the time and its
-    unit, ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.
+    unit, ``periods``, ``samples`` and ``channels`` as stated in comments, and the separator.
     """
 
     line: int

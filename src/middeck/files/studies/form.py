@@ -309,7 +309,7 @@ def _documents(data: Table) -> Iterator[Finding]:
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[Finding]:
     """Ports that an article of the study lacks, or that are named twice.
 
-    ``ports`` gives actuators and sensors by article; of one that the study does not have nothing is said.
+    ``ports`` gives actuators and sensors by article; an article that the study lacks is skipped.
     """
     wanted: list[tuple[str, str, str | Names, list[str]]] = []
     if form.control is not None and form.control.article in ports:

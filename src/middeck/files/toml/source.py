@@ -21,7 +21,7 @@ from middeck.values import record
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 DOCUMENTS = (kind_of_content.ARTICLE, kind_of_content.ENVIRONMENT, kind_of_content.STUDY)
-# Said of a fitted model, where an article is asked for.
+# Words for a fitted model in place of an article.
 NO_GRAVITY_TO_TAKE = (
     "; gravity and suspension are in all modes of a measurement, and cannot be taken out of it"
 )

@@ -76,10 +76,10 @@ def _unsure(same: Found) -> Found:
 
 
 def _noise_of_either(y: Run, z: Run, inputs: list[Run]) -> float | None:
-    """What two proportional outputs differ by over the noise of either: none if they share it.
+    """Difference of two proportional outputs over the noise of either: zero if they share it.
 
-    Sensors of one mode are proportional, too. Noise is what neither past nor inputs foretell; None: there is
-    no noise.
+    Sensors of one mode are proportional, too. Noise is the part that neither past nor inputs predict; None:
+    there is no noise.
     """
     past = min(PAST, len(y) // (8 * (1 + len(inputs))))
     if past < 1:

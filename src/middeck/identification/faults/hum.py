@@ -29,7 +29,7 @@ FALLS, CHANCE = 0.05, 24.0
 BETWEEN, STEP = np.linspace(-0.6, 0.6, 49), 1e-3
 # Share of what an output has above the lines beside it that an input may have there.
 DRIVEN = 0.03
-# Share of the output's rms from which a sine is told, and from which it is serious.
+# Share of the output's rms from which a sine is reported, and from which it is serious.
 TOLD, SERIOUS = 0.01, 0.1
 MOST = 8
 FEWEST_SAMPLES = 512

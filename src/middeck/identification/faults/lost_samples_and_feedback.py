@@ -1,6 +1,6 @@
 """Faults in the relation of outputs to inputs: lost samples, feedback, delays of half a record.
 
-Both sides are whitened first, each by what its own past foretells of it: the answer of a lightly damped mode
+Both sides are whitened first, each by the prediction from its own past: the response of a lightly damped mode
 then lasts for few samples, and the correlation of the two is noise but where one answers the other.
 """
 
@@ -18,9 +18,9 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
 Signal = Float[np.ndarray, " sample"]
-# Samples before from which the next is foretold, and the share of white noise that keeps that determined.
+# Past samples from which the next is predicted, and the share of white noise that keeps that determined.
 PAST, FLOOR = 24, 1e-9
-# A signal whose past foretells all but this share of it is no noise: nothing is told from it.
+# A signal that its past predicts but for this share is no noise: nothing is concluded from it.
 FORETOLD = 1e-3
 # Parts of a record that are compared, by how many samples they may be apart, and over how many an answer is.
 PARTS, APART, ANSWER = 9, 40, 48
@@ -33,14 +33,14 @@ FEWEST_EVENTS, FEWEST_STEPS = 100.0, 3.0
 ALIKE, BETTER = 0.45, 0.2
 # Share of the parts that must be alike.
 MOST_ALIKE = 0.6
-# What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
+# Gain required of a regression: in deviations of its chi-square law, and as a share of the prediction error.
 SURE, SHARE = 7.0, 0.02
 # Times as much of the past by which feedback is tested again, and samples for each unknown of that; of more
 # than so many samples some, evenly spread, tell as much.
 LONGER, ROWS, ENOUGH = (2, 4, 8), 4, 20_000
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
-# Of computed samples rounding is all that is left: below LEAST, in rms of the output, nothing is told.
+# Computed samples leave rounding alone: below LEAST, in rms of the output, nothing is concluded.
 FEWEST_LARGE, BEYOND, LEAP, LEAST = 20, 12.0, 12.0, 1e-4
 # Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
 AS_BEFORE = 2.0
@@ -50,7 +50,7 @@ AS_BEFORE = 2.0
 LEADS, TAILS = 2, 3
 # Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
 ANSWERED = 7.0
-# A delay is told from so many samples, and this share of the record.
+# A delay is reported from so many samples, and this share of the record.
 LONG, LONG_SHARE = 32, 0.02
 
 
@@ -229,7 +229,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
             if share is not None and not _is_of_the_past(Y[o : o + 1], U, later, lags):
                 found.append((_fed_back(share), port))
         elif at is not None:
-            # As its past foretells it, a spike is gone; after a joint the next samples are wrong, too.
+            # Predicted from its past, a spike is gone; after a joint the next samples are wrong, too.
             mended = Y[o].copy()
             mended[lags + at] -= left[at]
             past = np.vstack([beside(mended[None], range(-lags, 0), *span), until])

@@ -73,7 +73,7 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     """
     rest = np.ones(len(x), dtype=bool)
     for a, b in runs:
-        # The first samples are foretold from those after them, up to twice as far in.
+        # The first samples are predicted from those after them, up to twice as far in.
         rest[max(a - PREDICTED_FROM, 0) if a < 2 * PREDICTED_FROM else a : b + PREDICTED_FROM] = False
     if not rest.any():  # steps or pulses all along: the signal itself
         return np.zeros(len(x)), np.inf
@@ -85,7 +85,7 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     weights = scipy.linalg.solve_toeplitz(column, past[1:]) if past[0] > 0.0 else np.zeros(before)
     ahead = np.concatenate([[1.0], -weights])
     left = np.abs(np.convolve(ahead, x - level.mean())[: len(x)])
-    # The first samples have none before them: they are foretold from those after, by the same weights.
+    # The first samples have none before them: they are predicted from those after, by the same weights.
     left[:before] = np.abs(np.convolve(ahead, x[::-1] - level.mean())[: len(x)])[::-1][:before]
     clean = np.sort(left[rest])
     large = clean[-max(FEWEST_LARGE, int(LARGE * len(clean))) :]

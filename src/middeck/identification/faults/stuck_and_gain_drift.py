@@ -1,6 +1,6 @@
 """Faults of the response within a record: channels that stick for a while, and gains that drift slowly.
 
-Each output is foretold from its own past and the inputs until then, by one regression. Free motion is of the
+Each output is predicted from its own past and the inputs until then, by one regression. Free motion is of the
 past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
 does not, or an output stands still while the inputs move it, its answer is left as well. And what the inputs
 add to the past grows with the gain, whatever the poles are.
@@ -50,7 +50,7 @@ PIECES, CLEARLY = 8, 2.0
 
 @value
 class _Regression:
-    """One output: what is foretold, and from what: [own past, inputs, one] over samples from ``first`` on;
+    """One output: the predicted samples and their regressors [own past, inputs, one], from ``first`` on;
     ``past`` rows are its own.
     """
 
@@ -65,11 +65,11 @@ class _Regression:
         return np.linalg.solve(self._gram(leave_out), right)
 
     def left(self, leave_out: slice = slice(0, 0)) -> Signal:
-        """What the others foretell of no sample."""
+        """The prediction error of all samples."""
         return self.told - self.weights(leave_out) @ self.rows
 
     def unsure(self, leave_out: slice, at: slice, power: float) -> float:
-        """Mean variance of what the weights foretell ``at`` samples; noise leaves a ``power`` elsewhere.
+        """Mean variance of the prediction ``at`` samples, with the ``power`` of the noise elsewhere.
 
         Large where a mode moves only there. The floor keeps weights small that nothing else determines, as
         noise would of which they are no larger than one.

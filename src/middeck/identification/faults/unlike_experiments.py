@@ -20,11 +20,11 @@ from middeck.signals.record import Record
 ALIKE, BETTER = 0.6, 0.2
 # Power of an answer over that of noise from which it is compared.
 HEARD = 4.0
-# Correlation of two inputs from which their answers cannot be told apart.
+# Correlation of two inputs from which their responses cannot be distinguished.
 ONE_INPUT = 0.3
-# A gain is told from so many of its deviations and this share, if half the lines agree with it within a half.
+# A gain is reported from so many deviations and this share, if half the lines agree with it within a half.
 SURE, SHARE, AGREE = 6.0, 0.005, 0.5
-# Lines that a gain is told from: their power over that of their noise, and how many.
+# Lines from which a gain is estimated: their power over that of their noise, and how many.
 CLEAR, FEWEST_LINES = 30.0, 20
 # Times the median weight that a line may have: few lines at a resonance tell nothing of a gain.
 HEAVIEST = 10.0

@@ -160,9 +160,9 @@ def fit_response(
             complex constants, or where the recommended order would else have poles outside the band.
         residuals: Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those
             below, a constant for those above (Ewins 2000, sec. 4.2). Continuous models only. They are tried,
-            too, where the recommended order would else have poles there and nothing is said of ``direct``.
+            too, where the recommended order would else have poles there and ``direct`` is not given.
         full_rank: Residues of any rank, as vector fitting has them, rather than rank one: for modes too close
-            to be told apart, and for what is no modal model.
+            to be distinguished, and for what is no modal model.
         rigid: How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the
             residual term of modes below the band.
         integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
@@ -345,7 +345,7 @@ def _check_finite(model: MeasurementModel, measured: FrequencyResponse) -> None:
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
-    """The model, the covariance of the model with its leads, and what is said of those."""
+    """The model, the covariance of the model with its leads, and the warnings of those."""
     measured, best = run.measured, run.best
     found, model = _causal(run)
     covariance = checked_covariance(

@@ -87,7 +87,7 @@ def poles_instead(
 
 
 def _beyond(measured: FrequencyResponse, data: Data, best: Polished, true: np.ndarray, pairs: int) -> Start:
-    """The true poles, and beside them so many pairs that together are as late as the fit's largest delay."""
+    """The true poles, and so many further pairs whose delay together is the fit's largest one."""
     late = max(float(best.start.point.delay_s.max()), 1.0 / float(data.omega[-1]))
     each = BUTTERWORTH * np.sqrt(2.0) * pairs / late * np.linspace(1.0, PARTED, pairs)
     poles, pair = upper_half(np.concatenate([true, each]), 0.0)

@@ -59,7 +59,7 @@ def decay_curve(
 COEFFICIENTS = (1, 2, 3, 4, 5, 6, 8, 10)  # coefficients of the splines that are tried
 STEPS = 40  # most steps of a search: one mode takes about five
 UNEXPLAINED = 0.5  # largest part of the energy that may be left
-TOLD = 25  # amplitudes of the result
+TOLD = 25  # number of amplitudes in the result
 CLEAR = 3.0  # least amplitude reported, in rms of the residual
 ITSELF = 0.1  # part of its frequency: what is nearer to the mode belongs to it
 BAND = 9  # lines that count as one: a decaying oscillation is no sharp line

@@ -31,7 +31,7 @@ STEPS, SMALL, HALVINGS = 12, 0.05, 6
 NUDGE = 0.02
 # Share of an output's power below which a variance is zero.
 ROUNDING = 1e-24
-# Step [s] for the derivative by the delay, and how near one is held that is told.
+# Step [s] for the derivative by the delay, and the deviation [s] that holds a given delay.
 LATER_S, TOLD_S = 2e-4, 1e-9
 # No step moves the logarithm of a slip angle by more.
 LARGEST = 1.0

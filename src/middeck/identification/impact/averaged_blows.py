@@ -33,7 +33,7 @@ USEFUL = 0.01
 SLOPE = 32
 # Parts of a record, of which the quietest tells the level at rest; parts of the force at rest that are kept.
 PARTS, KEPT = 16, 64
-# Coherence below which a line is told of.
+# Coherence below which a line is reported.
 INCOHERENT = 0.9
 
 

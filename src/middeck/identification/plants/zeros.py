@@ -104,7 +104,7 @@ def matrix_zeros(
 
     Raises `ConfigError` for an unknown name, or delays that are no sum of one for the input and one for the
     output: they take part in the determinant, whose zeros are then infinitely many; `NumericalError` if a
-    zero cannot be told from its surroundings.
+    zero cannot be distinguished from its surroundings.
     """
     chosen = select_channels(model, inputs=inputs, outputs=outputs).model
     if not is_sum(path_delay(chosen), SAME_DELAY_S):

@@ -83,7 +83,7 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
-# Deviations by which noise of an input may move an unknown before that is said.
+# Deviations by which noise of an input may move an unknown before a warning.
 MOVED = 1.0
 # A decay rate over the least of the search that may be that, and lines between a mode and a sine that
 # may be its own.

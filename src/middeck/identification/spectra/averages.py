@@ -15,7 +15,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen
 
-# Segments of half overlap that a record is cut into where nobody says how long they are.
+# Default number of segments, of half overlap, into which a record is cut.
 SEGMENTS = 16
 SHORTEST = 16
 # Samples read at once, or one segment where that is longer.

@@ -31,7 +31,7 @@ def refuse_dependent(spectra: Spectra) -> None:
     """Raise `DataError` where inputs with power are copies of each other."""
     size = np.sqrt(np.maximum(_power(spectra), np.finfo(float).tiny))
     unit = spectra.S_uu / (size[:, :, None] * size[:, None, :])
-    # Eigenvalues are powers: squares of what is told apart in amplitude.
+    # Eigenvalues are powers: squares of the smallest distinguishable amplitude.
     least = np.linalg.eigvalsh(unit)[:, 0]
     refuse_alike(least * WORST_CONDITION**2 <= 1.0, spectra.frequency_hz)
 

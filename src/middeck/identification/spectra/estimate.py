@@ -26,7 +26,7 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01
-# Deviations of a gain that all lines share by which noise of an input may change it before that is said.
+# Deviations of a gain common to all lines by which noise of an input may change it before a warning.
 MOVED = 2.0
 
 Method = Literal["periods", "local polynomial", "local rational", "h1", "h2", "hv"]
@@ -74,8 +74,8 @@ def estimate_response(
     contradict each other) and noise of the inputs are warned of.
 
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
-    cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
-    reference or controller that does not fit the record.
+    cannot be distinguished, or the record is too short or too long for the method; `ConfigError` for a
+    method, reference or controller that does not fit the record.
 
     >>> import numpy as np
     >>> from middeck.signals.ports import Port

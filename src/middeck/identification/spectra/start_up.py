@@ -41,7 +41,7 @@ LEFT = 0.1
 ENOUGH, FEWEST = 0.5, 4
 # Deviations from which on a ramp is taken out: a lesser one moves the first line by about one of its own.
 STEEP = 4.0
-# Share of a channel's rms from which on a ramp is told of: a lesser one is taken out and counted as well.
+# Share of a channel's rms from which a ramp is reported: a lesser one is taken out and counted as well.
 TOLD = 0.05
 # A pole leaves a basis undetermined below this share of its largest singular value.
 SAME = 1e-9

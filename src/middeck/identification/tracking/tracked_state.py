@@ -23,7 +23,7 @@ from middeck.values import record
 MORE_IN_BAND = 3.0
 # Constants whose real part is below this share are those of a displacement.
 ROUNDING = 1e-9
-# Where nothing is said: deviations of a fit that is good enough to start from.
+# Default deviations: those of a fit that is good enough to start from.
 FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 
 
@@ -87,7 +87,7 @@ class Tracking:
         mean, covariance: Mean and covariance of the modal states (real parts, imaginary parts; for each
             delay), log frequency, log damping and gains, in that order.
         past: Inputs on their way through the delays, latest first.
-        corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its
+        corrections, chance: Weighted sum of recent corrections of log frequency and log damping, and its
             variance by chance.
         lag: Sums by which a parameter that lags is detected (`lag`).
         products: Weighted means of the products of normalised innovations, lags zero and on.

@@ -60,7 +60,7 @@ class ModelCovariance:
     Attributes:
         model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
         root: R of their covariance R R^T: deviations that come from it keep the digits that those from the
-            matrix lose where unknowns are told apart badly. Lower triangular, but for what is loose.
+            matrix lose where unknowns are hardly distinguished. Lower triangular, but for what is loose.
         inflation: Variance of each unknown over its variance if all others were known.
         degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
         robust: True where the residual is clearly more than noise or correlated from line to line, or a

@@ -26,9 +26,9 @@ Kind = Literal["input", "path", "output", "filter", "drift"]
 TOLD = 5.0
 # Powers of s of a filter's terms: its delay is the output's, of the first.
 FILTER = (2, 3)
-# Deviations by which a lacking term must move an unknown of the fit before it is told.
+# Deviations by which a lacking term must move an unknown of the fit before it is reported.
 MOVED = 1.0
-# Share of a term that the fitted unknowns must leave, in squares, for it to be told from them.
+# Share of a term that the fitted unknowns must leave, in squares, for it to be distinguished from them.
 APART = 1e-9
 # Lines whose squares are taken together: neighbouring estimates of a local model share their data.
 WIDTH = 8

@@ -1,4 +1,4 @@
-"""The simulated rig: torque commands in, samples out, and the hardware between that is switched on.
+"""The simulated rig: torque commands in, samples out, and the active hardware between.
 
 rig = build_rig(plant, sample_hz=500.0, delay_s=0.01, motors={"pri_rel_z": Motor(5.0)},
                 sensors={"pri_in_z": Gyro(noise=2e-4)})
@@ -47,7 +47,7 @@ class Rig:
 
     @functools.cached_property
     def linear(self) -> bool:
-        """Whether nothing is switched on: motors without limits, samplers, no joints and no drift."""
+        """Whether no nonlinear part is active: motors without limits, samplers, no joints and no drift."""
         plain = all(m == Motor() for m in self.motors) and all(isinstance(s, Sampler) for s in self.sensors)
         return plain and not self.joints and self.ageing is None
 

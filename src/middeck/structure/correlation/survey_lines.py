@@ -1,7 +1,7 @@
 """Lines of a survey without lines of its own: along the article, from one measured node to others.
 
 Between them motion is drawn as even: as the potential along wires of one resistance per length, with that of
-the measured nodes given. Parts that hang on one measured node are not drawn: how they move nobody measured.
+the measured nodes given. Parts joined to one measured node only are not drawn: their motion was not measured.
 """
 
 from __future__ import annotations

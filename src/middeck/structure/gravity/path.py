@@ -163,7 +163,7 @@ def follow_gravity(
     _check(structure, environment, places)
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
     full = solve_equilibrium(structure, environment)
-    # Where nobody goes there need be no rest state: loads may want something to hang from.
+    # A path that does not reach 0-g needs no rest state there: loads may lack a support.
     free = full if all(place.size for place in places) else solve_equilibrium(structure, orbit)
     loads_at = loads_in(full, devices)
     at_first = places[0].gravity
@@ -339,7 +339,7 @@ def _follow_leg(leg: _Leg, start: PathState) -> tuple[list[PathState], _Stop | N
 
 
 def _take_hold(leg: _Leg, start: PathState, s: float) -> PathState | None:
-    """The article as it first hangs on its devices: a descent, as it may turn far in the least gravity."""
+    """First rest state on the devices, by descent, as the article may turn far in the least gravity."""
     loads = leg.loads(s)
     found = settle(leg.full.model, loads)
     if found.residual >= found.enough:

@@ -59,7 +59,7 @@ class GyroscopicModes:
             alone hold is "gyroscopic".
         residual: |(s^2 M + s (G + C) + K) shape| of each, C that of the ratios, over the size of its terms:
             of the whole article, whatever modes it was solved in.
-        warnings: Frequencies that the modes left out would change, and what is said of the damping.
+        warnings: Frequencies that the modes left out would change, and warnings of the damping.
     """
 
     standstill: Modes

@@ -30,7 +30,7 @@ STEEL = 7850.0  # kg/m^3
 OVERHANG = 2.0  # an offset from a frame's origin over the distance between the nodes farthest apart
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
 FLAT = 1e-2  # least side of a box over its largest, so that a line and a sheet have a volume
-THICK = 0.2  # the same of one body, whose thin sides nobody measured
+THICK = 0.2  # the same of one body, whose thin sides were not measured
 # Share of the mass below which members have a token density: the bodies carry the mass.
 TOKEN = 1e-3
 # kg/m^3, and kg m^2: what a power of ten may be one of (SI, slug, pound, slinch with feet or inches).
@@ -182,7 +182,7 @@ def _same_moment(body: Body) -> float | None:
 
 
 def _is_power(value: float, units: tuple[float, ...]) -> bool:
-    """Whether ``value`` is a power of ten in any of ``units``: nobody measured that."""
+    """Whether ``value`` is a power of ten in any of ``units``: a placeholder, not a measured value."""
     decades = np.log10(value / np.array(units))
     return bool(np.any(np.abs(decades - np.round(decades)) <= DIGITS / np.log(10.0)))
 

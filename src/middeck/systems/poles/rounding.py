@@ -1,4 +1,4 @@
-"""How far rounding of a system's matrices moves its poles.
+"""Shifts of a system's poles by rounding of its matrices.
 
 States mixed by a matrix of condition k multiply the rounding of each entry by k at the poles. From 1e7 on no
 algorithm tells on which side of the axis they lie: what would tell was lost when the matrices were stored.
@@ -34,13 +34,13 @@ Poles = tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]
 
 
 def poles_with_rounding(A: np.ndarray) -> Poles:
-    """Eigenvalues, and how far each moves when every entry does by its rounding, to first order."""
+    """Eigenvalues, and the first-order shift of each by rounding of every entry."""
     values, left, right = _eigenvectors(A)
     return values, _moves(left, right, EPS * np.abs(left) * (np.abs(A) @ np.abs(right)))
 
 
 def farthest_pole(A: np.ndarray) -> float:
-    """Largest magnitude that a pole may have: `ROUNDINGS` beyond what is found.
+    """Largest magnitude that a pole may have: `ROUNDINGS` beyond the computed one.
 
     Of each strongly connected component alone: sections in series may repeat a pole exactly.
     """

@@ -1,4 +1,4 @@
-"""Whether a system in other states, or with fewer, responds as the one that it was found from.
+"""Whether a system in other states, or with fewer, has the response of the original.
 
 Rounding of mixed states may hide a body: its modes then come out at other frequencies, or its integrators
 count as moved by nothing.

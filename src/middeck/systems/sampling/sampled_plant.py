@@ -36,7 +36,7 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
 
 
 def doubt_period(plant: Plant, period_s: float) -> None:
-    """Warn (`UserWarning`) of what looks like a rate in Hz given for the period."""
+    """Warn (`UserWarning`) of a period that looks like a rate in Hz."""
     if period_s**2 <= 2.0 * TURNS:  # no mode can be both too fast and too slow
         return
     hz = np.abs(growth_rates(remove_delays(plant).system)) / (2.0 * np.pi)

@@ -52,7 +52,7 @@ def _solve_direct(loop: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "
 
 
 def feedback(plant: System, law: System, drives: Sequence[int], reads: Sequence[int]) -> System:
-    """``plant`` with ``law`` from its outputs ``reads``, added at its inputs ``drives``.
+    """``plant`` with the compensator ``law`` from its outputs ``reads``, added at its inputs ``drives``.
 
     Inputs: the plant's, and what is added to the readings of the law; outputs: the plant's, then the law's.
     States: the plant's, then the law's. Raises `ConfigError` where the loop through the direct terms has no

@@ -33,7 +33,7 @@ class Deflection:
     Attributes:
         of_the_article: What the refined article reads.
         value: The most probable: with the errors of the model that the static tests showed.
-        std: Standard deviation of what a gauge will read, all told.
+        std: Total standard deviation of a gauge's predicted reading.
         by_unknowns, by_unseen, by_larger, by_own, by_gauge: What it is made of: the article's numbers
             together with the errors that the tests showed; errors of strains that no test had; changes of
             those errors where strains are larger than in any test; errors of each reading by itself; and the

@@ -80,7 +80,7 @@ class Score:
 def judge(statements: Sequence[Statement], outcomes: Sequence[Scored]) -> tuple[Verdict, ...]:
     """Each outcome beside the statement of its kind and name; statements without an outcome are left open.
 
-    Raises `DataError` for an outcome of which nothing was said, or two of one kind and name,
+    Raises `DataError` for an outcome without a statement, or two of one kind and name,
     and for two such statements.
     """
     known = {(s.kind, s.name): s for s in statements}

@@ -45,7 +45,7 @@ RECORDS, ALONE = 2, 16
 UNCERTAIN, TIMES = 0.02, 4
 """Variance of a draw's decibels without a compensator by the noise of its records [dB^2] from which there are
 more of them, and how many times as many at most. Articles differ by one or two tenths of a decibel: a spread
-told beside twice that noise comes out a quarter too wide, or by chance twice."""
+estimated beside twice that noise comes out a quarter too wide, or by chance twice."""
 TRIED = 400
 """Variances that are weighed, evenly up to four times what draws have."""
 MOST, HELD = 15_000_000, 70_000_000

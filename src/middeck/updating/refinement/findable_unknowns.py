@@ -2,7 +2,7 @@
 
 Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
 one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it
-away; columns that are aligned with one another cannot be told apart.
+away; columns that are aligned with one another cannot be distinguished.
 """
 
 from __future__ import annotations

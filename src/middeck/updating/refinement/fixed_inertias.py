@@ -18,7 +18,7 @@ from middeck.updating.residuals.surveys import Compared, compare
 from middeck.updating.unknowns.unknowns import Bound
 
 MASS, INERTIA = ".mass", ".inertia."
-# A deviation that is so many times larger where inertias move with their masses hangs on the inertias.
+# A deviation that is so many times larger where inertias move with their masses depends on the inertias.
 LARGER = 3.0
 # So many times likelier tests are no chance, nor are they often with other errors of a model.
 LIKELIER = 20.0

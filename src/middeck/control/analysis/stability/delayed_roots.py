@@ -26,7 +26,7 @@ ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
 RESTS = 1e-7
 """Relative distance below which the root beside an open pole counts as one already known."""
 ROUNDINGS = 10.0
-"""Uncertainties of a pole by rounding within which f is not told from f without that pole."""
+"""Uncertainties of a pole by rounding within which f is not distinguished from f without that pole."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 

@@ -66,7 +66,7 @@ class LoopStability:
 
 
 def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
-    """Stability with exact delays, with the modes that the compensator does not move.
+    """Stability with exact delays, including modes that the compensator does not move.
 
     Loops without delays and sampled loops are decided by eigenvalues. With delays, the poles of an
     approximation valid for all light modes start Newton's method on det(1 - K G); roots right of a line left

@@ -31,7 +31,7 @@ ELSEWHERE = {
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): DAMPS,
     ("NSM", "BGSET", "BCTABLE", "BCONP"): NOT_SELECTED,
 }
-# Commands whose sets an article has no part for: one that lacks is told.
+# Commands whose sets an article has no part for: a missing set is reported.
 HINTS = {**dict.fromkeys(("METHOD", "METH"), ("EIGR", "EIGRL")), "SUPORT1": ("SUPORT1",)}
 DIVIDES = "which superelement something is in: the article is not divided"
 

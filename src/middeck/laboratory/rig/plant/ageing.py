@@ -1,4 +1,4 @@
-"""A plant that goes on drifting while it runs: held for some ticks, then renewed, its motion going on.
+"""A plant that drifts while it runs: constant for some ticks, then renewed, its motion continued.
 
 A mode obeys q'' + 2 zeta w(t) q' + w(t)^2 q = psi u. Over a piece w is held at that of the piece's middle,
 and q and q' go on into the next: the exponential midpoint rule (Magnus 1954, Comm. Pure Appl. Math. 7). Held
@@ -68,7 +68,7 @@ def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wir
 
 
 def follow_ageing(ageing: Ageing) -> Callable[[int], tuple[HybridPlant, int]]:
-    """A function of the tick that gives the plant held there, and for how many ticks."""
+    """A function of the tick that returns the plant there, and the number of ticks for which it holds."""
     knot = functools.lru_cache(maxsize=2)(functools.partial(_build_knot, ageing))
 
     def held_at(tick: int) -> tuple[HybridPlant, int]:

@@ -59,7 +59,7 @@ class HybridPlant:
 
 @record(kw_only=True)
 class Wiring:
-    """What stands between a computer and a plant, and when.
+    """Elements between a computer and a plant, and their times.
 
     Attributes:
         inputs, sensors: The plant's inputs that motors drive, and its outputs with what reads each.
@@ -79,7 +79,7 @@ class Wiring:
 
 
 def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
-    """``plant`` from held commands to samples, as ``wiring`` has them.
+    """``plant`` from held commands to samples, wired by ``wiring``.
 
     Raises `ConfigError` for unknown ports, an output that answers within the tick of its command, or a joint
     whose ports are not its own.

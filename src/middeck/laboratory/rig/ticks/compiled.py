@@ -139,7 +139,7 @@ def run_compiled(
 
 @functools.cache
 def _library() -> ctypes.CDLL | None:
-    """The compiled loop; None without a compiler, and where its work fails, which is said once."""
+    """The compiled loop; None without a compiler, and where compiling fails, with one warning."""
     text = (
         resources.files("middeck.laboratory.rig.ticks")
         .joinpath("source", "ticks.c")

@@ -24,7 +24,7 @@ def rigid_motions(
 ) -> tuple[Float[np.ndarray, "coordinate motion"], tuple[str, ...]]:
     """Unit translations along and rotations about the world axes, then a unit move of every moving joint.
 
-    Rotations are about the centre of mass; a joint moves relative to its carrier, what hangs on it follows.
+    Rotations are about the centre of mass; a joint moves relative to its carrier, with all that it carries.
     """
     model = equilibrium.model
     roots = model.tree.roots

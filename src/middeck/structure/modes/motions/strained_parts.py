@@ -50,7 +50,7 @@ def strained_parts(
 def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> tuple[str, float]:
     """The part with the largest share, together with those that have nearly as much, and their share.
 
-    Names are in the order of the alphabet: that of the shares may hang on rounding.
+    Names are in the order of the alphabet: that of the shares may depend on rounding.
 
     >>> leading_parts(("hub", "left", "right"), np.array([0.1, 0.45, 0.45]))
     ('left and right', 0.9)

@@ -43,7 +43,7 @@ class KnownBefore:
 
 
 def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> KnownBefore:
-    """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
+    """Test every set-up on the rig in the laboratory, and refine the article by the results."""
     form = study.promise
     article, _ = study.case(form.article, form.environment)
     tests = tuple(_tested(study, one.name, tuple(one.set.items()), settings, rng) for one in form.test)

@@ -1,4 +1,4 @@
-"""Fit of a path with all its zeros in the left half-plane: whether its phase needs others."""
+"""Fit of a path with all its zeros in the left half-plane, to show whether its phase needs others."""
 
 from __future__ import annotations
 
