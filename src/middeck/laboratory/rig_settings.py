@@ -46,7 +46,7 @@ class LoopTest:
     """Experiments with one motor, in open and in closed loop.
 
     Attributes:
-        actuator: The motor that is driven and that a law commands.
+        actuator: The motor that is driven and that a compensator commands.
         band_hz, period_s, periods: Band and period of the multisines, and how many periods are recorded.
         open_nm, closed_nm: Rms of the torque command in open and in closed loop.
         pair_shift_hz: Frequency near which a pair of modes drifts.

@@ -98,7 +98,7 @@ def design_lqg(
     ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Of
     mixed states ``kalman`` is found anew: which states it estimates depends on last digits. Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
-    the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
+    the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the compensator or its cost
     (`design_known`).
     """
     require_authority(authority)

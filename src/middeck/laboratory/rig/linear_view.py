@@ -42,8 +42,8 @@ def linearise_rig(rig: Rig) -> Plant:
 def close_rig(rig: Rig, law: SampledStateSpace) -> SampledStateSpace:
     """The loop u = excitation + K (y + noise) of the linear part, K placed by `place_law`.
 
-    Inputs: excitation, then noise; outputs: the measured outputs (noise included), then the law's. States:
-    those of `linearise_rig`, then the law's.
+    Inputs: excitation, then noise; outputs: the measured outputs (noise included), then the compensator's.
+    States: those of `linearise_rig`, then the compensator's.
     """
     p, m = len(rig.outputs), len(rig.inputs)
     closed = feedback(linearise_rig(rig).sampled, law, range(m), range(p))

@@ -108,7 +108,7 @@ def run_closed_loop(
     A run that passes a stop, or overflows, has a cause and no record. Where nothing is switched on, a loop
     that is unstable by its eigenvalues is not run at all, and its cause is the mode that diverges.
 
-    Raises `ConfigError` for no period, an unknown output, a law as `place_law`, or drifts that bring a
+    Raises `ConfigError` for no period, an unknown output, as `place_law`, or drifts that bring a
     frequency to zero before the end; `DataError` for an excitation that is not finite; `NumericalError` for
     ``steady`` where the excitation drives a rigid-body mode on and on, and for joints' torques that do not
     settle within a substep.

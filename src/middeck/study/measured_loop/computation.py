@@ -101,7 +101,7 @@ class MeasuredLoop:
         rms_error_db: Compares the two closed-loop rms values.
         worst_error_db, worst_hz: Largest difference of the two where the open loop is within 40 dB of its
             peak.
-        control_rms_nm: Torque of the law alone.
+        control_rms_nm: Torque of the compensator alone.
         static_db: The performance below 0.2 Hz, measured, over that of the open loop.
         modes: Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
         on_rig: The loop by the rig's own eigenvalues and return ratio: the pair unshifted, then each shift of

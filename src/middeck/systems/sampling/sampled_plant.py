@@ -11,7 +11,7 @@ from middeck.systems.poles.stability import growth_rates
 from middeck.systems.sampling.delayed_sampling import is_sum, sample_delayed, tidy_samples
 
 KEPT = 8
-"""Sampled plants that are known: laws are judged one after the other on the same few."""
+"""Sampled plants that are known: compensators are judged one after the other on the same few."""
 TURNS = 4.0
 """How often the slowest mode turns within a period that is doubted: slow laws let a fast one turn twice."""
 AT_REST = 1e-6

@@ -72,9 +72,9 @@ def bound_db(
     """Decibels of ``law`` on each plant, and their lower bound for linear compensators of the same effort.
 
     Both relative to the plant without control; delays by Pade approximations that keep every mode's phase.
-    The bound is ``nan`` where the law is unstable or its effort infinite (white noise through a direct term):
-    without an effort there is no bound at it; where the plant has no rms without control; and on a plant that
-    has no optimum, for a mode that hardly decays and no sensor sees.
+    The bound is ``nan`` where the compensator is unstable or its effort infinite (white noise through a
+    direct term): without an effort there is no bound at it; where the plant has no rms without control; and
+    on a plant that has no optimum, for a mode that hardly decays and no sensor sees.
     """
     return np.array([_one(plant, law, weights) for plant in plants]).reshape(len(plants), 2)
 

@@ -135,12 +135,12 @@ def _beside_pole(
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
     """The root of f = r / (s - p) + c + d (s - p) beside each pole p that is ``near``; and whether it is one.
 
-    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. A law that
-    moves neither a mode nor its estimate has two roots beside the pole, which an eigenvalue splits by the
-    root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are too close, or
-    so close that the pole may lie beside the circle, f then being that of a mode no port observes; and where
-    a single root is further than ``most`` of the pole and belongs to another: a copy of the mode that no port
-    observes stays on the pole.
+    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. A
+    compensator that moves neither a mode nor its estimate has two roots beside the pole, which an eigenvalue
+    splits by the root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are
+    too close, or so close that the pole may lie beside the circle, f then being that of a mode no port
+    observes; and where a single root is further than ``most`` of the pole and belongs to another: a copy of
+    the mode that no port observes stays on the pole.
     """
     if not len(near):
         return near, np.zeros(0, dtype=bool)

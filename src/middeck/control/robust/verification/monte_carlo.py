@@ -84,9 +84,9 @@ def verify_robustness(
     exp(-s tau) (`exact_family`). Other delays are approximated with an order that keeps every mode's phase to
     1e-9 (`pade_order`); the rightmost poles are then corrected for the exact delay, and the rms is that of
     the approximation. Where the order would exceed 40, the leading pole lies outside the range of the
-    approximation, approximation and roots disagree, or rounding of plant or law moves poles (`is_vague`), the
-    plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator
-    is sampled by Tustin's rule and held, in addition to the plant's delay.
+    approximation, approximation and roots disagree, or rounding of plant or compensator moves poles
+    (`is_vague`), the plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of
+    ``rates_hz`` the compensator is sampled by Tustin's rule and held, in addition to the plant's delay.
 
     A plant whose stability cannot be decided counts as unstable, and a warning gives its position.
 
@@ -298,7 +298,7 @@ def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> li
 
 
 def _order(plant: Plant, turning: float) -> int:
-    """Order of the delays' approximation under a law with poles of up to ``turning`` [rad/s]."""
+    """Order of the delays' approximation under a compensator with poles of up to ``turning`` [rad/s]."""
     return pade_order(max(_phase(plant), turning * float(plant.delay_s.max(initial=0.0))))
 
 
