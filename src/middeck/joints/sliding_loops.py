@@ -36,7 +36,7 @@ class SlidingLoops:
         drives, reads: Factors of each pole: the response of the angles to a torque is the real part of the
             sum of reads exp(poles t) drives.
         stiffness, slip_torque: Those of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
-        records: How often each loop runs, under other noise each time.
+        records: Number of runs of each loop, each under other noise.
     """
 
     poles: Complex[np.ndarray, "loop pole"]

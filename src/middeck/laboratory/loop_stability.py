@@ -50,7 +50,7 @@ class RigLoop:
         gain_margin_db, phase_margin_deg: The least change of the loop's gain, up or down, and the least turn
             of its phase, either way, that bring a pole to the axis, at rest and at half the sampling rate
             too; None where none does.
-        gain_margin_hz, phase_margin_hz: Where.
+        gain_margin_hz, phase_margin_hz: Frequencies of the margins.
     """
 
     percent: float

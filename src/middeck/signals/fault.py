@@ -15,12 +15,12 @@ class Fault:
     """One fault of one channel of a record.
 
     Attributes:
-        kind: In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
+        kind: One word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
             repeat, sign, delay, duplicate, held, gain, swap, shift, joint, feedback, unlike, truncated,
             format, rate.
         severity: ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or
             much worse; ``note``: worth knowing.
-        side, channel: Which of the record's ports.
+        side, channel: Port of the record.
         experiment: Counted from zero; None where all are meant.
         samples: Runs (first, last + 1), counted through the periods of the experiment; the first hundred.
         what, hint: Sentences for people: what was found with its figures, and what to try.

@@ -77,7 +77,7 @@ class Chapter(Generic[T]):
         tables: Tables of the study file that the chapter needs; without them it is not run.
         name, topic: Names in progress reports, for a study of the 1993 paper and for any other.
         share: The part of the whole time, measured, for the estimate of what remains.
-        stream: Which stream of the study's seed it draws from; its own, so that it depends on no other
+        stream: Stream of the study's seed from which it draws; its own, so that it depends on no other
             chapter.
         needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``;
             values that several chapters need are computed once.

@@ -46,9 +46,9 @@ class Gathered:
     """Plants by name.
 
     Attributes:
-        hold_unknown: Those of models that do not say whether the inputs of their data were held.
+        hold_unknown: Plants of models that do not say whether the inputs of their data were held.
         dispersed: Modes of articles that a sweep shifts.
-        promises: Those whose plants are there.
+        promises: Promises whose plants are there.
     """
 
     plants: dict[str, Plant]

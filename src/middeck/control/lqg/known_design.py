@@ -89,9 +89,8 @@ def is_mixed(half: Plant | Compensator) -> bool:
 
 
 def _cancels(seen: DesignView, plant: Plant) -> bool:
-    """Whether rounding may move a compensator's poles, or its gains: those of directions that cost or noise
-    hardly
-    sees are the rounding of the others."""
+    """Whether rounding may move a compensator's poles, or its gains: the gains of directions that cost or
+    noise hardly sees are rounding of the others."""
     if max(one.residual for one in seen.solutions) > REMAINS:
         return True
     # A sampled plant's A is about as large as one that turns states only.

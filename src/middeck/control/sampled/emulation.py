@@ -42,8 +42,8 @@ def emulate(
         rule: ``"hold"``: exact where its input stands still over each period. ``"tustin"``: the trapezoidal
             rule. ``"matched"``: each pole and zero goes to exp(s T), zeros at infinity to z = -1; for one
             input and one output.
-        match_hz: Where the response is to be met: Tustin's rule is prewarped there, a matched compensator has
-            its gain there. None for zero frequency. The hold has no such choice.
+        match_hz: Frequency [Hz] of equal response: Tustin's rule is prewarped there, a matched compensator
+            has its gain there. None for zero frequency. The hold has no such choice.
 
     Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
     or a matched compensator of more than one input or output. Warns of a compensator that rings faster than

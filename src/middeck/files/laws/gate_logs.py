@@ -28,7 +28,7 @@ class LoggedGate:
     Attributes:
         package, law: SHA-256 of the package, and of what computes in it (`hash_law`).
         models: Names of the models that it was to be tried on.
-        steps: Those that ended, in order.
+        steps: Steps that ended, in order.
         passed: Its verdict; None where the gate was cut off.
         tripped: The trip that the package is to blame for, as in `GateVerdict`; empty for none. A gate that
             was cut off after a trip has written only the blacklist.

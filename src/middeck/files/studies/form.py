@@ -177,7 +177,7 @@ class StudyForm(Form):
     """A study: documents it stands on, and settings; a chapter without settings is not run.
 
     Attributes:
-        account: Whose account the claims of the report are; without one nothing is claimed.
+        account: Source of the report's claims; without one there are none.
     """
 
     schema_: Literal[1] = Field(alias="schema")

@@ -96,7 +96,7 @@ class FitResult:
             sets of models and tests of drift.
         history: Cost of each step of the last search, in that search's weights.
         order_reason: Why the model has the order it has.
-        warnings: What the user should know; empty if nothing.
+        warnings: Warnings in words; empty for none.
         standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
             concerns it.
         delay_standing: The same for the delay of each output; "sound" where none was fitted.
@@ -163,9 +163,9 @@ def fit_response(
             too, where the recommended order would else have poles there and ``direct`` is not given.
         full_rank: Residues of any rank, as vector fitting has them, rather than rank one: for modes too close
             to be distinguished, and for what is no modal model.
-        rigid: How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the
+        rigid: Number of free rigid-body modes phi psi / s^2 of the article: part of the plant, unlike the
             residual term of modes below the band.
-        integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
+        integrators: Number of single poles at zero, phi psi / s: a wheel, or a free body, seen by its
             rate. Not beside rigid modes.
         relative_degree: Relative degree of every path: 0, a constant term; 1, none; 2, none, and complex
             residues that add up to zero, so that the response falls with 1/s^2, as that of any structure

@@ -72,7 +72,7 @@ class FreeDecay:
     """Frequency and damping against the amplitude of a mode.
 
     Attributes:
-        amplitude: In the unit of the samples, ascending, even on a log scale.
+        amplitude: Amplitudes in the unit of the samples, ascending, even on a log scale.
         frequency_hz, damping: Rate of the phase over 2 pi; ratio of the decay rate to the rate of the phase.
         frequency_std_hz, damping_std: Standard deviations by leaving out one decay at a time (Efron and
             Tibshirani 1993, sec. 11.5), which counts all that differs between decays, and by the last

@@ -81,7 +81,7 @@ def find_friction(
         record: Whole periods, two or more, of more experiments than inputs; drives of several sizes tell
             friction from the article best, and every joint should slip in all of them.
         band_hz: The excited band.
-        delay_s: From command to reading, half a sample of hold included; by default found with the friction.
+        delay_s: Delay [s] from command to reading, with half a sample of hold; found by default.
 
     Raises `ConfigError` for unknown channels or none; `DataError` for a record that is not periodic, of one
     period, or of no more experiments than inputs; `FitError` where no friction makes the experiments agree.

@@ -42,14 +42,14 @@ class ImpactTest:
     """Averaged response of an impact test.
 
     Attributes:
-        response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
+        response: Response of the windowed signals, H(s + 1/window_s), with its variance over blows.
         coherence: Share of the response explained by the force at each line and output, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
         rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.
         window_s: Time constant tau of the exponential window [s]; infinite without.
         blows: All blows, the rejected ones with the reason.
-        warnings: What the user should know; empty if nothing.
+        warnings: Warnings in words; empty for none.
     """
 
     response: FrequencyResponse

@@ -51,7 +51,7 @@ class Blow:
     """One blow.
 
     Attributes:
-        experiment: In which experiment it fell.
+        experiment: Number of its experiment.
         first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
         pulse_end: The sample after the pulse.
         force_end: The sample after the last push, later hits too weak to reject the blow included.

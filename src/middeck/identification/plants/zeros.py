@@ -49,7 +49,7 @@ class Zeros:
     Attributes:
         value: One of each conjugate pair (positive imaginary part), or a real zero [rad/s], ascending in
             size; those of a sampled model are log(q) / T, for negative real q with the imaginary part pi / T.
-        residual: How far each is off, as a share of its size: |H / (s dH/ds)| there, what is left to Newton's
+        residual: Relative error of each: |H / (s dH/ds)| there, what is left to Newton's
             method.
         by_response: G with dz = sum over outputs and inputs of G_oi dH_oi(z), for any change dH of the
             response without its delays; None for a matrix that is not square or singular everywhere: any

@@ -40,7 +40,7 @@ def simulate_record(
         record: Periods are taken as one run of samples.
         state_share: Share of each experiment, from its first sample, to which its initial state is fitted,
             outputs weighed by their rms. The rest is then a simulation that has never seen the outputs.
-        between: What the inputs of a continuous model do between samples: "hold" (a converter before the
+        between: Inputs of a continuous model between samples: "hold" (a converter before the
             plant) or "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens
             2012, ch. 13). By default as in the data of the model, its ``hold_s``; band-limited where that is
             not known.

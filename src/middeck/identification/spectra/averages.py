@@ -60,7 +60,7 @@ def estimate_spectra(
     resonance with any usual length; that of local models, or of whole periods, is not.
 
     Args:
-        record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
+        record: Record in memory or longer than it: segments are summed as read. Records of a campaign may
             differ in length.
         segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record
             is cut into its periods, whatever this says.

@@ -54,7 +54,7 @@ class StartUp:
 
     Attributes:
         record: The steady periods, or all of them without the free motion.
-        what: What was found and done; empty for a steady record.
+        what: Finding and correction in words; empty for a steady record.
         unknown: Covariance, per unit of that of the periods' differences, that the motion taken out adds to
             each line of an average of periods; that of a ramp as well.
         spread: Covariance of the differences' samples, of all outputs.

@@ -61,7 +61,7 @@ class Followed:
             the model's constants already contain.
         real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j
             omega_d) goes with it.
-        group: Which delay each output has, of ``whole`` samples and ``part`` of another.
+        group: Index of each output's delay, of ``whole`` samples and ``part`` of another.
         noise_rms: Rms of the noise on each output's samples.
     """
 
@@ -93,8 +93,8 @@ class Tracking:
         products: Weighted means of the products of normalised innovations, lags zero and on.
         late: Latest normalised innovations, latest first.
         weight: Weight of what the means have seen, up to one.
-        jumps: How often each mode, or one within a tenth of its frequency, was thought to have jumped.
-        recovery: What a restart begins from, should the modes be lost.
+        jumps: Number of detected jumps of each mode, or of one within a tenth of its frequency.
+        recovery: State from which a restart begins, should the modes be lost.
     """
 
     followed: Followed
@@ -180,8 +180,8 @@ def start_tracking(
     """The state before the first sample.
 
     Args:
-        model: Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from
-            a plant (`model_of_plant`). Without a ``hold_s``, half a sample of hold is in its delays.
+        model: Model at the start: a continuous one of conjugate pairs, fitted to an earlier record or made
+            from a plant (`model_of_plant`). Without a ``hold_s``, half a sample of hold is in its delays.
             Frequencies, damping and the size of each mode at each output are followed; delays and the direct
             term are taken as they are.
         sample_hz: Rate of the samples that will come; inputs are held from each to the next.
@@ -189,7 +189,7 @@ def start_tracking(
         input_rms: Rms of the inputs before the first sample, which sets the variance of the unknown motion
             at the start; zero for an article at rest.
         known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
-        drift: How parameters are thought to move.
+        drift: Assumed random drift of the parameters.
 
     Raises `ConfigError` for a sampled model, one with real poles or terms of modes below the band, delays
     that differ by input, a mode at or above half the sampling rate, noise that is not positive, an input that

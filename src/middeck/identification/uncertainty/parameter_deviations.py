@@ -22,8 +22,8 @@ class Uncertainty:
     """Standard deviations; see `ModelCovariance` for what they cover.
 
     Attributes:
-        natural_hz, damping: Those of each mode's natural frequency [Hz] and damping ratio.
-        delay_s: That of the delay of each output [s]; zero where no delay was fitted.
+        natural_hz, damping: Deviations of each mode's natural frequency [Hz] and damping ratio.
+        delay_s: Deviation of the delay of each output [s]; zero where no delay was fitted.
 
     Infinite where the data do not determine the number: the deviation would be larger than the frequency or
     the damping ratio itself, or a delay's than a period of the slowest mode.

@@ -51,7 +51,7 @@ class ResponseDrift:
             (Devlin and Roeder 1999). A change of all lines alike is no mode but a variance that was stated
             too small: distortion that changes with the signal, where only the noise is known, for example.
         moved: Whether the difference is significant among all lines and paths.
-        bands: What moved, from low to high frequency.
+        bands: Bands that changed, from low to high frequency.
         level: Probability that any line is reported as moved when nothing has (Holm 1979).
     """
 

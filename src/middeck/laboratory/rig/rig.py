@@ -77,8 +77,8 @@ def build_rig(
     """The rig of ``plant``, commanded at ``motors`` and read by ``sensors``: its ports are in their order.
 
     Args:
-        delay_s: From torque command to sampled output, for every sensor: half a sample of hold and the
-            low-frequency lag of its filters are in it, the rest is true delay. A sample without a filter
+        delay_s: Delay [s] from torque command to sampled output of every sensor: half a sample of hold and
+            the low-frequency lag of its filters are in it, the rest is true delay. A sample without a filter
             waits for the slowest.
         motors, sensors: Motors by the plant's input, and sensors by its output: an angle, of which a gyro
             reads the rate. If left out: all inputs with motors without limits, and all outputs sampled

@@ -50,12 +50,12 @@ class MeasuredModes:
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
-        position_m: Where each channel is, in world axes, where the test states it.
+        position_m: Position of each channel in world axes [m], where the test states it.
         modal_mass: Modal mass [kg] of each real shape as it stands, where it is known, as for computed
             shapes.
         lines: Nodes that lines of a picture join, one after the other, where the test states any.
-        source: What a file says of the test: model, description, program, date.
-        warnings: What the reader of a file found odd.
+        source: Description of the test in a file: model, description, program, date.
+        warnings: Oddities found by the reader of a file.
 
     A survey of frequencies alone has no channels.
 

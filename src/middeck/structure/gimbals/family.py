@@ -69,7 +69,7 @@ class GimbalFamily:
     Attributes:
         joints, grid: Swept joints, and the angles [rad] of each.
         angle: Angle of the swept joints at each point [rad].
-        holding_torque: What the motors of the swept joints hold [N m]; not a number where there is no rest
+        holding_torque: Torque of the swept joints' motors at rest [N m]; not a number where there is no rest
             state.
         torque_limit: Torque limit of the swept joints' motors [N m], infinite where the article gives none.
         name, kind: Name and kind of each branch, a mode followed over the grid, at point ``origin``.

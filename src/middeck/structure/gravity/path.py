@@ -55,8 +55,8 @@ class GravityPath:
     Attributes:
         places, reached: The places in order, and the station at each that was reached.
         name, kind: Name and kind of each branch, at the first station.
-        s: Where each station is: 0 at the first place, 1 at the second, and so on.
-        gravity: In W [m/s^2].
+        s: Place of each station on the path: 0 at the first place, 1 at the second, and so on.
+        gravity: Gravity at each station, in W [m/s^2].
         omega2: omega^2 [1/s^2] of each branch.
         match: Cross-orthogonality with the station before; 1 at the first.
         events: Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if

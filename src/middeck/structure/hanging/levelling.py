@@ -41,7 +41,7 @@ class Levelling:
 
     Attributes:
         structure, equilibrium: With the attach points that level it.
-        before, after: How it hung, and how it hangs.
+        before, after: Attitude before and after.
         moved, change: (attach point, axis of its frame) and by how much it moved [m].
         history: Largest of the tilts sought [rad] at every iteration.
     """

@@ -55,9 +55,9 @@ class Component:
         frames, offsets: Frame of the article that each grid is fixed to, and where, in the frame's axes [m].
         positions: Places of the grids in the component's own axes [m].
         axes: Unit vectors of these axes in W as drawn, as columns.
-        stiffness, mass: In SI units; modal coordinates may have any scale.
+        stiffness, mass: Matrices in SI units; modal coordinates may have any scale.
         damping: Viscous damping in the same coordinates, None for none.
-        present: Which of the six coordinates of each grid the component has; the others have zeros.
+        present: Whether the component has each of a grid's six coordinates; absent ones have zeros.
         outputs, recovery: Names of further results and their rows: results per coordinate.
     """
 

@@ -78,7 +78,7 @@ def reduce_structure(
     Args:
         structure: The article. Angles of its free joints remain too, ahead of the modal coordinates.
         boundary: Its nodes that remain.
-        count: How many fixed-interface modes are kept.
+        count: Number of fixed-interface modes kept.
         upto_hz: Or the frequency up to which they are; three times that of interest is usual.
         residual: Nodes with six residual attachment modes each.
         recover: Nodes whose motion the component's outputs give.

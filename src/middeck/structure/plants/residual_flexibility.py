@@ -43,8 +43,7 @@ class StaticGainComparison:
     """Low-frequency gains, undamped, of everything and of the kept modes without and with the residual.
 
     Attributes:
-        frequency_hz: Where they are taken: zero, or with rigid modes a frequency far below the first flexible
-            one.
+        frequency_hz: Frequency of the gains: zero, or with rigid modes one far below the first flexible mode.
         full: Gain of the whole structure, every mode included, by a direct solution for what the kept ones
             leave; a rate's without its factor j.
         truncated, completed: Gain of the kept modes alone, and with the residual flexibility.

@@ -36,7 +36,7 @@ class CandidateSurvey:
         shape_std: Standard deviation over the rms of the mode's channels of that sort.
         channels: (node, direction) as of `MeasuredModes`; none for frequencies alone, None for every node's
             six directions and every joint.
-        count: How many of the lowest modes of the band that move, suspension modes among them.
+        count: Number of lowest moving modes of the band, suspension modes among them.
         band_hz: Between which frequencies it sees modes [Hz].
 
     Raises `ConfigError` for deviations, a count or a band that cannot be.

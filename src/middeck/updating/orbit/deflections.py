@@ -31,7 +31,7 @@ class Deflection:
     """Readings as predicted under one load case, in the units of the gauges.
 
     Attributes:
-        of_the_article: What the refined article reads.
+        of_the_article: Readings on the refined article.
         value: The most probable: with the errors of the model that the static tests showed.
         std: Total standard deviation of a gauge's predicted reading.
         by_unknowns, by_unseen, by_larger, by_own, by_gauge: What it is made of: the article's numbers

@@ -43,7 +43,7 @@ class RobustBound:
     Decibels count from each plant's rms without control, over all frequencies.
 
     Attributes:
-        draws: How many plants.
+        draws: Number of plants.
         worst_db: Largest of the compensator over the plants; ``inf`` where it is unstable on one.
         no_linear_law_below_db: Lower bound of the largest over the plants, for any linear compensator between
             the same ports, of any order, whose effort is no more on each of them; ``nan`` where no plant has

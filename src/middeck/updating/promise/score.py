@@ -17,7 +17,7 @@ class Statement:
     """A statement about one quantity before it was known.
 
     Attributes:
-        kind, name: Which quantity it is, both together: a compensator may be called as a mode is.
+        kind, name: The quantity, by both together: a compensator may have the name of a mode.
         low, high: Its 95 % interval, in its unit; ``inf`` where it may be lost altogether.
         probability: Probability that a loop is stable; None for other quantities.
         cautious: Decibels that a loop reaches with 99 % probability; None for other quantities.

@@ -66,7 +66,7 @@ class Outlook:
             unstable. With the friction of the joints where the plan states any.
         control_rms: Rms of the commands in each draw, without friction.
         unstable_mode: Mode that grows in most unstable draws; empty if none is unstable.
-        risk: What was drawn that goes most with a worse outcome, and its rank correlation with it.
+        risk: The drawn quantity of largest rank correlation with worse outcomes, and that correlation.
     """
 
     name: str

@@ -28,7 +28,7 @@ class FixedInertias(NamedTuple):
     """Bodies whose masses alone ``unknowns`` move, and the unknown that their inertias determine most.
 
     Attributes:
-        larger: How many times its deviation is if the inertias are in proportion to the masses.
+        larger: Factor on its deviation if the inertias are in proportion to the masses.
         fits: Whether all tests are then likelier by more than chance.
     """
 

@@ -243,8 +243,8 @@ class ComparedStatic:
     """A static test beside the model, each row in parts of the full scale of its gauge.
 
     Attributes:
-        value: What the model reads, in the units of the gauges.
-        scale: What rows are divided by, in these units, see `full_scales`; no less than a gauge's deviation.
+        value: Readings of the model, in the units of the gauges.
+        scale: Scale of the rows in these units, see `full_scales`; no less than a gauge's deviation.
         std: Standard deviation of each residual by its gauge.
     """
 

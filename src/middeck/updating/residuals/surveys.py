@@ -55,10 +55,10 @@ class Survey:
     Attributes:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
-        load_case: What the article carried: one of its load cases by name, or one of the test's own.
+        load_case: Loads on the article: one of its load cases by name, or one of the test's own.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
-        response: What the same test measured beside its modes.
+        response: Response that the same test measured beside its modes.
         friction: Friction of the joints that had any, and how far they moved.
     """
 
@@ -139,7 +139,7 @@ class Compared:
     their frequencies alone leave open.
 
     Attributes:
-        paired: Which modes are compared; ``free`` are without the friction of joints, ``modes`` with it.
+        paired: The compared modes; ``free`` are without the friction of joints, ``modes`` with it.
         rows: (pair, mode) of each equation: first those of the pairs' own modes, then those of neighbours.
         std: Standard deviation of each residual by the noise of the test.
     """

@@ -52,7 +52,7 @@ class LoopStability:
         frequency_hz: Its imaginary part.
         margin: Minus its real part [rad/s]: the least decay, negative for growth.
         damping: Its damping ratio.
-        growing: How many roots grow, conjugates counted.
+        growing: Number of roots that grow, conjugates counted.
         decays: All roots decay by more than rounding: none stays on the axis.
     """
 

@@ -143,7 +143,7 @@ def read_elements(
         points: Its scalar points.
         places: Its grids.
         values: Values of the properties by number: ``PELAS`` stiffness, ``PMASS`` mass.
-        held: What the ground holds: components of grids, and scalar points.
+        held: Components of grids, and scalar points, that the ground holds.
         faults: Faults of the deck so far.
     """
     found: list[Element] = []

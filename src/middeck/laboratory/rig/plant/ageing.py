@@ -37,8 +37,8 @@ class Ageing:
 
     Attributes:
         plant: The plant as new.
-        drifts, age_s: What moves its modes, and how old it is when it is switched on.
-        wiring: What stands between it and the computer.
+        drifts, age_s: Drifts of its modes, and its age when it is switched on.
+        wiring: Elements between it and the computer.
         ticks, pieces: Ticks for which it is held, and how many such pieces lie between two knots.
     """
 

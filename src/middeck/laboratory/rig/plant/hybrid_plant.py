@@ -40,7 +40,7 @@ class HybridPlant:
         answer: What samples taken in a step answer at once: to the joints' torques at its beginning, then at
             its end.
         angle: Angle of each joint per state.
-        read: What is sampled at a tick, per state.
+        read: Sampled outputs at a tick, per state.
         delay_ticks: Ticks before the later of the two commands begins to act, at the tick's end at the
             latest.
         noise: White normal numbers to what they add at a tick: to the filters' states, and to samples that
@@ -66,7 +66,7 @@ class Wiring:
         joints: Friction and gaps.
         period_s, substeps: A tick, and the number of substeps in it.
         command_delay_s: Delay of the commands.
-        wait_s: How long ago each sample was taken.
+        wait_s: Age of each sample [s].
     """
 
     inputs: tuple[str, ...]

@@ -36,7 +36,7 @@ class TickRows(NamedTuple):
         kept: Number of the computer's states.
         excitation, offset, noise: At each tick: commands added, errors of the counts, noise on the states.
         digital: The computer's states and the counts of each tick; the first states are set.
-        rows: What the computer makes of them: states of the next tick, measured outputs, commands.
+        rows: Results of the computer: states of the next tick, measured outputs, commands.
         issued: The torques; those on their way when the block begins are set.
     """
 

@@ -24,7 +24,7 @@ class RigState:
         momentum: Momentum of each rotor, in units of a torque over one tick; minus what it has given.
         joints: State of every joint element in order.
         bias: Error of each reading now.
-        trim: What the computer takes for it and subtracts.
+        trim: Estimate of it that the computer subtracts.
         tick: Ticks since it was switched on.
     """
 

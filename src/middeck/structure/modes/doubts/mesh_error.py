@@ -192,7 +192,7 @@ class _Part(NamedTuple):
     """One way for elements to deform.
 
     Attributes:
-        ends: How their ends move in each mode.
+        ends: Motion of their ends in each mode.
         inertia, pulled: Root of the energy that their inertia at omega = 1, and their axial force, give them.
         own, critical: Their lowest omega^2 with clamped ends, and the axial force at which they buckle so.
     """
