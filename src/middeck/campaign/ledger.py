@@ -135,7 +135,7 @@ class Ledger:
 
 
 def _changes(name: str, was: object, now: object) -> Iterator[str]:
-    """What differs, by the names of keys; rows of equal lists one by one."""
+    """Differences, by the names of keys; rows of equal lists one by one."""
     was, now = _parsed(was), _parsed(now)
     if isinstance(was, dict) and isinstance(now, dict):
         for key in sorted({*was, *now}):

@@ -444,7 +444,7 @@ if TYPE_CHECKING:
 
 
 class ColumnsTyped(NamedTuple):
-    """Which columns of a record file are inputs and outputs, as typed."""
+    """Inputs and outputs among the columns of a record file, as typed."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]

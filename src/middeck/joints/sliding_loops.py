@@ -113,7 +113,7 @@ class _Poles:
         self.state = np.zeros((count, loops.records, poles), dtype=complex)
 
     def ahead(self, steps: int) -> Float[np.ndarray, "step joint run"]:
-        """What earlier torques make of the angles."""
+        """Angles by earlier torques."""
         found = self.state.view(float) @ self._reads[:, :, : steps * self._joints]
         return found.reshape(-1, steps, self._joints).transpose(1, 2, 0)
 

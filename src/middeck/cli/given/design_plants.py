@@ -103,7 +103,7 @@ def _lasting(model: MeasurementModel) -> int:
 
 
 def _delays(model: MeasurementModel) -> int:
-    """How many delays of its paths differ."""
+    """Number of different delays of its paths."""
     return 1 + int(np.sum(np.diff(np.sort(path_delay(model), axis=None)) > SAME_DELAY_S))
 
 
@@ -119,7 +119,7 @@ def _dear_delays(model: MeasurementModel, pade_order: int) -> list[str]:
 
 
 def _band_around(frequency_hz: Float[np.ndarray, " mode"]) -> Band:
-    """From half the lowest to twice the highest; rigid modes do not count."""
+    """Band from half the lowest to twice the highest frequency; rigid modes do not count."""
     hz = frequency_hz[frequency_hz > 0.0]
     return (0.5 * float(hz.min()), 2.0 * float(hz.max())) if len(hz) else (0.1, 60.0)
 

@@ -116,7 +116,7 @@ def _view(law: LQGCompensator) -> DesignView:
 def _design(
     plant: Plant, weights: LQGWeights, authority: float, kalman: KalmanFilter | None, shaping: Shaping
 ) -> LQGCompensator:
-    """As `design_lqg`, rounding apart."""
+    """`design_lqg` without its check of rounding."""
     part = partition_modes(plant)
     active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)

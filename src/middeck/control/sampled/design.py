@@ -121,7 +121,7 @@ def design_sampled_lqg(
 
 
 def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form) -> SampledLQG:
-    """As `design_sampled_lqg`, rounding apart."""
+    """`design_sampled_lqg` without its check of rounding."""
     part = partition_modes(plant)
     posed = pose_states(part.active)
     held = hold_plant(plant if posed == part.active else posed, weights, period_s)

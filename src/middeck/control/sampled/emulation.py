@@ -101,7 +101,7 @@ def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
 def _hold_applied(
     system: StateSpace, applied: np.ndarray, period_s: float, omega: float, rule: Rule
 ) -> np.ndarray | None:
-    """What a command missing over a whole period does to the states; None for a matched law, of other states.
+    """Effect on the states of a missing command over a period; None for a matched compensator.
 
     Of Tustin's rule the states are (I - A T/2) x / sqrt(T), less what the input holds of them.
     """

@@ -23,7 +23,7 @@ HEAD = f'{{"schema": "{GATE_LOG}"'.encode()
 
 @record(kw_only=True)
 class LoggedGate:
-    """What a log has of one gate.
+    """Record of one gate in a log.
 
     Attributes:
         package, law: SHA-256 of the package, and of what computes in it (`hash_law`).

@@ -238,7 +238,7 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
 
 
 def _said(file: Path, opening: Opening) -> tuple[Fault, ...]:
-    """How numbers were read that others write otherwise: decimal commas, times that are not in seconds."""
+    """Notes on unusual readings of numbers: decimal commas, times that are not in seconds."""
     said: list[str] = []
     if any("," in cell for cells in _first_rows(file, opening) for cell in cells):
         said.append("decimal commas are read as points")

@@ -99,7 +99,7 @@ def _driven(form: StudyForm, article: str) -> list[tuple[str, str]]:
 
 
 def _state_of(data: Table, joint: str) -> Path:
-    """Where the state of ``joint`` stands, or would."""
+    """Place of the state of ``joint``, given or not."""
     for i, t in tables(data, "gimbal"):
         for axis in "xz":
             if joint == f"{t.get('name')}_{axis}":

@@ -107,7 +107,7 @@ def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Sou
 
 
 def place_in(source: Source, changed: Mapping[KeyPath, str], finding: Finding) -> Fault:
-    """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
+    """Place of ``finding``: the override in ``changed`` that set the value, or the file."""
     file, line = source.file, line_of(source.lines(), finding.path)
     for end in range(1, len(finding.path) + 1):
         if setter := changed.get(finding.path[:end]):

@@ -41,7 +41,7 @@ def equal_runs(x: Signal, least: int) -> Runs:
 
 @record
 class Levels:
-    """How many values a signal takes, and the step of which they are whole multiples (0 if there is none)."""
+    """Number of values of a signal, and the step of which they are whole multiples (0 if there is none)."""
 
     count: int
     step: float

@@ -119,7 +119,7 @@ class TermScores(NamedTuple):
 
 
 class Lacking(NamedTuple):
-    """What a model lacks, in words, and the modes that this moves by more than their deviations.
+    """Missing terms of a model, in words, and the modes that they move by more than their deviations.
 
     The deviations of the other modes hold: to first order what is lacking changes them by less.
     """
@@ -233,7 +233,7 @@ def lacking_of(terms: list[Term], found: TermScores, model: MeasurementModel) ->
 def response_lacks(
     covariance: ModelCovariance, measured: FrequencyResponse, assumed: Float[np.ndarray, "output line input"]
 ) -> Lacking:
-    """What a fit of a response lacks, weighted by the ``assumed`` variance."""
+    """Missing terms of a fit of a response, weighted by the ``assumed`` variance."""
     model, structure = covariance.model, covariance.structure
     s, (outputs, inputs) = 2j * np.pi * measured.frequency_hz, model.direct.shape
     terms = terms_of(outputs, inputs, structure)

@@ -22,7 +22,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class ModelStructure:
-    """Which parts of a model were free in its fit.
+    """The parts of a model that were free in its fit.
 
     Attributes:
         real_constants: Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
@@ -42,7 +42,7 @@ class ModelStructure:
 
 @record(kw_only=True)
 class Places:
-    """Where each kind of unknown stands in the vector; -1 where it is not free.
+    """Place of each kind of unknown in the vector; -1 where it is not free.
 
     Modes of one pole (a residue of full rank, whose input vectors are held) share their place, and so do
     outputs of one common delay.

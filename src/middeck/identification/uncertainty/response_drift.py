@@ -42,7 +42,7 @@ class MovedBand:
 
 @record(kw_only=True)
 class ResponseDrift:
-    """Where two responses differ.
+    """Differences of two responses.
 
     Attributes:
         frequency_hz: Lines that both have.
@@ -141,7 +141,7 @@ def compare_responses(
 
 
 def holm(p: Float[np.ndarray, " test"], level: float) -> Bool[np.ndarray, " test"]:
-    """Which of several tests count, with no more than ``level`` of any false one (Holm 1979).
+    """Significant ones of several tests, with no more than ``level`` of any false one (Holm 1979).
 
     >>> holm(np.array([0.001, 0.04, 0.02]), 0.05)
     array([ True,  True,  True])

@@ -142,7 +142,7 @@ def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
 
 
 def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
-    """Which of the candidates ``ours`` belong to a group of modes."""
+    """Whether each of the candidates ``ours`` belongs to a group of modes."""
     if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
     fundamental = model.fundamental[ours]

@@ -119,7 +119,7 @@ NODES = "the node in the article of each row of shapes; frequencies alone have n
 
 
 def _faults(measured: MeasuredModes) -> Iterator[tuple[str, str]]:
-    """What no test can have measured, and what to do."""
+    """Faults of impossible measurements, and their remedies."""
     yield from _channel_faults(measured.node, measured.direction, len(measured.shape))
     optional = ("frequency_std_hz", "damping_std", "shape_std")
     if not len(measured.frequency_hz):
@@ -229,7 +229,7 @@ def channels_inside(model: Model) -> list[tuple[str, str]]:
 def straight_channels(
     modes: Modes, node: Sequence[str], direction: Sequence[str]
 ) -> Bool[np.ndarray, " channel"]:
-    """Which channels are in metres; the others are in radians. A port is of the sort that it reads or moves.
+    """Whether each channel is in metres, not radians. A port is of the sort that it reads or moves.
 
     Raises `ConfigError` for a port that the model does not have.
     """

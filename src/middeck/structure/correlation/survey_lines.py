@@ -51,7 +51,7 @@ def trace_article(model: Model, measured: Sequence[str]) -> Traced:
 
 
 def _chains(model: Model, measured: set[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """What joins nodes: of the mesh nodes of members those that were measured."""
+    """Chains of joined nodes; of a member's mesh nodes only those that were measured."""
     structure = model.structure
     for m in structure.members:
         inside = (name for k in range(1, m.elements) if (name := f"{m.name}/{k}") in measured)

@@ -39,7 +39,7 @@ Found = TypeVar("Found")
 
 @record
 class Configuration:
-    """Where the frames are: root positions and rotation matrices, joint angles [rad] or travels [m].
+    """Places of the frames: root positions and rotation matrices, joint angles [rad] or travels [m].
 
     ``since_drawn`` gives the roots' motion with digits that ``x`` and ``R`` cannot hold; None if they were
     not followed from the drawn state.

@@ -43,7 +43,7 @@ FINEST = 1e-9
 
 @record(kw_only=True)
 class StabilityLimit:
-    """Where, between two neighbours of the grid, a branch of the family begins to grow.
+    """A limit, between two neighbours of the grid, from which a branch of the family grows.
 
     ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``unstable`` is the point beyond,
     ``name`` what the mode that grows is at that point, the same as in its ``trouble``.
@@ -257,7 +257,7 @@ def _solve(structure: Structure, environment: Environment, count: int) -> _Membe
 
 
 def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
-    """Which mode grows most, by the name that its stability limit has."""
+    """The fastest growing mode, by the name in its stability limit."""
     worst = int(np.argmin(spectrum.lam))
     name, rate = _name(rest, spectrum, worst), np.sqrt(-spectrum.lam[worst])
     return f"the rest state is not stable: mode {name!r} grows at {rate:.4g} rad/s"

@@ -149,7 +149,7 @@ def _known(new: Approach, found: Sequence[Approach]) -> bool:
 
 
 def _flips(run: Sequence[PathState]) -> list[tuple[float, float, tuple[int, int]]]:
-    """Where, between which s, two branches change their order; one repeated frequency has none."""
+    """Values of s between which two branches change their order; one repeated frequency has none."""
     lam = np.array([x.spectrum.lam for x in run])
     found: list[tuple[float, float, tuple[int, int]]] = []
     for i, j in itertools.combinations(range(lam.shape[1]), 2):
@@ -275,7 +275,7 @@ def _squares(
 
 
 def _parabola(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Where the parabola through three points is lowest, and its second divided difference."""
+    """Minimum of the parabola through three points, and its second divided difference."""
     rise, further = np.diff(y) / np.diff(x)
     curved = (further - rise) / (x[2] - x[0])
     return (x[1] if curved <= 0.0 else 0.5 * (x[0] + x[1] - rise / curved)), curved

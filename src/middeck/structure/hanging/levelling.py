@@ -147,7 +147,7 @@ def _better(task: _Task, at: _Hung, step: np.ndarray, history: Sequence[float]) 
 
 
 def _room(change: np.ndarray, step: np.ndarray, limit: float) -> float:
-    """How much of ``step``, at most all of it, keeps within the limit."""
+    """Part of ``step``, at most one, that keeps within the limit."""
     left = limit - np.sign(step) * change
     return float(np.min(left / np.maximum(np.abs(step), left)))
 

@@ -309,7 +309,7 @@ def _check_point(port: str, at_point: bool, axis: np.ndarray | None, offset: np.
 
 
 class DamperPlace(Enum):
-    """Where a viscous damper sits."""
+    """Place of a viscous damper."""
 
     JOINT = "joint"  # about the axis of a joint
     SPRING = "spring"  # along a spring of the article

@@ -199,7 +199,7 @@ class _Surroundings:
         self.across = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
 
     def nearest(self, node: Node, beyond: float) -> float:
-        """From the centre of mass of ``node`` to the next other node that is further away than ``beyond``."""
+        """Distance from the centre of mass of ``node`` to the next other node beyond ``beyond``."""
         count, size = NEIGHBOURS, self.tree.n
         while True:
             far, which = self.tree.query(node.position + node.body.cg, np.arange(1, min(count, size) + 1))

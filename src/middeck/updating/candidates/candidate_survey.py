@@ -109,7 +109,7 @@ def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
 
 
 def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequence[int]) -> np.ndarray:
-    """Which modes move a channel by no small part of the most that they move any of its sort."""
+    """Whether each mode moves a channel by a considerable part of the largest motion of its sort."""
     if not channels:
         return np.ones(len(chosen), dtype=bool)
     every = measure_modes(modes, every_channel(modes.equilibrium.model), chosen=chosen)

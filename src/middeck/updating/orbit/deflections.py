@@ -121,7 +121,7 @@ def _predict(
 def _zeros_of(
     refined: Refined, gauges: Sequence[Gauge], since_unloaded: bool, series: str
 ) -> tuple[Float[np.ndarray, "gauge zero"], Bool[np.ndarray, " gauge"]]:
-    """How readings follow the errors of the tests' unloaded ones, and which of the gauges do.
+    """Slopes of readings by the errors of the tests' unloaded ones, and the gauges that depend on these.
 
     Raises `ConfigError` for a series that no static test has.
     """

@@ -125,7 +125,7 @@ def _response(parts: Parts, at: Complex[np.ndarray, " point"]) -> Complex[np.nda
 
 
 def _whole(loop: StateSpace, at: Complex[np.ndarray, " point"]) -> Complex[np.ndarray, "point output joint"]:
-    """What the parts of the poles add up to but for rounding."""
+    """The sum of the parts of the poles, up to rounding."""
     return loop.C @ np.linalg.solve(at[:, None, None] * np.eye(len(loop.A)) - loop.A, loop.B)
 
 

@@ -333,7 +333,7 @@ def _slide(
 def _mean_squares(
     asked: SlipRun, form: SlipPoles, lines: Complex[np.ndarray, "output record line"], came: _Came
 ) -> Float[np.ndarray, "2 record"]:
-    """Those of the weighted performance, with friction and without."""
+    """Mean squares of the weighted performance, with friction and without."""
     joints, weights = came.torque.shape[1], asked.plan.weights
     return mean_squares(
         asked.time,

@@ -187,6 +187,6 @@ def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
 
 
 def _ranks(values: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:
-    """From one up; equal values share the mean of theirs."""
+    """Ranks from one up; equal values share their mean."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - 0.5 * (count - 1))[place]

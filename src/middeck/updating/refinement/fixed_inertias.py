@@ -81,6 +81,6 @@ def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
 
 
 def _beside(bound: Bound, still: list[Parameter]) -> tuple[Parameter, ...]:
-    """Those of ``still`` whose bodies' masses ``bound`` multiplies."""
+    """Parameters of ``still`` on bodies whose masses ``bound`` multiplies."""
     own = () if bound.unknown.added else {p.name for p in bound.parameters}
     return tuple(p for p in still if p.name.split(INERTIA)[0] + MASS in own)

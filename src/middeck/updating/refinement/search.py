@@ -197,7 +197,7 @@ def _starts(places: Places, prior: Prior, at: At) -> Iterator[At]:
 
 
 def _search(places: Places, statics: Sequence[StaticTest], prior: Prior, at: At) -> Found:
-    """From ``at``."""
+    """Search from ``at``."""
     mean, spread, usual = prior
     lossy = places.moves_damping
     x, history, pace, last, first = at.x, [], 1.0, np.zeros(len(mean)), None

@@ -155,7 +155,7 @@ def _part_std(deviation: np.ndarray, places: np.ndarray) -> np.ndarray:
 def _scale(
     c: np.ndarray, b: np.ndarray, sensors: list[tuple[Sensor, bool]], actuators: list[Actuator]
 ) -> complex:
-    """What makes b the shape that c is, by the places that have both; zero where none has."""
+    """Factor that makes b the shape c, by the places that both have; zero where they share none."""
     both = [(o, i) for o, (s, _) in enumerate(sensors) for i, a in enumerate(actuators) if _together(s, a)]
     if not both:
         return 0.0

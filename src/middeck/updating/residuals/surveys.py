@@ -305,7 +305,7 @@ def compare_measured_response(
 
 
 def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
-    """Which paired modes are close to which others."""
+    """Whether paired modes are close to each other."""
     f = np.log(modes.frequency_hz[column])
     return (np.abs(np.diag(f)[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
 
@@ -336,7 +336,7 @@ def _mixtures(
 
 
 def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """What ``shape`` has of each column of ``basis``, of ``one`` of them 1, and the deviations of that.
+    """Part of each column of ``basis`` in ``shape``, 1 for that of ``one``, and their deviations.
 
     None where the rows of both, of unit deviation, do not tell the columns apart.
     """

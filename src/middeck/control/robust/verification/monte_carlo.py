@@ -283,7 +283,7 @@ def _model(plant: Plant, order: int, weights: LQGWeights) -> GeneralizedPlant:
 
 
 def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> list[bool]:
-    """Which loops have so small a gain above their plant's modes that no phase there decides stability."""
+    """Loops whose gain above their plant's modes is so small that no phase there decides stability."""
     late = [p for p in plants if p.delayed]
     low = min((_top(p) for p in late), default=turning)
     if turning <= low:

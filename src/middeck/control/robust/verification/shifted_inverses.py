@@ -21,7 +21,7 @@ NONE = 1e-12
 
 
 class Parts(NamedTuple):
-    """What the inverses of all loops share; the names are those of the module's text.
+    """Shared parts of the inverses of all loops; the names are those of the module's text.
 
     ``blocks`` has for each size the states of every block of S, ``last`` is R^-1, ``right`` K, ``left`` L.
     """

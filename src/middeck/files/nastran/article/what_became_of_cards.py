@@ -141,7 +141,7 @@ def note_doubts(basis: Basis, parts: Parts, coordinates: int) -> list[str]:
 
 
 def _modes_asked(deck: Deck, every: int) -> Iterator[str]:
-    """What the selected EIGR or EIGRL, or any where none is selected, asks for, as `modes` is told it.
+    """Request of the selected EIGR or EIGRL (any where none is selected), as options of `modes`.
 
     There are no more than ``every`` one.
     """

@@ -208,7 +208,7 @@ class ScalarNodes(NamedTuple):
 def scalar_nodes(
     elements: list[Element], places: Places, length: float, mass: float, stiffness: float
 ) -> ScalarNodes:
-    """What ``elements`` become, but for the equations of `tie_terms`; the units are those of the deck."""
+    """Tables for ``elements``, without the equations of `tie_terms`; the units are those of the deck."""
     where = _whereabouts(elements, places)
     inertia = {f"s{point}": 0.0 for point in where}
     made = ScalarNodes([], [], [], [], [])

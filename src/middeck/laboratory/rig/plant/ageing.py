@@ -33,7 +33,7 @@ MOVES = ("step", "drive", "push", "read")
 
 @record(kw_only=True)
 class Ageing:
-    """How the plant of a rig drifts from where it is switched on.
+    """Drift of a rig's plant from the time when it is switched on.
 
     Attributes:
         plant: The plant as new.

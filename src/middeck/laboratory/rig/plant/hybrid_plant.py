@@ -165,7 +165,7 @@ class _Tick:
         return over, np.hstack([old[:, : self.m], new[:, : self.m]]), pushed[:, self.m :]
 
     def answers(self, output: int, instant: float) -> np.ndarray:
-        """What ``output`` answers at once to two commands in a row."""
+        """Immediate response of ``output`` to two commands in a row."""
         direct = self.system.D[output, : self.m]
         acts = instant > self.takes_over - WHOLE
         return np.concatenate([0.0 * direct, direct] if acts else [direct, 0.0 * direct])

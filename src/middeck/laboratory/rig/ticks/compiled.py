@@ -29,7 +29,7 @@ MOVED = "x angles sliders torques stands previous momentum digital rows issued w
 
 
 class TickRows(NamedTuple):
-    """What a block of ticks is given, and the rows that it fills.
+    """Inputs of a block of ticks, and the rows that it fills.
 
     Attributes:
         compute, shift: The computer's matrix, from its states and the counts, and what it subtracts.

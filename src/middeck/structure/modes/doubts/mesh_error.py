@@ -66,7 +66,7 @@ def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndar
 
 
 def _element_errors(modes: Modes, count: int | None) -> Float[np.ndarray, "element mode"]:
-    """What each element adds to the relative error of each of the lowest ``count`` frequencies."""
+    """Part of each element in the relative error of each of the lowest ``count`` frequencies."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     rest, omega = modes.equilibrium, modes.omega[:count]
     lost = np.zeros((len(rest.model.element_ends), count))

@@ -124,7 +124,7 @@ def rigid_basis(
 
 
 def _amounts(motions: np.ndarray, mode: np.ndarray, M: sp.csr_array) -> Float[np.ndarray, " motion"]:
-    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia.
+    """Part of each motion in the combination of all that is nearest to ``mode``, by its inertia.
 
     That of rotations is their largest: about axes across each other, the larger angle counts.
     """

@@ -100,7 +100,7 @@ def find_kinds(
 def _holders(
     equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, strained: np.ndarray
 ) -> np.ndarray:
-    """What holds each mode if strain does not: the environment's devices or, if clamped, the weight."""
+    """Support of each mode other than strain: the environment's devices or, if clamped, the weight."""
     if equilibrium.model.held is None:
         return np.full(len(lam), "suspension")
     by_weight = 0.5 * lam * (1.0 - strained) - device_energy(equilibrium, shapes)

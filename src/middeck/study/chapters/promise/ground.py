@@ -36,7 +36,7 @@ class GroundTest:
 
 @record(kw_only=True)
 class KnownBefore:
-    """All that is known before flight."""
+    """Knowledge before flight: ground tests and the refined article."""
 
     tests: tuple[GroundTest, ...]
     refined: Refined

@@ -118,7 +118,7 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
 
 
 def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
-    """Which orders fail and where, the limit with and without the lead, and the measured loop."""
+    """Claims: orders that fail and where, the limit with and without the lead, and the measured loop."""
     bare, lead, loop = control.without_lead, control.with_lead, control.payload
     moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
     design = f"a design on {bare.states} states without lead filter"

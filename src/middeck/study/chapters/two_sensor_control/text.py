@@ -49,7 +49,7 @@ def half_plane(zero: Numbers) -> str:
 
 
 def _on_the_right(zeros: list[Numbers]) -> str:
-    """Those of the right half-plane, and those that may lie there."""
+    """Zeros in the right half-plane, and those that may lie there."""
     said: list[str] = []
     for side, words in (
         ("right", "non-minimum-phase zeros"),

@@ -73,7 +73,7 @@ def _level_claims(whole: SubModelSweep) -> list[Claim]:
 
 
 def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list[Claim]:
-    """What goes unstable first in 1-g, and whether the sub-models repeat it.
+    """Claims: the first instability in 1-g, and whether the sub-models repeat it.
 
     A loop already unstable at the ``lowest`` level has its onset somewhere below: two such are not compared.
     """
