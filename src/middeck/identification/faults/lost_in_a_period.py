@@ -117,13 +117,13 @@ class _Loss:
 
 
 def _innovation(x: Signal) -> Signal:
-    """What ``KNOWN`` samples before leave of each sample of a signal behind them."""
+    """Innovation of each sample of a signal after the first ``KNOWN``, given as many before it."""
     past = np.lib.stride_tricks.sliding_window_view(x[:-1], KNOWN)
     return x[KNOWN:] - past @ np.linalg.lstsq(past, x[KNOWN:], rcond=None)[0]
 
 
 def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] | None:
-    """From which sample, and by how many, ``y`` runs ahead of the others, and what that leaves.
+    """First sample from which ``y`` leads the others, the lead in samples, and the residual.
 
     The motion of one mode is nearly the same a cycle later: the shortest shift that leaves hardly more.
     """
@@ -138,7 +138,7 @@ def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] 
 
 
 def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float] | None:
-    """Where the shift begins, and what is left with it; None where that may be chance."""
+    """Start of the shift, and the residual with it; None where that may be chance."""
     moved = np.roll(others, -shift)
     as_they_are, shifted, apart = (
         np.concatenate([[0.0], np.cumsum(part**2)]) for part in (y - others, y - moved, moved - others)

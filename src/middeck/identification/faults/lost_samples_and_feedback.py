@@ -137,7 +137,7 @@ def _shift(
     parts: list[slice],
     answers: Float[np.ndarray, "part input lag"],
 ) -> tuple[int, int] | None:
-    """Sample near which, and samples by which, the answer moves within the record; None if it does not."""
+    """Sample near which, and samples by which, the response shifts within the record; None for no shift."""
     if not y.any() or _events(U) < FEWEST_EVENTS:
         return None
     lags = _lags(answers)
@@ -244,7 +244,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
 
 def _tails(after: Float[np.ndarray, "row sample"], inputs: int) -> Float[np.ndarray, "tail sample"]:
-    """What later samples of each input tell of an answer that is band-limited between samples."""
+    """Weighted sums of later samples of each input, for a response band-limited between samples."""
     n = np.arange(LEADS + 1.0, LEADS + 1 + len(after) // inputs)
     powers = np.arange(1.0, min(TAILS, len(n) // 2) + 1)
     weights = np.cos(np.pi * n) * n ** -powers[:, None]
@@ -288,7 +288,7 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
 
 
 def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool:
-    """Whether later inputs tell nothing once more of the past is known.
+    """Whether later inputs add nothing once more of the past is known.
 
     Of inputs whose past foretells them, such as sums of sines, later ones tell what far earlier ones were:
     what modes that ring on make of those is no noise.

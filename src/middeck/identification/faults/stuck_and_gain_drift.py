@@ -140,7 +140,7 @@ def _scaled(x: Float[np.ndarray, "channel sample"]) -> Float[np.ndarray, "channe
 def _regression(
     u: Float[np.ndarray, "input sample"], y: Signal, every: int = 1, late: int = 0, past: int = PAST
 ) -> _Regression:
-    """With inputs ``late`` samples later than they are."""
+    """The regression with inputs delayed by ``late`` samples."""
     first = past + late
     span = first, len(y) - first, every
     lags = range(-late - max(4, min(PAST, PAST_OF_INPUTS // len(u))), 1 - late)
@@ -164,7 +164,7 @@ def _rest(x: Signal) -> tuple[int, int] | None:
 
 
 def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) -> bool:
-    """Whether what the other inputs do in the run is known from what they do elsewhere."""
+    """Whether all other inputs move elsewhere about as strongly as in the run."""
     steps = np.delete(np.diff(u, axis=1), i, axis=0) ** 2
     here = steps[:, run[0] : run[1]]
     outside = (steps.sum(axis=1) - here.sum(axis=1)) / max(steps.shape[1] - here.shape[1], 1)
@@ -187,7 +187,7 @@ def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
 
 
 def _is_late(u: Float[np.ndarray, "input sample"], y: Signal, start: int) -> bool:
-    """Whether inputs later by the ``start`` tell far more of what follows: a dead time of the article."""
+    """Whether inputs delayed by the ``start`` predict far more of the rest: a dead time of the article."""
     at_once, late = (_regression(u, y, late=late).left() for late in (0, start - 1))
     return float(np.sum(late**2)) < TELLS_MORE * float(np.sum(at_once[-len(late) :] ** 2))
 

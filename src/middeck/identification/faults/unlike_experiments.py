@@ -54,7 +54,7 @@ def _white(x: np.ndarray) -> Float[np.ndarray, "experiment channel sample"]:
 def _apart(
     first: Float[np.ndarray, "input sample"], here: Float[np.ndarray, "input sample"]
 ) -> Bool[np.ndarray, " input"]:
-    """Inputs whose answers are their own in two experiments, and not those of inputs that move with them.
+    """Inputs whose responses in two experiments are their own, not those of inputs that move with them.
 
     Experiments that drive several inputs by one signal, or by several of which some are turned round in the
     other one (orthogonal multisines), tell the answers together only.
@@ -67,7 +67,7 @@ def _apart(
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:
-    """Correlation of two answers; zero where one is lost in noise."""
+    """Correlation of two responses; zero where one is lost in noise."""
     power = np.array([np.sum(a**2), np.sum(b**2)])
     return float(np.sum(a * b) / np.sqrt(np.prod(power))) if power.min() > HEARD * a.size else 0.0
 
@@ -82,7 +82,7 @@ def _swapped(record: Record, alike: Float[np.ndarray, "output output"], o: int) 
 
 
 def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> Found | None:
-    """The input whose answer has the other sign; ``first`` and ``here`` are answers [input, lag]."""
+    """The input whose response has the other sign; ``first`` and ``here`` are responses [input, lag]."""
     inputs = [p.name for p, a, b in zip(record.inputs, first, here, strict=True) if _cosine(a, b) < -ALIKE]
     if not inputs:
         return None
@@ -91,7 +91,7 @@ def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> Found | None
 
 
 def _gains(record: Record) -> list[Fault]:
-    """Other gains of outputs in repeated records of one input, where each experiment tells a response."""
+    """Other gains of outputs in repeated records of one input, where each experiment shows a response."""
     experiments, periods, _, inputs = record.u.shape
     if periods < 2 or inputs > 1:
         return []

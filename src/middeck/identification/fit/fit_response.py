@@ -237,7 +237,7 @@ def fit_model(measured: FrequencyResponse, asked: FitOptions) -> ModelAlone:
 
 @record(kw_only=True)
 class _Searched:
-    """The end of a search: what was fitted, the best run, its weights, and why it has its order."""
+    """The end of a search: the fitted data, the best run, its weights, and the reason for its order."""
 
     measured: FrequencyResponse
     data: Data
@@ -445,7 +445,7 @@ def _poles_for_a_delay(
     covariance: ModelCovariance,
     standing: tuple[Standing, ...],
 ) -> PolesInstead | None:
-    """Where a fit with delays has modes that are not sound, poles that describe as much without them."""
+    """Poles that describe as much without delays, where a fit with delays has modes that are not sound."""
     if not covariance.structure.with_delay or all(one == "sound" for one in standing):
         return None
     # Lengths compare on one spread alone: that by which ``best`` was found.

@@ -168,7 +168,7 @@ def fit_free_decay(
 def _others(
     residual: list[Float[np.ndarray, " sample"]], sample_hz: float, mode_hz: float
 ) -> tuple[str, ...]:
-    """A warning where much of what is left of the decays is in one narrow band, as noise never is.
+    """A warning where much of the residual of the decays is in one narrow band, as noise never is.
 
     What is left at the mode itself is no other oscillation.
     """
@@ -187,7 +187,7 @@ def _others(
 
 
 def _choose(first: _Fit, data: list[Float[np.ndarray, " sample"]], sample_hz: float) -> tuple[_Fit, _Fit]:
-    """The fit of the minimum description length, and the one to tell.
+    """The fit of the minimum description length, and the one to report.
 
     The second has the next number of coefficients, since the first leaves a bias as large as the noise; but
     one exponential is told as such. The search ends where two numbers in turn are no shorter.

@@ -157,7 +157,7 @@ class _Problem:
         return np.sqrt(2.0) * r.reshape(-1).view(float)
 
     def cost(self, x: np.ndarray) -> float:
-        """Mean square of what is left for each degree of freedom."""
+        """Mean square of the residual for each degree of freedom."""
         lines, experiments, inputs = self.U.shape
         r = self.left(x[: len(self.rms)], self.torques(x))
         return float(r @ r) / (2 * lines * (experiments - inputs) * self.Y.shape[2])

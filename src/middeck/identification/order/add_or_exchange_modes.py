@@ -90,7 +90,7 @@ def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
 
 
 def _found_pole(data: Data, best: Polished) -> Candidate:
-    """The pair that would tell most; in records of experiments, one at the residual's peak."""
+    """The pair that would lower the cost most; in records of experiments, one at the residual's peak."""
     at_peak = _at_peak(data, best)
     if data.drive is not None:
         return at_peak

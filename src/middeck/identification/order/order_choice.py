@@ -1,4 +1,4 @@
-"""How many states a response asks for: the description length of each size, and lines kept out of the fit."""
+"""Number of states for a response: the description length of each size, and lines kept out of the fit."""
 
 from collections.abc import Iterator, Sequence
 
@@ -149,5 +149,5 @@ def _span(tried: Sequence[Tried]) -> str:
 
 
 def _as_well(others: Sequence[Tried]) -> str:
-    """Larger orders that the data do not tell from the one taken."""
+    """Larger orders that the data do not distinguish from the one taken."""
     return f"; {', '.join(str(t.states) for t in others)} do as well" if others else ""

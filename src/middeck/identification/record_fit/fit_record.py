@@ -226,7 +226,7 @@ def fit_samples(
 
 
 class _Found(NamedTuple):
-    """The end of a search, without what it does not need, and why it has its order."""
+    """The end of a search, without unneeded modes, and the reason for its order."""
 
     data: Data
     run: RecordRun
@@ -525,7 +525,7 @@ def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
 
 
 def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
-    """Variance of the noise of measured inputs: what does not repeat, or the floor of their spectra."""
+    """Variance of the noise of measured inputs: the part that does not repeat, or the spectrum's floor."""
     periods = record.u.shape[1]
     if record.periodic and periods > 1:
         level = record.u - record.u.mean(axis=2, keepdims=True)  # drift moves all periods alike

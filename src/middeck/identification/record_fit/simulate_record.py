@@ -125,7 +125,7 @@ def _check(model: MeasurementModel, record: Record, state_share: float) -> None:
 def _forced(
     model: MeasurementModel, u: Float[np.ndarray, "experiment sample input"], rate_hz: float, between: Between
 ) -> Float[np.ndarray, "experiment sample output"]:
-    """Motion that repeats with the record; poles at zero add their answer to a constant input."""
+    """Motion that repeats with the record; poles at zero add their response to a constant input."""
     held = between == "hold" and model.sample_hz is None
     double, delay = double_pole(model), path_delay(model)
     # Held inputs are zero before the record, as far back as a delay reaches; repeated ones need no such.

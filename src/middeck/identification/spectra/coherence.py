@@ -1,4 +1,4 @@
-"""What share of an output's power the inputs explain, linearly and line by line (Bendat and Piersol 2010)."""
+"""Share of an output's power that inputs explain, linearly and line by line (Bendat and Piersol 2010)."""
 
 from __future__ import annotations
 

@@ -230,7 +230,7 @@ def as_periods(record: Record) -> Record:
 
 
 def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> ResponseScatter:
-    """From whole periods, what they begin with cut off or taken out; says so."""
+    """Scatter from whole periods, without the transient at their beginning; reports how."""
     started = steadied(record)
     if started.what:
         warnings.warn(started.what, UserWarning, stacklevel=5)

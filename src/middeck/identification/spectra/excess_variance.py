@@ -1,4 +1,4 @@
-"""Weights of a fit: the measured variance, and a variance for what the model cannot fit.
+"""Weights of a fit: the measured variance, and a variance for the model's error.
 
 A variance from few periods has few degrees of freedom, and lines that are quiet by chance would dominate the
 fit. It is therefore averaged over neighbouring lines, except where fewer lines have significantly more: noise
@@ -132,7 +132,7 @@ def _inverse_power(measured: FrequencyResponse) -> Float[np.ndarray, "line 1 inp
 
 
 def _smooth(v: Float[np.ndarray, "output line input"], degrees: float, alike: float = 1.0) -> np.ndarray:
-    """An average over lines, no less than what fewer of them say beyond chance."""
+    """An average over lines, no less than fewer of them show beyond chance."""
     smooth = wide = _mean_of_lines(v, NEIGHBOURS)
     for half in (h for h in NARROWER if degrees < np.inf):
         # Gamma variates: what fewer lines say, where it is more than chance.

@@ -1,4 +1,4 @@
-"""Which lines are of use, and the least-squares response at each of them."""
+"""Usable lines, and the least-squares response at each of them."""
 
 from __future__ import annotations
 

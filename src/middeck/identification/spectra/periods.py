@@ -1,4 +1,4 @@
-"""Whole steady periods: no leakage, no window, and noise apart from what repeats."""
+"""Whole steady periods: no leakage, no window, and noise separated from the repeated part."""
 
 from __future__ import annotations
 

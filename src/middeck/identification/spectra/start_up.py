@@ -144,7 +144,7 @@ def _without_ramps(
     ports: Sequence[Port],
     poles: Complex[np.ndarray, " pole"],
 ) -> tuple[np.ndarray, str, Float[np.ndarray, " line"]]:
-    """The channels without the ramps that show beside free motion; what to tell, and what is not known.
+    """The channels without ramps beside free motion; sentences on these, and the remaining uncertainty.
 
     The last is as in `StartUp`: the square of the sawtooth by which a ramp may be wrong.
     """
@@ -192,7 +192,7 @@ def _steady_from(
 
 
 def _motions(target: Float[np.ndarray, "sample column"]) -> tuple[Complex[np.ndarray, " pole"], np.ndarray]:
-    """Poles [1/sample] of the free motion in ``target``, and what it leaves."""
+    """Poles [1/sample] of the free motion in ``target``, and the residual."""
     theta, left = np.zeros(0), target
     cost = (2.0 + 2.0 * target.shape[1]) * (0.5 * np.log(target.size) + DEAR)
     while len(theta) < 2 * MOST_MOTIONS and 4 * len(theta) < len(target):
@@ -262,7 +262,7 @@ def _basis(
 
 
 def _centred(columns: Float[np.ndarray, "sample column"]) -> Float[np.ndarray, "sample column"]:
-    """What is left of them beside a constant, as the differences have it that a ramp is told by."""
+    """The columns less their means, as the differences by which a ramp is detected."""
     return columns - columns.mean(axis=0)
 
 
@@ -285,7 +285,7 @@ def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
-    """Half of what is left, if ``below`` so much, and its slopes by decays and frequencies (Kaufman 1975)."""
+    """Half the squared residual, if ``below``, and its slopes by decays and frequencies (Kaufman 1975)."""
     poles, half = _poles(theta), len(theta) // 2
     if np.real(poles).min() < -np.pi:
         return None

@@ -1,4 +1,4 @@
-"""The variance of each line of a measured response, by what scatters it."""
+"""The variance of each line of a measured response, by the source of its scatter."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from middeck.values import record as frozen
 
 @frozen(kw_only=True)
 class ResponseScatter:
-    """A measured response with what scatters it.
+    """A measured response with the sources of its scatter.
 
     Attributes:
         H: Estimate on the excited lines ``frequency_hz``.

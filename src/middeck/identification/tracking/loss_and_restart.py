@@ -160,7 +160,7 @@ def opening(tries: int) -> float:
 
 
 def patience(tries: int) -> float:
-    """Time [s] before the next restart, longer with each round: what never works is tried less often."""
+    """Time [s] before the next restart, longer with each round: repeated failures are tried less often."""
     return PATIENCE_S * (1 + tries // len(OPENINGS))
 
 

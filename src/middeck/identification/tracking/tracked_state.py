@@ -1,4 +1,4 @@
-"""What is followed, and the state of following it."""
+"""The tracked parameters, and the state of tracking them."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class Tracking:
 
 
 def log_places(followed: Followed) -> np.ndarray:
-    """Where log frequency (first row) and log damping stand among the unknowns."""
+    """Places of log frequency (first row) and log damping among the unknowns."""
     modes = len(followed.poles)
     first = 2 * modes * len(followed.whole)
     return first + np.arange(2 * modes).reshape(2, modes)

@@ -1,4 +1,4 @@
-"""How well a test would identify a model, before it is run: the Cramer-Rao bound of its excitation.
+"""Expected accuracy of a test, before it is run: the Cramer-Rao bound of its excitation.
 
 With white noise of rms sigma_o on the samples of output o, the transform of a period of N samples has the
 complex variance N sigma_o^2, and the average of P periods a P-th of it. The output of experiment e is

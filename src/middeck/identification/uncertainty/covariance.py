@@ -55,7 +55,7 @@ ROUNDING = 1e-9
 
 @record(kw_only=True)
 class ModelCovariance:
-    """How well the unknowns of a model are known, jointly.
+    """Joint uncertainty of the unknowns of a model.
 
     Attributes:
         model, structure: The fitted model; its unknowns and their order are those of `unknowns`.
@@ -98,7 +98,7 @@ class ModelCovariance:
         return self.root[:, : self.root.shape[1] - self.loose]
 
     def deviation(self, slope: Float[np.ndarray, "row unknown"] | None = None) -> Float[np.ndarray, " row"]:
-        """Standard deviation of what has these derivatives by the unknowns, or of each unknown.
+        """Standard deviation of a quantity with these derivatives by the unknowns, or of each unknown.
 
         Infinite where the data do not fix it: where more of it is loose than is not, for what rounding leaves
         of a loose direction is no more; or, beside a loose direction, where what is fixed of it is told from

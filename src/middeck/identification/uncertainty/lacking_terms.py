@@ -66,7 +66,7 @@ class Term(NamedTuple):
     def of(
         self, output: int, parts: Complex[np.ndarray, "line input column"], s: Complex[np.ndarray, " line"]
     ) -> Complex[np.ndarray, "line column"]:
-        """Derivative of an output's spectra, the ``parts`` of which answer to each input."""
+        """Derivative of an output's spectra, the ``parts`` of which respond to each input."""
         if self.output not in {-1, output}:
             return np.zeros_like(parts[:, 0])
         some = parts.sum(axis=1) if self.input < 0 else parts[:, self.input]

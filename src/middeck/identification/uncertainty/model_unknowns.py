@@ -196,7 +196,7 @@ def _complex(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndar
 
 
 def ties(model: MeasurementModel, structure: ModelStructure) -> Float[np.ndarray, "tie unknown"]:
-    """Derivatives of what the fit held at zero: the sum of all residues of each path, if it was."""
+    """Derivatives of the sum of all residues of each path, where the fit held it at zero."""
     at = places_of(model, structure)
     outputs, inputs = model.direct.shape
     if not structure.relative_degree_two:

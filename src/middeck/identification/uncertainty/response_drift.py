@@ -69,7 +69,7 @@ class ResponseDrift:
 
     @property
     def trusted(self) -> bool:
-        """Whether the stated variance explains what most lines do; without that, single lines say little."""
+        """Whether the stated variance explains most lines; without that, single lines are no evidence."""
         return self.inflation <= TRUSTED
 
     @property

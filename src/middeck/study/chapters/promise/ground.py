@@ -83,7 +83,7 @@ def _placed(
 
 
 def _fit(response: FrequencyResponse, states: Sequence[int]) -> FitResult:
-    """The first that is sure of a mode, or the last: one that misses a mode doubts them all."""
+    """The first fit that is sure of a mode, or the last: one that misses a mode makes all uncertain."""
     fit = _without_poles_beyond(response, states[0])
     if fit.standing.count("sound") or len(states) == 1:
         return fit
