@@ -96,7 +96,7 @@ def design_sampled_lqg(
 
     Raises `NotStabilisableError` naming the modes that cannot be held (also those that sampling makes
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
-    not fit and for a ``"current"`` compensator on a plant that answers within the sample. Warns
+    not fit and for a ``"current"`` compensator on a plant that responds within the sample. Warns
     (`UserWarning`) where rounding of the plant's matrices moves the compensator or its cost (`design_known`),
     and of a rate for the period (`doubt_period`).
 

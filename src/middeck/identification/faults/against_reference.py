@@ -17,7 +17,7 @@ EXPLAINED = 0.5
 WRONG_GAIN = 1.5
 # Delay [samples] from which it is reported.
 LATE = 0.5
-# A channel is told to be another if its own row leaves so much of its power unexplained, and the other row so
+# A channel is taken for another if its own row leaves so much of its power unexplained, and the other row so
 # much less of that.
 LEFT, LESS = 0.01, 0.1
 

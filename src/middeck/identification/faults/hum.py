@@ -50,7 +50,7 @@ def find_hum(record: Record) -> list[tuple[Found, Port, int]]:
     found: list[tuple[Found, Port, int]] = []
     for e, u in enumerate(inputs):
         driven = np.max([_above(np.abs(spectrum_of(x)) ** 2) for x in u.T], axis=0)
-        # Lines near a harmonic are not free; what the input has there tells nothing of those beside.
+        # Lines near a harmonic are not free; the input there shows nothing of those beside.
         beside = scipy.ndimage.maximum_filter1d(np.where(free, driven, 0.0), 2 * LOBE + 1)
         for o, port in enumerate(record.outputs):
             spectrum = spectrum_of(record.y[e, ..., o].ravel())

@@ -22,10 +22,10 @@ MOST, PARTS, UNEVEN = 16, 16, 4.0
 BETTER = 0.5
 # What one leaves of a sample on its side, over what both leave on average; of the other, what is rounding.
 EVEN, ROUNDING = 3.0, 1e-18
-# Free motion foretells itself, so many samples being known: to less than this share of the power that a shift
-# leaves, and to hardly more than that foretells itself. What forces do in so many more samples does not.
+# Free motion predicts itself, so many samples being known: to less than this share of the power that a shift
+# leaves, and to hardly more than that predicts itself. What forces do in so many more samples does not.
 KNOWN, FREE, HARDLY = 12, 0.6, 1.4
-# Nor is a sample near the loss foretold so badly: times the rms.
+# Largest error of prediction near the loss, over the rms.
 LEAP = 4.5
 # A shorter shift is as good that leaves no more than so many times what the best leaves.
 AS_GOOD = 1.5

@@ -9,7 +9,7 @@ from middeck.identification.faults.equal_runs import Found, Levels, Signal, faul
 OFFSET_OUTPUT, OFFSET_INPUT = 1.0, 3.0
 # Change over the record, over the rms of the signal, from which a drift is reported.
 DRIFT, PERIODIC_DRIFT = 0.3, 0.1
-# Lowest lines that a drift is told from, and how many of its standard deviations it must have. With nineteen
+# Lowest lines that a drift must exceed, and how many of its standard deviations it must have. With nineteen
 # degrees of freedom Student's t passes 8 in one of 1e7.
 LINES, SURE = 10, 8.0
 # Noise of the steps over the signal (step / sqrt(12) / rms): 1 % is the noise of a good bench.

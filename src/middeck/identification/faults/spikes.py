@@ -22,7 +22,7 @@ FAR, HUNDREDTH, FEW = 3.0, 0.99, 0.005
 # Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
 # largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
 PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
-# Samples by which an output may follow a spike or a step of an input and be its answer.
+# Samples by which an output may follow a spike or a step of an input and be its response.
 ANSWERS = WIDE + 2
 # Share of the largest sample of a run that one beside it has where the run is the middle of a longer one.
 LASTS = 0.8
@@ -37,7 +37,7 @@ FALLS = 1.5
 def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[Found]:
     """Runs of one to nine samples far outside of their neighbours, the signal's tail and any response.
 
-    ``driven`` are spikes of the inputs, which an output may answer.
+    ``driven`` are spikes of the inputs, to which an output may respond.
     """
     runs = [r for r in spike_runs(x, levels) if not _answers(r, driven or [])]
     if not runs:

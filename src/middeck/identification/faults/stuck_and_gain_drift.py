@@ -2,7 +2,7 @@
 
 Each output is predicted from its own past and the inputs until then, by one regression. Free motion is of the
 past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
-does not, or an output stands still while the inputs move it, its answer is left as well. And what the inputs
+does not, or an output stands still while inputs move it, its response is left as well. And what the inputs
 add to the past grows with the gain, whatever the poles are.
 """
 
@@ -18,7 +18,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.values import record as value
 
-# Samples before from which the next is foretold: of the output, and of all inputs together; and how many
+# Past samples from which the next is predicted: of the output, and of all inputs together; and how many
 # samples each unknown takes.
 PAST, PAST_OF_INPUTS, ROWS = 24, 48, 6
 # The past by which a gain that changes is confirmed: of many modes a short one leaves a response that looks
@@ -29,7 +29,7 @@ FLOOR = 1e-10
 # An input that rests so long, and so many times as long as ever else, and moves at so many of the other
 # samples, may be stuck; as an output from the first sample on.
 RESTS, LONGER, MOVES, STARTS = 64, 3.0, 0.1, 60
-# Power that is left where a channel stands still over that elsewhere, from which its answer is left there.
+# Power that is left where a channel stands still over that elsewhere, from which its response is left there.
 # Of 300 sound records none has more than two. Below the second, in units of the output's, it is rounding.
 LEFT, ROUNDED = 6.0, 1e-10
 # Power that later inputs leave over that of the inputs as they are, below which the article has a dead time.
@@ -41,7 +41,7 @@ FEWEST = 12
 PARTS, CHANGE, SURE = 16, 0.02, 6.5
 # What the inputs add in one part over that in the median part, and the share of an input's power that may
 # move between eight bands of frequency from the first half of a record to the other: a sweep that meets other
-# modes at another time does not tell a gain from a response.
+# modes at another time does not distinguish a gain from a response.
 UNEVEN, BANDS, MOVED = 4.0, 8, 0.3
 # Pieces of a record, long against the memory of its modes, by which a delay that grows is told from a gain;
 # and how many times as much it must explain (amplitude). Of ten records of two clocks the least was three.
@@ -108,7 +108,7 @@ def find_stuck(record: Record) -> list[Fault]:
 def find_gain_drift(record: Record) -> list[Fault]:
     """Outputs whose gain from the inputs, or whose delay, changes over the record.
 
-    Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces tell.
+    Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces show it.
     """
     found: list[Fault] = []
     for e, (u, y) in enumerate(_experiments(record)):
@@ -174,7 +174,7 @@ def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) 
 def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
     """Whether more is left in a run, from some samples ``after`` its beginning on, than outside of it."""
     a, b = (k - of.first for k in run)
-    inside = slice(max(a + after, 0), b - PAST)  # an answer may be late
+    inside = slice(max(a + after, 0), b - PAST)  # a response may be delayed
     around = slice(max(a - PAST, 0), min(b + PAST, len(of.told)))
     if inside.stop - inside.start < FEWEST or len(of.told) - (around.stop - around.start) < ROWS * len(
         of.rows

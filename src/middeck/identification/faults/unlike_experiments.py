@@ -15,10 +15,10 @@ from middeck.identification.faults.lost_samples_and_feedback import (
 from middeck.signals.fault import Fault
 from middeck.signals.record import Record
 
-# Correlation of two answers from which they are one (or, negative, one turned round), and by how much another
+# Correlation of two responses that are one (or, negative, one turned round), and by how much another
 # output's must be better.
 ALIKE, BETTER = 0.6, 0.2
-# Power of an answer over that of noise from which it is compared.
+# Power of a response over that of noise from which it is compared.
 HEARD = 4.0
 # Correlation of two inputs from which their responses cannot be distinguished.
 ONE_INPUT = 0.3
@@ -26,7 +26,7 @@ ONE_INPUT = 0.3
 SURE, SHARE, AGREE = 6.0, 0.005, 0.5
 # Lines from which a gain is estimated: their power over that of their noise, and how many.
 CLEAR, FEWEST_LINES = 30.0, 20
-# Times the median weight that a line may have: few lines at a resonance tell nothing of a gain.
+# Times the median weight that a line may have: few lines at a resonance do not show a gain.
 HEAVIEST = 10.0
 
 
@@ -57,7 +57,7 @@ def _apart(
     """Inputs whose responses in two experiments are their own, not those of inputs that move with them.
 
     Experiments that drive several inputs by one signal, or by several of which some are turned round in the
-    other one (orthogonal multisines), tell the answers together only.
+    other one (orthogonal multisines), show the responses together only.
     """
     C, D = (correlation(u, u, -ANSWER, ANSWER) for u in (first, here))
     largest = np.maximum(np.abs(C), np.abs(D)).max(axis=2) / np.sqrt(first.shape[1])

@@ -198,7 +198,7 @@ def fit_response(
 def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
     """`fit_response` with its options as one value.
 
-    A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
+    A hold of the inputs is divided out, and what sampling folds back is taken off, by a first fit:
     some thousandths of the response at an eighth of the rate. From its end, where the order is given, the
     second search begins, and is no race of all starts where that leaves no more than noise.
     """

@@ -4,7 +4,7 @@ A low-pass filter turns the phase in its pass band as a delay does, and a little
 relative degree two, only a delay can follow that, and pairs of poles are spent about each resonance on what
 it leaves. With complex constants a pair beyond the band follows all of it. So where a fit with delays has
 modes that are not sound, its sound ones and one or two pairs more, of complex constants and without delays,
-are fitted in its place: which of the two is the article, their description lengths tell (Rissanen 1978).
+are fitted in its place: their description lengths decide which of the two is the article (Rissanen 1978).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class PolesInstead:
 
     Attributes:
         states: States of the model with complex constants and a constant term.
-        shorter: Whether it is the better one beyond doubt; otherwise the response does not tell.
+        shorter: Whether it is clearly better; otherwise the response does not decide.
     """
 
     states: int

@@ -190,7 +190,7 @@ def _choose(first: _Fit, data: list[Float[np.ndarray, " sample"]], sample_hz: fl
     """The fit of the minimum description length, and the one to report.
 
     The second has the next number of coefficients, since the first leaves a bias as large as the noise; but
-    one exponential is told as such. The search ends where two numbers in turn are no shorter.
+    one exponential is reported as such. The search ends where two numbers in turn are no shorter.
     """
     tried, best = [first], 0
     for count in COEFFICIENTS[1:]:

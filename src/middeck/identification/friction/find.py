@@ -246,7 +246,7 @@ def _slopes(problem: _Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     late = problem.torques(x + np.append(np.zeros(2 * count), LATER_S))
     by_delay = (problem.left(torque, late) - r)[:, None] / LATER_S
     if problem.told:
-        # A row of its own holds it where it was told.
+        # A row of its own holds it where it is given.
         r, columns = np.append(r, 0.0), [np.vstack([c, np.zeros((1, c.shape[1]))]) for c in columns]
         by_delay = np.append(np.zeros(len(by_delay)), 1.0 / TOLD_S)[:, None]
     return r, np.hstack([*columns, by_delay])

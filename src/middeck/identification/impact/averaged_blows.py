@@ -31,7 +31,7 @@ END, END_OF_NOISE, PEAK = 1e-3, 0.05, 0.5
 USEFUL = 0.01
 # Samples of the force window's slope after the pulse: the ringing of filters.
 SLOPE = 32
-# Parts of a record, of which the quietest tells the level at rest; parts of the force at rest that are kept.
+# Parts of a record, of which the quietest shows the level at rest; parts of the force at rest that are kept.
 PARTS, KEPT = 16, 64
 # Coherence below which a line is reported.
 INCOHERENT = 0.9

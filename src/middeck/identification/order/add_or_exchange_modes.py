@@ -33,8 +33,8 @@ def exchanges(
 ) -> Iterator[Start]:
     """Starts with one pair (or two real poles) of ``best`` replaced by the pair that improves the fit most.
 
-    Unless ``at_any_rate``, only where that tells more at once than what is given up; otherwise also by one at
-    the residual's peak: what tells most at once may be a neighbour of a mode that is there already.
+    Unless ``at_any_rate``, only where the gain exceeds the loss at once; otherwise also by one at
+    the residual's peak: the largest first gain may be a neighbour of a mode that is there already.
     """
     layout = best.layout
     at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))

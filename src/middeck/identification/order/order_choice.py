@@ -28,7 +28,7 @@ WORSE = 1.25
 class Tried:
     """An order, its description length and its relative error on lines that it was not fitted to.
 
-    ``noise``: what it leaves may be noise alone. Only where some order does so do lengths tell: elsewhere
+    ``noise``: what it leaves may be noise alone. Only where some order does so do lengths decide: elsewhere
     (distortion, modes without end) each order shortens the description, and by how much is chance.
     """
 

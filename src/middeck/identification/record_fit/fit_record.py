@@ -131,7 +131,7 @@ def fit_record(
         weighting: "flat": the error of the simulation is least. "output": by the noise of sensors, "motion":
             by forces that shake the article as the inputs do. By default the likelier of the last two, or of
             a sampled model those that simulate samples held out best.
-        tell: Called with what is done next, some words, as often as that changes.
+        tell: Called with some words on the next step, as often as that changes.
         input_noise: Noise of the inputs alone, in their units: parts as long as an experiment, from where
             nothing drives them. Deviations count it.
 

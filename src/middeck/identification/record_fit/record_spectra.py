@@ -83,7 +83,7 @@ def driven_lines(
     """Lines on which inputs are more than rounding and a ramp; None for few, or most. ``turn``: exp(s T).
 
     A signal that repeats within the record, or that leaves lines out, drives some lines only. A ramp, as is
-    taken out of inputs, is on all: where half of them or more hold nothing else, their median tells it.
+    taken out of inputs, is on all: where half of them or more hold nothing else, their median is its size.
     """
     ramp = (1.0 / (1.0 - turn.conj()))[:, None]
     left = U - ramp * np.median(np.real(U / ramp), axis=1, keepdims=True)

@@ -48,7 +48,7 @@ from middeck.values import record as frozen
 STEADY = 0.5
 # Rounds of noise and search, and steps of each.
 ROUNDS, STEPS = 3, 20
-# Steps that tell whether the rest is worth its time.
+# Steps that decide whether the rest is worth its time.
 FIRST_STEPS = 4
 # A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
 # of noise the largest is ln n means of it, or ln n / ln 2 medians.

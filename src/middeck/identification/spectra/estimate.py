@@ -214,7 +214,7 @@ def _scatter(
     spectra = estimate_spectra(record, segment=segment)
     if not periodic:
         return spectra_response(spectra, method, band_hz=band_hz)
-    # Only periods tell which lines of a measured input are noise, and what of the scatter repeats.
+    # Only periods show which lines of a measured input are noise, and what of the scatter repeats.
     found = scatter_of_periods(_stream(record), band_hz)
     excited = np.isin(spectra.frequency_hz, found.frequency_hz)
     return dataclasses.replace(found, H=spectra_response(spectra, method, excited=excited).H)

@@ -52,7 +52,7 @@ class Spread:
 
     ``relative``: P is the size of each line, not of the output. Of a residual that is noise alone, |r|^2 / v
     has a ``mean`` above one, as v is known by few degrees, and over all lines the relative deviation
-    ``chance``. ``alike`` lines have much the same noise and tell no more than one.
+    ``chance``. ``alike`` lines have much the same noise and count as one.
     """
 
     variance: Float[np.ndarray, "output line input"]

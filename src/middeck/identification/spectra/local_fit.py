@@ -143,7 +143,7 @@ def odds_of_forces(kinds: Collection[BothKinds]) -> float:
     """Log odds for noise of forces in a window, given only the other windows.
 
     The likeliest mixture of the two kinds (Dempster, Laird and Rubin 1977), with one window of each before
-    any is seen: narrow windows say little, and the others of a record tell what disturbs it.
+    any is seen: narrow windows say little, and the others of a record show what disturbs it.
     """
     worth = sum(both.worth for both in kinds)
     odds = 0.0

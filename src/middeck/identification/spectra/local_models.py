@@ -41,7 +41,7 @@ EDGE, REACH = 0.01, 4
 # that is followed by rest has little of it, and is estimated well: lost are lines whose deviation is this
 # share of the largest response.
 SMOOTH, LOST = 0.2, 0.1
-# That share, in amplitude, below which prediction of the outputs tells little of the response (of noise it is
+# That share, in amplitude, below which prediction of the outputs shows little of the response (of noise it is
 # 0.85 and more): of the models of no less than half the window that predict as well within a factor, those
 # that are further apart than so many deviations add the square of their distance to the variance.
 TURNS_LITTLE, AS_WELL, APART = 0.8, 2.5, 3.0

@@ -153,7 +153,7 @@ def _without_ramps(
     ones, motion = np.ones((len(z), 1)), _basis(poles, len(z))
     amplitudes = np.linalg.lstsq(np.hstack([ones, motion]), z, rcond=SAME)[0]
     constant, left = amplitudes[0], z - np.hstack([ones, motion]) @ amplitudes
-    # Differences that are steady noise tell of a constant beside the motion to this.
+    # Accuracy of a constant beside the motion from differences that are steady noise.
     beside = ones - motion @ np.linalg.lstsq(motion, ones, rcond=SAME)[0]
     known = max(float(np.sum(beside**2)), np.finfo(float).tiny)
     rounding = SAME * np.sqrt(np.mean(x**2, axis=(1, 2))).ravel()
@@ -247,7 +247,7 @@ def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:
         k = int(np.argmax(power))
         explained = float(power[k]) / float(np.sum(window**2))
         if explained > best[0]:
-            # At rest a motion has one column less, and none that turns by less is told from it.
+            # At rest a motion has one column less, and none that turns by less is distinguished from it.
             best = (explained, float(np.log(sigma)), np.pi * max(k, 1) / count)
     return best[1], best[2]
 

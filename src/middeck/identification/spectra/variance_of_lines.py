@@ -21,7 +21,7 @@ class ResponseScatter:
             periods.
         total: Variance of H with all that scatters it: noise and the part of nonlinear distortion that
             changes with the signal (Pintelon and Schoukens 2012, ch. 4). From the scatter over experiments,
-            or from what local models and averages leave. None where neither can tell.
+            or from what local models and averages leave. None where neither is known.
         noise_dof, total_dof: Complex degrees of freedom nu of the two at each line: 2 nu (estimate / truth)
             is chi-square distributed with 2 nu degrees of freedom, where noise is normal. Several lines of a
             local model share their data, so these do not add up over lines.

@@ -93,7 +93,7 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Term]
 class TermRows(NamedTuple):
     """Real numbers of one output or entry over their deviations.
 
-    ``place`` tells which unknowns ``slopes`` are of, ``line`` the line of each number. ``left`` is what the
+    ``place`` are the unknowns of ``slopes``, ``line`` the line of each number. ``left`` is what the
     fit leaves; complex numbers have deviations of one, so that each of their parts has half its square.
     """
 

@@ -17,7 +17,7 @@ from jaxtyping import Float
 # Length of a column without any effect: the deviation of its unknown is beyond all bounds, its square still a
 # number.
 NO_INFORMATION = 1e-30
-# Singular value of the scaled derivatives, over the largest, that their rounding cannot tell from nothing.
+# Singular value of the scaled derivatives, over the largest, that is zero to rounding.
 LOOSE = 1e-13
 
 

@@ -245,7 +245,7 @@ def _nearest(
         between = course.to(near[1], lowest)
         if between is None:
             return None
-        if any(between.s == p.s for p in tried):  # nearer than s can be told
+        if any(between.s == p.s for p in tried):  # nearer than s can be resolved
             break
         tried.append(between)
         four = sorted([*near, between], key=lambda p: p.s)

@@ -398,7 +398,7 @@ class Structure:
     """A test article, without gravity and without its suspension.
 
     ``masses`` and ``loads`` are those of the one of its ``load_cases`` that `apply_load_case` has chosen.
-    ``up`` is the unit vector in W that pictures draw upwards where the environment tells no vertical.
+    ``up`` is the unit vector in W that pictures draw upwards where the environment has no vertical.
     """
 
     title: str

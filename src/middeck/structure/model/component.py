@@ -321,7 +321,7 @@ def _indefinite(component: Component) -> Iterator[str]:
         squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
     # The six lowest are rigid: of them printed digits may leave more than a small part of a soft elastic one.
     elastic = np.sort(squared)[6:]
-    elastic = elastic[elastic > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
+    elastic = elastic[elastic > NEGATIVE * shift]  # below, of either sign, it may be rounding
     lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
     # Where a soft motion moves stiff parts as one, the terms that cancel in it have a rounding of their own.
     moved = np.abs(shapes / size[:, None])

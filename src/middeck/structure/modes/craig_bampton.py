@@ -294,7 +294,7 @@ def _check_held(held: _Held, pairs: Eigenpairs) -> None:
 
 
 def _residuals(factor: Factor, lam: np.ndarray, shapes: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Static answers to unit loads less those of the modes kept, over the root of the energy of the whole."""
+    """Static responses to unit loads less those of kept modes, over the root of the energy of the whole."""
     loads = loads[:, np.any(loads, axis=0)]
     whole = factor.solve(loads)
     size = np.sqrt(np.einsum("im,im->m", whole, loads))

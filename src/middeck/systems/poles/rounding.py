@@ -28,7 +28,7 @@ ROUNDINGS = 10.0
 """Uncertainties of a pole by rounding within which it may be on the other side of a limit."""
 
 KEPT = 64
-"""Systems whose answer of `is_vague` is kept: many results are asked of one loop."""
+"""Systems whose result of `is_vague` is kept: many results are asked of one loop."""
 
 Poles = tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]
 

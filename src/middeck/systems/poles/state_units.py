@@ -18,7 +18,7 @@ from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import LinearSystem, System
 
 EVEN = 2.0**16
-"""Ratio of state units above which states are converted: just above it answers were 1e-5 to 1e-3
+"""Ratio of state units above which states are converted: just above it results were 1e-5 to 1e-3
 off. Positions and rates of a structure stay below, unless fast actuators are beside a slow body."""
 NEGLIGIBLE, LARGER, WAYS = 1e-12, 1.1, 16
 """Share of a part's largest entry below which others may be rounding: where units beyond `EVEN` rest on such,

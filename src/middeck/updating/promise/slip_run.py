@@ -112,7 +112,7 @@ class SlipRun:
         return {}
 
     def answer_of(self, name: str | None) -> Complex[np.ndarray, "line command read"] | None:
-        """What a compensator answers on the lines of the noise: found once for all draws, unless all that
+        """Response of a compensator on the lines of the noise: found once for all draws, unless all that
         are kept would be more than `MOST` numbers."""
         if name in self.answers:
             return self.answers[name]
@@ -380,7 +380,7 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
     """Expected variance of what articles differ by, all being as likely before: zero only where ``db`` agree.
 
     A difference of moments is zero, and all intervals with it, wherever chance makes the spread less than the
-    noise (Morris 1983, J. Am. Stat. Assoc. 78). A noise told from few records errs to either side: by
+    noise (Morris 1983, J. Am. Stat. Assoc. 78). A noise estimated from few records errs to either side: by
     simulation the spread comes out right where noise is small, and up to 1.8 times too wide where it is twice
     what articles differ by.
     """

@@ -317,7 +317,7 @@ def _mixtures(
 
     Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
     deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
-    tell nothing, however many there are.
+    have no information, however many there are.
     """
     count, measured = len(pairs), survey.measured
     c, c_std = np.eye(count), np.zeros((count, count))

@@ -94,7 +94,7 @@ def _reading(system: StateSpace, output: int, rate: bool) -> tuple[np.ndarray, n
     if not rate:
         return c, d, 0.0 * d
     at_once = c @ system.B
-    # Rounding of an angle's rows is no answer.
+    # Rounding of an angle's rows is no response.
     rounding = 1e-12 * (np.abs(c) @ np.abs(system.B))
     return c @ system.A, np.where(np.abs(at_once) > rounding, at_once, 0.0), d
 

@@ -37,7 +37,7 @@ class HybridPlant:
         drive: What two commands in a row add to that: the one issued ``delay_ticks`` + 1 ticks ago, then the
             next.
         push: States after a step of a unit torque held at each joint.
-        answer: What samples taken in a step answer at once: to the joints' torques at its beginning, then at
+        answer: Immediate response of samples in a step: to the joints' torques at its beginning, then at
             its end.
         angle: Angle of each joint per state.
         read: Sampled outputs at a tick, per state.
@@ -81,7 +81,7 @@ class Wiring:
 def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
     """``plant`` from held commands to samples, wired by ``wiring``.
 
-    Raises `ConfigError` for unknown ports, an output that answers within the tick of its command, or a joint
+    Raises `ConfigError` for unknown ports, an output that responds within the tick of its command, or a joint
     whose ports are not its own.
     """
     joints, period_s, substeps, m = wiring.joints, wiring.period_s, wiring.substeps, len(wiring.inputs)
