@@ -28,8 +28,8 @@ BLOCK = 16
 
 @record(kw_only=True)
 class SlidingLoops:
-    """Loops from the torques of their sliders to the joints' angles; those that have fewer poles than others
-    end with zeros in ``drives``.
+    """Loops from the torques of their sliders to the joints' angles; a loop with fewer poles than others ends
+    with zeros in ``drives``.
 
     Attributes:
         poles: One of each conjugate pair [rad/s].

@@ -52,8 +52,8 @@ class Bench:
 
 @record
 class Taken:
-    """A closed-loop run: its response or why there is none, the rms torque of the compensator, and what is
-    said of the record."""
+    """A closed-loop run: its response or the reason for none, the rms torque of the compensator, and the
+    warnings of the record."""
 
     response: FrequencyResponse | None
     cause: str

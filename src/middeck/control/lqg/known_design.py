@@ -35,7 +35,7 @@ LITTLE = 1e-7
 
 @record
 class DesignView:
-    """What of a design is compared: its system and its cost, positive, near the poles of its Riccati
+    """Compared quantities of a design: its system and its cost, positive, near the poles of its Riccati
     equations.
     """
 

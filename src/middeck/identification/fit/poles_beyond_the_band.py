@@ -74,8 +74,8 @@ def poles_instead(
     spread: Spread,
     true: Sequence[Complex[np.ndarray, " mode"]],
 ) -> PolesInstead | None:
-    """What describes ``measured`` as well as ``best`` does, with one set of its ``true`` poles; None where
-    nothing does. The fit is refined by the same cost first: likelihoods of two costs do not compare."""
+    """Poles that describe ``measured`` as well as ``best`` does, with one set of its ``true`` poles; None for
+    none. The fit is refined by the same cost first: likelihoods of two costs do not compare."""
     same = polish(data, best.start, spread, steps=STEPS, rounds=ROUNDS, share=best.share) or best
     found: list[tuple[float, int]] = []
     for poles, pairs in itertools.product(true, PAIRS):

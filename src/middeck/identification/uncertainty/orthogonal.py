@@ -38,8 +38,8 @@ def triangle(rows: Float[np.ndarray, "row unknown"]) -> Float[np.ndarray, "few u
 def inverse_root(
     F: Float[np.ndarray, "row unknown"], held: Float[np.ndarray, "tie unknown"] | None = None
 ) -> tuple[Float[np.ndarray, "unknown direction"], int]:
-    """W with W W^T = (F^T F)^-1, among the unknowns that leave what is ``held`` as it is, and how many of its
-    last columns are loose.
+    """W with W W^T = (F^T F)^-1 over the unknowns that leave the ``held`` combinations unchanged, and the
+    number of its last columns that are loose.
 
     Along those the data fix nothing that rounding could show: `LOOSE` stands for their singular values, so
     that they are as long as they must at least be.

@@ -1,5 +1,5 @@
-"""A model against a survey of frequencies alone: what they can tell, and where they leave open which mode is
-meant."""
+"""A model against a survey of frequencies alone: the criteria that they decide, and the pairs that they leave
+open."""
 
 from __future__ import annotations
 

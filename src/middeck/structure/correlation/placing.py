@@ -1,4 +1,4 @@
-"""Which nodes of the model the numbered nodes of a test are: by place where the test has coordinates, else by
+"""Nodes of the model for the numbered nodes of a test: by place where the test has coordinates, else by
 number."""
 
 import re

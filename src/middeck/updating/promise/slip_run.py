@@ -299,8 +299,8 @@ def _lines(
 
 
 class _Came(NamedTuple):
-    """What came of one loop: torques that its sliders held, mean squares of the angles, and the states before
-    the record and behind it, summed."""
+    """Result of one loop: torques that its sliders held, mean squares of the angles, and the sums of states
+    before the record and behind it."""
 
     torque: Float[np.ndarray, "record joint sample"]
     square: Float[np.ndarray, "record joint"]

@@ -204,7 +204,7 @@ def set_up_static(
 def set_up_statics(
     structure: Structure, tests: Sequence[StaticTest], unknowns: Sequence[Unknown]
 ) -> list[StaticSetUp]:
-    """The article as each test has it; what tests share without their loads is one. Raises as
+    """The article in each test; set-ups that tests share without their loads are one. Raises as
     `set_up_static`."""
 
     @functools.cache

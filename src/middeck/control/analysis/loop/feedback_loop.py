@@ -89,8 +89,8 @@ def split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray,
 
 
 def moved_part(loop: FeedbackLoop) -> FeedbackLoop:
-    """The loop without integrators that it does not move: rounding of mixed states would show them in its
-    return ratio. A plant in modal form has them apart already.
+    """The loop without integrators that it does not move: by rounding, mixed states would show them in its
+    return ratio. A plant in modal form has them separate already.
 
     Raises `NumericalError` where rounding hides whether the loop moves them.
     """

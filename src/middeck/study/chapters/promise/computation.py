@@ -46,8 +46,8 @@ MEASURED = "{}, measured"
 
 @record(kw_only=True)
 class GroundLaw:
-    """A compensator for all motors and sensors, designed on the ground test alone; is it stable there, and in
-    orbit?"""
+    """A compensator for all motors and sensors, designed on the ground test alone, and its stability there
+    and in orbit."""
 
     log10_authority: float
     lab: LoopStability
