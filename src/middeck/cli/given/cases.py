@@ -80,8 +80,8 @@ def solve_case(
 ) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare.
 
-    Where wheels spin those at ``standstill``, for whoever adds their momentum. Of a mesh that is too coarse
-    for frequencies above ``top_hz`` alone there is no warning.
+    Where wheels spin, modes at ``standstill`` are for callers that add their momentum. A mesh that is too
+    coarse only for frequencies above ``top_hz`` gives no warning.
     """
     return solve_in(*read_case(case), count=count, standstill=standstill, top_hz=top_hz)
 

@@ -95,8 +95,8 @@ def design_lqg(
 
     Uncontrollable and unobservable modes are set aside and listed in ``inert``. Direct terms from u to z, and
     from any input to y, are part of the design; one from process noise to z is refused (infinite cost).
-    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Of
-    mixed states ``kalman`` is found anew: which states it estimates depends on last digits. Raises
+    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). For
+    mixed states ``kalman`` is found anew: the states that it estimates depend on last digits. Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
     the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the compensator or its cost
     (`design_known`).

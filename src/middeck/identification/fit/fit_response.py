@@ -140,9 +140,9 @@ def fit_response(
     several sizes, of which the likeliest after a short refinement is refined to the end.
 
     Args:
-        measured: Response with its variance (`estimate_response`). Of inputs that were held (``hold_s``), a
-            continuous model is of what is behind the hold, which is divided out; what is folded back from
-            beyond half the rate is taken off by a first fit.
+        measured: Response with its variance (`estimate_response`). For held inputs (``hold_s``) a
+            continuous model describes the system behind the hold, which is divided out; the response folded
+            back from beyond half the rate is subtracted by a first fit.
         states: Order of the model without its delays: two for each pair of poles and each rigid mode, one for
             each integrator; with ``full_rank`` the poles, each counted once. By default the order of the
             minimum description length (`order`), which takes longer.

@@ -65,10 +65,10 @@ def estimate_response(
 
     The response's ``variance`` is the one for a weighted fit, which takes lines as independent: the total
     variance (noise and nonlinear distortion, no less than the noise) where it is known, otherwise the noise
-    variance (over periods), otherwise None; ``covariance`` belongs to it. Of local models, whose neighbouring
-    lines share data and err together, it is that of a line's own data, larger than the error of the response
-    drawn: that, and its degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in
-    it (``hold_s``).
+    variance (over periods), otherwise None; ``covariance`` belongs to it. Neighbouring lines of local models
+    share data and err together: their variance is that of a line's own data, larger than the error of the
+    response, which is in `response_scatter` with its degrees of freedom. The response has the hold of the
+    record's inputs in it (``hold_s``).
 
     Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
     contradict each other) and noise of the inputs are warned of.

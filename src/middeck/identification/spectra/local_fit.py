@@ -15,7 +15,7 @@ and Guerin 2012): D is common to all outputs, as poles are, and is found from
 where S_o is what U and the transient leave of (Y_o, r Y_o, r^2 Y_o). That leaves D V, which is as strong on
 all lines of a window if V comes from forces on the article: such noise peaks with its modes. For noise of
 sensors rows are divided by D and the window is solved again (Sanathanan and Koerner 1963), so that V itself
-is left. Of the two the one is taken that is likelier, by the window and by the others of the record.
+is left. The likelier of the two is taken, by the window and by the others of the record.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ def scatter_of_local_models(
 ) -> ResponseScatter:
     """The response at all lines that are excited, each from the local model that predicts best there.
 
-    ``excited`` says which lines of a period are; of other records they are found. Of a stream no more is held
-    than the lines of the band (`zoomed_lines`).
+    ``excited`` marks the lines of a period; those of other records are found. Only the lines of the band are
+    held of a stream (`zoomed_lines`).
     """
     experiments, inputs, stride = _shape(record)
     polynomials = _models(ROWS_POLYNOMIAL, experiments, inputs, stride, rational=False)

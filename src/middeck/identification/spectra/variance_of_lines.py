@@ -27,8 +27,8 @@ class ResponseScatter:
             local model share their data, so these do not add up over lines.
         noise_covariance, total_covariance: C[line, output, output]: of the outputs' noise that is not
             response to the inputs.
-        inverse_power: R[line, input, input]: E[dH_oi conj(dH_pj)] = C_op R_ij. Of local rational models it
-            holds on the diagonal, and off it with the correlation of the outputs' noise.
+        inverse_power: R[line, input, input]: E[dH_oi conj(dH_pj)] = C_op R_ij. For local rational models
+            this holds on the diagonal, and off it with the correlation of the outputs' noise.
         line_inverse_power: R of each line's own data, for uses that take lines as independent. None where
             they are; neighbouring lines of local models share their data, and ``inverse_power`` is smaller by
             the lines that count.

@@ -1,8 +1,8 @@
 """Score tests of terms that a fitted model lacks: a delay of one input or path, or a filter of one output.
 
-The score of a further unknown is what is left times its derivative, less all of it that the fitted unknowns
-follow (Rao 1948; Engle 1984, section 5): nothing is fitted again. Of a model that lacks nothing it is normal
-with the deviation of the noise.
+The score of a further unknown is the residual times its derivative, less the part that the fitted unknowns
+follow (Rao 1948; Engle 1984, section 5): nothing is fitted again. For a complete model it is normal with the
+deviation of the noise.
 """
 
 from __future__ import annotations

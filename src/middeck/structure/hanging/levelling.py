@@ -75,8 +75,8 @@ def level(
     """Move attach points until the tilts about the axes ``about`` are zero.
 
     Newton's method with the exact derivative of the rest state (`differentiate_rest`), tuned reactions,
-    stiffnesses and anchors included. Of more offsets than tilts the least change (in the root of the sum of
-    squares) is taken. What is returned was solved for anew: its tilt is that of its own rest state.
+    stiffnesses and anchors included. For more offsets than tilts the least change (in the root of the sum of
+    squares) is taken. The result is solved for anew: its tilt is that of its own rest state.
 
     Args:
         free: (attach point, "x", "y" or "z" of its frame): the offsets that may change.

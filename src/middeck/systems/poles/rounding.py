@@ -66,8 +66,8 @@ def moving_poles(system: LinearSystem) -> tuple[Poles, list[int]]:
     """Poles other than integrators (z = 1), with their rounding; and the numbers of these by their place in a
     chain (`integrating_chains`).
 
-    Of strongly mixed states slow poles, too, are taken for integrators. What is left out as rounding then
-    moves the others far, and is counted with theirs; where some of them are known not to be at rest, nothing
+    In strongly mixed states slow poles, too, are taken for integrators. The entries left out as rounding then
+    move the others far, and are counted with theirs; where some of them are known not to be at rest, nothing
     is known of any.
     """
     A = balance_states(system).A

@@ -1,8 +1,8 @@
 """A fitted record as a modal survey: frequencies, dampings and shapes with their deviations.
 
-A residue of rank one is c b: what the sensors read of the mode, and what the motors do to it. By reciprocity
-b is the shape too, at the motors. So a fit has as many channels as it has outputs and inputs, all of them
-ports of the article, and those at one place and axis on both sides tell how the two scale.
+A residue of rank one is c b: the readings of the mode by the sensors, and its excitation by the motors. By
+reciprocity b is the shape too, at the motors. So a fit has as many channels as it has outputs and inputs, all
+of them ports of the article, and those at one place and axis on both sides fix the scale between the two.
 """
 
 from __future__ import annotations

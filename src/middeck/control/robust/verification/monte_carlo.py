@@ -48,7 +48,7 @@ class PlantOutcomes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
         stable: Stability by the roots. A loop of infinite rms is not stable: a root on the axis drifts.
         rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
-            unstable. Of a sampled loop at the sampling instants.
+            unstable. That of a sampled loop is at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
             plant is unstable without control and stable with it.
         control_rms: (E[u' R u])^1/2.
