@@ -32,7 +32,7 @@ class Case:
 
 
 def case_seed(seed: int, index: int) -> int:
-    """Seed of case ``index``, whatever the number of cases, their order and the workers.
+    """Seed of case ``index``, independent of the number of cases, their order and the workers.
 
     The child ``index`` of ``SeedSequence(seed).spawn``, as 128 bits.
 

@@ -1,4 +1,4 @@
-"""Results as canonical JSON text: the same result is the same bytes, and comes back to the last bit."""
+"""Results as canonical JSON text: equal results have equal bytes and are restored to the last bit."""
 
 import base64
 import json
@@ -24,7 +24,7 @@ def encode_result(result: Any) -> str:
 
 
 def decode_result(text: str) -> Any:
-    """The value that `encode_result` was given."""
+    """The value passed to `encode_result`."""
     return json.loads(text, object_hook=_restored)
 
 

@@ -39,7 +39,7 @@ def find_function(path: str) -> Function:
 
 
 def run_case(path: str, case: Case, given: str) -> tuple[bool, str]:
-    """Whether it failed, and the result or the error; inputs are made anew, as if in another process."""
+    """Whether it failed, and the result or the error; inputs are rebuilt, as in another process."""
     try:
         return False, encode_result(find_function(path)(case, decode_result(given)))
     except (Exception, SystemExit) as error:  # leaving the process ends no other case
@@ -49,7 +49,7 @@ def run_case(path: str, case: Case, given: str) -> tuple[bool, str]:
 def outcomes_of_pool(
     workers: int, path: str, cases: Sequence[Case], given: str
 ) -> Generator[tuple[int, bool, str], None, None]:
-    """Outcomes as they come; after a death, what ran then runs again one by one, each in its own process."""
+    """Outcomes as they come; cases that ran when a process died run again one by one, each in its own."""
     rest = list(cases)
     while rest:
         running: dict[Future[tuple[bool, str]], Case] = {}

@@ -100,7 +100,7 @@ class Ledger:
             return {index: bool(fault) for index, fault in rows}
 
     def add(self, index: int, body: str, *, fault: bool) -> None:
-        """Keep a case's row; one that is there already stays."""
+        """Keep a case's row; an existing row stays."""
         row = (self.campaign, index, int(fault), body, _digest(self.campaign, index, fault, body))
         with _explained(self.path):
             self._base.execute("insert or ignore into result values (?, ?, ?, ?, ?)", row)
@@ -111,7 +111,7 @@ class Ledger:
             self._base.execute("delete from result where campaign = ? and fault", (self.campaign,))
 
     def outcomes(self) -> tuple[Outcome, ...]:
-        """All rows in the order of the cases; `DataError` for one that is not as it was written."""
+        """All rows in the order of the cases; `DataError` for a damaged one."""
         return tuple(
             Outcome(index=i, result=None if fault else decode_result(body), fault=body if fault else None)
             for i, fault, body in self._rows()
@@ -135,7 +135,7 @@ class Ledger:
 
 
 def _changes(name: str, was: object, now: object) -> Iterator[str]:
-    """What differs, by the names of keys; rows of equal lists one by one."""
+    """Differences, by the names of keys; rows of equal lists one by one."""
     was, now = _parsed(was), _parsed(now)
     if isinstance(was, dict) and isinstance(now, dict):
         for key in sorted({*was, *now}):

@@ -16,7 +16,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Progress:
-    """How far a campaign is; ``remaining_s`` by the mean of this run's cases."""
+    """Progress of a campaign; ``remaining_s`` by the mean of this run's cases."""
 
     done: int
     total: int
@@ -27,7 +27,7 @@ class Progress:
 
 @record
 class CampaignResult:
-    """Outcomes in the order of the cases, and the hash of them all."""
+    """Outcomes in the order of the cases, and their hash."""
 
     outcomes: tuple[Outcome, ...]
     digest: str

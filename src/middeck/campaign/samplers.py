@@ -33,7 +33,7 @@ class Parameter:
 
 @record
 class Group:
-    """Parameters that move together: rank correlation by a normal copula.
+    """Parameters that vary together: rank correlation by a normal copula.
 
     ``correlation``: of the normal numbers behind each pair, unless a ``matrix`` is given. 1: all at the same
     quantile; -1 (of two): at opposite ones.
@@ -142,7 +142,7 @@ def _cases(
     # The ends have no finite normal number.
     inside = np.clip(points, 2.0**-54, 1.0 - 2.0**-53)
     mixing = _mixing(parameters, groups)
-    # Summed term by term: the last digits hang on no BLAS, and a campaign's hash is of all digits.
+    # Summed term by term, as the last digits must not depend on BLAS: a campaign's hash is of all digits.
     normal = [
         sum(z * share for z, share in zip(ndtri(inside).T, row, strict=True) if share) for row in mixing
     ]

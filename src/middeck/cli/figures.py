@@ -35,7 +35,7 @@ PNG_DPI = 150
 
 
 def check_up(up: str | None, file: str | None) -> None:
-    """Fails where nothing is drawn upwards: beside no figure, and beside a file in the world's own axes."""
+    """Fail for an upward axis without a figure, or with a file in the world's own axes."""
     if up is not None and file is None:
         raise click.UsageError(
             f"--up {up} turns what --figure draws, and there is no --figure; the direction of gravity is "
@@ -71,7 +71,7 @@ def write_figure(drawn: Figure, file: str, *, key: str, title: str, description:
 def draw_modes_to(
     modes: md.Modes, count: int, file: str, table: Sequence[Sequence[str]], up: str | None
 ) -> None:
-    """The lowest ``count`` shapes, those of rigid-body modes only where there are no others."""
+    """The lowest ``count`` shapes; those of rigid-body modes only if there are no others."""
     lowest = range(min(count, len(modes.omega)))
     shown = [i for i in lowest if modes.kind[i] != "rigid"] or lowest
     drawing = _upright(md.structure.build_mode_drawing(modes, shown), up)
@@ -79,7 +79,7 @@ def draw_modes_to(
 
 
 def draw_whirls_to(found: GyroscopicModes, file: str, table: Sequence[Sequence[str]], up: str | None) -> None:
-    """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real one."""
+    """Shapes at the wheels' speeds: a page moves through both parts of them, a still shows the real part."""
     moving = [i for i, kind in enumerate(found.kind) if kind != "rigid"]
     drawing = _upright(
         md.structure.build_mode_drawing(found.parts, [*moving, *(len(found.kind) + i for i in moving)]), up

@@ -157,7 +157,7 @@ AGAIN_S = 0.05
 
 
 def catch_interrupts() -> Callable[[], bool]:
-    """Raise KeyboardInterrupt on SIGINT and SIGTERM; the answer tells whether that has happened.
+    """Raise KeyboardInterrupt on SIGINT and SIGTERM; the value returned tells whether that has happened.
 
     An interruption can be lost on its way up: Python drops what reaches it inside a weak-reference callback
     or a destructor, and an extension that is being imported turns it into an ImportError, which its importer
@@ -186,7 +186,7 @@ def catch_interrupts() -> Callable[[], bool]:
 def _handles_interruption(error: BaseException | None) -> bool:
     """Whether a KeyboardInterrupt, or what was raised out of one, is being cleaned up after.
 
-    A generator that it leaves is told of its own end alone.
+    A generator that it leaves receives its own end alone.
     """
     while error is not None and not isinstance(error, (KeyboardInterrupt, GeneratorExit)):
         error = error.__context__

@@ -57,7 +57,7 @@ class Verb(click.Command):
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb, but not where it would write over what it reads, or twice over one file."""
+        """Run the verb, but refuse to write over an input, or twice over one file."""
         try:
             self._keep_apart(ctx)
             return super().invoke(ctx)
@@ -81,7 +81,7 @@ class Verb(click.Command):
 
 
 def typed(name: str) -> str:
-    """The option of a parameter of the verb that runs, if it was typed; empty otherwise."""
+    """The option of a parameter of the running verb, if it was typed; empty otherwise."""
     context = click.get_current_context(silent=True)
     if context is None or context.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE:
         return ""
@@ -89,7 +89,7 @@ def typed(name: str) -> str:
 
 
 def refuse_unused(where: str, *names: str) -> None:
-    """Refuse parameters of the verb that runs that were typed and have no effect ``where`` they stand."""
+    """Refuse typed parameters of the running verb that have no effect ``where`` they stand."""
     for option in filter(None, map(typed, names)):
         raise ConfigError(f"{option} has no effect {where}", hint="leave one of them out")
 
@@ -99,7 +99,7 @@ class OutputOption(click.Option):
 
 
 class Updated(OutputOption):
-    """One whose file is read first."""
+    """An option that names a file to read, then write."""
 
 
 _written: dict[str, str] = {}
@@ -121,7 +121,7 @@ sys.addaudithook(_refuse_reading)
 
 
 def to_write(file: str, named: str) -> None:
-    """Refuse from now on to read ``file``, which the verb will write beside what was typed."""
+    """Refuse from now on to read ``file``, which the verb will also write."""
     _written[os.path.realpath(file)] = named
 
 
@@ -142,7 +142,7 @@ def _is_single(option: click.Option) -> bool:
 
 
 class Real(click.FloatRange):
-    """A number within its range whose square is a normal number, as is that of zero."""
+    """A number within its range; its square is zero or a normal number."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number of ``value``; fails on NaN, infinity and magnitudes beyond 1e-100 to 1e100."""
@@ -226,7 +226,7 @@ def common(command: F) -> F:
 
 
 def day(given: str | None) -> str:
-    """A date as it was given, else today's. Raises `ConfigError` for another form than 2026-11-23."""
+    """The date given, else today's. Raises `ConfigError` for another form than 2026-11-23."""
     if given is None:
         return datetime.datetime.now(datetime.UTC).date().isoformat()
     try:
@@ -304,7 +304,7 @@ _first_bending = click.option(
 
 @record(kw_only=True)
 class TypedPlants:
-    """The plants that a compensator is tried on, as typed."""
+    """The plants, as typed, on which a compensator is tried."""
 
     plants: tuple[str, ...]
     environments: tuple[str, ...]
@@ -360,7 +360,7 @@ model_file = output("model_file", SYSTEMS, "Write the model.", "MODEL.json|mat")
 
 
 def require_writable(path: str, endings: Sequence[str], option: str) -> None:
-    """Refuse, before any work, a file whose folder is not there or whose ending no writer has."""
+    """Refuse, before any work, a file in a missing folder or with an ending that no writer has."""
     refuse_nameless(path, option)
     file = Path(path)
     where, known = f"{option} {path}", ", ".join(endings)
@@ -399,7 +399,7 @@ def _refuse_locked(folder: Path, where: str) -> None:
 
 
 def require_folder(ctx: click.Context, param: click.Parameter, name: str) -> Path:
-    """The folder of results; refused where a file is there or its name is that of a file."""
+    """Refuse, before any work, a folder of results whose name or place is taken by a file."""
     refuse_nameless(name, param.opts[0])
     value = Path(name)
     where = f"{param.opts[0]} {value}"
@@ -418,14 +418,14 @@ def listed(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -
 
 
 def names(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
-    """The same without None."""
+    """`listed` with an empty tuple in place of None."""
     return separate_names(value, param.opts[0])
 
 
 def chained(
     ctx: click.Context, param: click.Parameter, value: tuple[tuple[float, ...], ...]
 ) -> tuple[float, ...] | None:
-    """The same for numbers."""
+    """`listed` for numbers."""
     return tuple(number for group in value for number in group) or None
 
 
@@ -446,7 +446,7 @@ if TYPE_CHECKING:
 
 
 class ColumnsTyped(NamedTuple):
-    """Which columns of a record file are inputs and outputs, as typed."""
+    """Inputs and outputs among the columns of a record file, as typed."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -454,7 +454,7 @@ class ColumnsTyped(NamedTuple):
     variable: str
 
     def told(self) -> Columns | None:
-        """Columns by the options; None without any, so that a file of channels beside the record is read."""
+        """Columns by the options; None without any: a file of channels beside the record is then read."""
         from middeck.files.records import name_columns
 
         u, y = ([text for value in side for text in value.split(",")] for side in (self.inputs, self.outputs))

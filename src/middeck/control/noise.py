@@ -16,7 +16,7 @@ from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.stability import growth_limit
 
 FEW_LINES = 2000
-"""Lines that cost less than roots; laws of high authority would need more."""
+"""Lines that cost less than roots; compensators of high authority would need more."""
 
 
 def measure_noise_rms(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:

@@ -114,7 +114,7 @@ def align_plant(plant: Plant, compensator: Compensator) -> Plant:
     u = plant.u if sorted(plant.u) == sorted(u) else u
     y = plant.y if sorted(plant.y) == sorted(y) else y
     grouped = dataclasses.replace(plant, u=u, y=y)
-    # Before delays are approximated: the modes of what comes of that are no longer told apart.
+    # Before delays are approximated: afterwards modes can no longer be distinguished.
     return grouped if grouped.period_s else partition_modes(grouped).active
 
 

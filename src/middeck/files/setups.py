@@ -48,7 +48,7 @@ def article_files(path: str | Path) -> tuple[Path, ...]:
 def load_environment(path: str | Path, overrides: Sequence[str] = ()) -> Environment:
     """The environment in file ``path``, or "orbit"; raises `ConfigError` with all its faults.
 
-    "lab" hangs on the attach points of an article: see `load_setup`.
+    "lab" needs the attach points of an article: see `load_setup`.
     """
     source = read_source(_environment_file(path), kind_of_content.ENVIRONMENT)
     checked = _check_all([(source, EnvironmentForm, environment_findings)], overrides)[0]

@@ -53,7 +53,7 @@ def check_collocated(compliance: np.ndarray, direct: np.ndarray, joints: Sequenc
     """Raise `ConfigError` for two entries of a joint, and unless each torque and angle are of one joint.
 
     ``compliance`` is the angle of each joint after a step under the torque of each; ``direct`` is what an
-    angle answers at once, which no joint with inertia does.
+    angle responds at once, which no joint with inertia does.
     """
     for names in ([j.torque for j in joints], [j.angle for j in joints]):
         twice = sorted({n for n in names if names.count(n) > 1})

@@ -14,7 +14,7 @@ UNSETTLED = "the torques of the joints' elements do not settle within a step"
 
 
 class Balance:
-    """Mean torques T with end = free - compliance T and T = T(end), joint after joint until none moves.
+    """Mean torques T with end = free - compliance T and T = T(end), joint by joint until converged.
 
     A monotone law and a symmetric positive compliance are the gradient of a convex function, on which
     coordinate descent converges. One joint is solved directly.

@@ -85,7 +85,7 @@ class Deadband:
         return upper - (-1.0) ** order * lower + 0j
 
     def mean_angle(self, amplitude: float) -> float:
-        """Angle [rad] from the middle of the gap about which it swings: the mean torque is ``preload``.
+        """Angle [rad] from the middle of the gap about which it oscillates: the mean torque is ``preload``.
 
         >>> gear = Deadband(gap=0.001, stiffness=50.0, preload=0.05)
         >>> [round(gear.mean_angle(A), 6) for A in (0.0005, 1.0)]   # on the flank; right through the gap

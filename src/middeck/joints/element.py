@@ -30,7 +30,7 @@ class Equivalent:
 
 
 class JointElement(Protocol):
-    """A resisting torque that depends on the path of the angle but not on its speed, and a viscous part."""
+    """A resisting torque that depends on the path of the angle but not on its rate, and a viscous part."""
 
     @property
     def viscous(self) -> float:
@@ -52,7 +52,7 @@ class JointElement(Protocol):
         ...
 
     def mean_torque(self, start: float, end: float, state: float) -> tuple[float, float]:
-        """Mean torque [N m] on the straight way from ``start`` to ``end``, and its slope with ``end``.
+        """Mean torque [N m] on the straight path from ``start`` to ``end``, and its slope by ``end``.
 
         Times the way it is the work done on the element: what it stores and what it dissipates.
         """

@@ -1,4 +1,4 @@
-"""Coulomb friction that gives way elastically before it slips: a spring and a slider in series.
+"""Coulomb friction with elastic presliding: a spring and a slider in series.
 
 The Jenkins element (Jenkins 1962; Iwan 1966, J. Appl. Mech. 33). Several side by side make any Masing
 hysteresis. It has what pure Coulomb friction lacks: a definite torque at zero speed, hence no chattering and
@@ -55,7 +55,7 @@ class Friction:
 
     @property
     def slip_angle(self) -> float:
-        """How far [rad] it gives way before it slips; below this amplitude it is a spring without loss."""
+        """Presliding angle [rad] before it slips; below this amplitude it is a spring without loss."""
         return self.slip_torque / self.stiffness
 
     def describing_function(self, amplitude: Float[np.ndarray, " amplitude"]) -> Equivalent:
@@ -86,7 +86,7 @@ class Friction:
         return 2.0 / np.pi * (falling - top * slipping)
 
     def resist(self, angle: float, state: float) -> tuple[float, float]:
-        """Torque [N m] at ``angle``, and where the slider then stands."""
+        """Torque [N m] at ``angle``, and the place of the slider there."""
         torque = self.stiffness * (angle - state)
         if abs(torque) <= self.slip_torque:
             return torque, state

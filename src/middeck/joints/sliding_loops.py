@@ -28,15 +28,15 @@ BLOCK = 16
 
 @record(kw_only=True)
 class SlidingLoops:
-    """Loops from the torques of their sliders to the joints' angles; those that have fewer poles than others
-    end with zeros in ``drives``.
+    """Loops from the torques of their sliders to the joints' angles; a loop with fewer poles than others ends
+    with zeros in ``drives``.
 
     Attributes:
         poles: One of each conjugate pair [rad/s].
         drives, reads: Factors of each pole: the response of the angles to a torque is the real part of the
             sum of reads exp(poles t) drives.
         stiffness, slip_torque: Those of each slider [N m/rad], [N m]; see `middeck.joints.friction.Friction`.
-        records: How often each loop runs, under other noise each time.
+        records: Number of runs of each loop, each under other noise.
     """
 
     poles: Complex[np.ndarray, "loop pole"]
@@ -113,7 +113,7 @@ class _Poles:
         self.state = np.zeros((count, loops.records, poles), dtype=complex)
 
     def ahead(self, steps: int) -> Float[np.ndarray, "step joint run"]:
-        """What earlier torques make of the angles."""
+        """Angles by earlier torques."""
         found = self.state.view(float) @ self._reads[:, :, : steps * self._joints]
         return found.reshape(-1, steps, self._joints).transpose(1, 2, 0)
 

@@ -1,4 +1,4 @@
-"""The rig of an article: its motors, sensors and bearings as the settings have them."""
+"""The rig of an article: its motors, sensors and bearings by the settings."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -80,7 +80,7 @@ def held_plant(
     outputs: Sequence[str],
     inner: PDLoops | None,
 ) -> Plant:
-    """The article between ``inputs`` and ``outputs`` as they are, held by its analogue loops."""
+    """The article between ideal ``inputs`` and ``outputs``, held by its analogue loops."""
     if inner is None:
         return rig_article_plant(article, inputs=inputs, outputs=outputs, to_hz=settings.modes_hz)
     rates = [f"{name}{RATE}" for name in inner.names]

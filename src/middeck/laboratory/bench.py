@@ -33,7 +33,7 @@ SETTLE = 2  # unrecorded periods of a run
 
 
 def limit_cycle(run: RigRun) -> str:
-    """Message of a run that only the motor's limit kept finite; empty for a good one."""
+    """Message for a run that only the motor's limit kept finite; empty for a good one."""
     share = 0.0 if run.events is None else float(np.max(run.events.saturated))
     return f"unstable: the motor is at its limit in {share:.0%} of the run" if share > SATURATED else ""
 
@@ -52,8 +52,8 @@ class Bench:
 
 @record
 class Taken:
-    """A closed-loop run: its response or why there is none, the rms torque of the compensator, and what is
-    said of the record."""
+    """A closed-loop run: its response or the reason for none, the rms torque of the compensator, and the
+    warnings of the record."""
 
     response: FrequencyResponse | None
     cause: str
@@ -109,7 +109,7 @@ def take_open_loop(bench: Bench, rng: np.random.Generator) -> FrequencyResponse:
 
 
 def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Generator) -> Taken:
-    """The same under control: the law runs in the rig's computer by Tustin's rule."""
+    """The response under control: the compensator runs in the rig's computer by Tustin's rule."""
     run = run_closed_loop(
         bench.rig,
         emulate(compensator, bench.rig.period_s),
@@ -129,7 +129,7 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
 def _estimated(
     record: Record, band_hz: tuple[float, float] | None
 ) -> tuple[FrequencyResponse, tuple[str, ...]]:
-    """The response, and what is said of the record; warnings of arithmetic stay warnings."""
+    """The response, and the warnings of the record; those of arithmetic stay warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         response = estimate_response(record, band_hz=band_hz)

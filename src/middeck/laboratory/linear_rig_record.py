@@ -1,4 +1,4 @@
-"""Figure 6 on the rig of an article in the laboratory with nothing switched on but noise."""
+"""Figure 6 on the rig of an article in the laboratory, linear but for noise."""
 
 import numpy as np
 

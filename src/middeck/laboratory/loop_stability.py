@@ -29,7 +29,7 @@ from middeck.values import record
 
 @record
 class RigView:
-    """A bench, the linear part of its rig, and the response of that on the lines of the excitation."""
+    """A bench, the linear part of its rig, and its response on the lines of the excitation."""
 
     bench: Bench
     plant: Plant
@@ -39,7 +39,7 @@ class RigView:
 
 @record(kw_only=True)
 class RigLoop:
-    """One law on one bench.
+    """One compensator on one bench.
 
     Attributes:
         percent: Shift of the pair of modes.
@@ -50,7 +50,7 @@ class RigLoop:
         gain_margin_db, phase_margin_deg: The least change of the loop's gain, up or down, and the least turn
             of its phase, either way, that bring a pole to the axis, at rest and at half the sampling rate
             too; None where none does.
-        gain_margin_hz, phase_margin_hz: Where.
+        gain_margin_hz, phase_margin_hz: Frequencies of the margins.
     """
 
     percent: float
@@ -65,14 +65,14 @@ class RigLoop:
 
 
 def view_rig(bench: Bench) -> RigView:
-    """Linearise the rig of ``bench`` and evaluate it once for all laws."""
+    """Linearise the rig of ``bench`` and evaluate it once for all compensators."""
     rig = bench.rig
     plant, f = linearise_rig(rig), _lines(bench)
     return RigView(bench, plant, f, evaluate_plant(plant, f).H)
 
 
 def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLoop:
-    """The law on the rig of ``view``; its one input is where the loop is broken."""
+    """The compensator on the rig of ``view``; the loop is broken at its one input."""
     fastest = fastest_pole(view, compensator)
     found = RigLoop(
         percent=percent,
@@ -90,7 +90,7 @@ def judge_loop(view: RigView, compensator: Compensator, percent: float) -> RigLo
 
 
 def fastest_pole(view: RigView, compensator: Compensator) -> complex:
-    """The pole of the sampled loop [rad/s] that grows farthest beyond rounding, or decays slowest."""
+    """Fastest growing pole of the sampled loop [rad/s], beyond rounding, or else the slowest to decay."""
     (outputs, inputs), plant = view.H.shape[1:], view.plant.sampled
     law = _placed(view, compensator)
     loop = feedback(plant, law, range(inputs), range(outputs))

@@ -24,7 +24,7 @@ SETTLE = 2  # unrecorded periods of an experiment
 
 @record(kw_only=True)
 class ModalTest:
-    """As many experiments as there are motors, and one more at a smaller drive.
+    """A modal test: one experiment for each motor, and one more at a smaller drive.
 
     Two drives tell friction from the structure.
 

@@ -16,7 +16,7 @@ class RigSettings:
         wheel, gimbal: Motors that act on nodes and at joints, the gimbal's without the torque that holds its
             payload.
         gimbal_elements: Friction and play at every free gimbal axis, commanded or not.
-        encoder, gyro: What reads a joint angle, and an inertial one.
+        encoder, gyro: Sensors of a joint angle, and of an inertial one.
         noise_share: White noise at the outputs of the rig of Figure 6, as a share of the rms of each.
         rest_s: Rest before a run, in which the gyros' biases are measured.
         modes_hz, mesh_factor, shear: The article on the rig: its modes up to here, elements per element of
@@ -46,7 +46,7 @@ class LoopTest:
     """Experiments with one motor, in open and in closed loop.
 
     Attributes:
-        actuator: The motor that is driven and that a law commands.
+        actuator: The motor that is driven and that a compensator commands.
         band_hz, period_s, periods: Band and period of the multisines, and how many periods are recorded.
         open_nm, closed_nm: Rms of the torque command in open and in closed loop.
         pair_shift_hz: Frequency near which a pair of modes drifts.

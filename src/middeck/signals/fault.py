@@ -12,15 +12,15 @@ MOST_RUNS = 100
 
 @record(kw_only=True)
 class RecordFault:
-    """One thing wrong with one channel of a record.
+    """One fault of one channel of a record.
 
     Attributes:
-        kind: In one word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
+        kind: One word: gap, dead, clipping, dropout, spike, offset, drift, quantisation, transient,
             repeat, sign, delay, duplicate, held, gain, swap, shift, joint, feedback, unlike, truncated,
             format, rate.
         severity: ``unusable``: no estimate can be had from the channel; ``serious``: estimates are wrong or
             much worse; ``note``: worth knowing.
-        side, channel: Which of the record's ports.
+        side, channel: Port of the record.
         experiment: Counted from zero; None where all are meant.
         samples: Runs (first, last + 1), counted through the periods of the experiment; the first hundred.
         what, hint: Sentences for people: what was found with its figures, and what to try.
@@ -43,5 +43,5 @@ class RecordFault:
 
     @property
     def in_a_line(self) -> str:
-        """What it is and what to try, for a list of warnings."""
+        """The fault and its remedy in one line, for a list of warnings."""
         return str(self).replace("\n  try:", ";")

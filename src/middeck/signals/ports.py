@@ -14,8 +14,8 @@ class Channel:
     """The transducer behind a port, as far as it is known; empty texts and None stand for unknown.
 
     Attributes:
-        node, direction: Where it sits and which way it is positive, e.g. ``"12"`` and ``"+z"``; a turn about
-            z is ``"+rz"``.
+        node, direction: Place and positive direction, e.g. ``"12"`` and ``"+z"``; a turn about z is
+            ``"+rz"``.
         role: ``"sensor"`` or ``"actuator"``: an input may be a command to an actuator or the reading of a
             force cell.
         gain, raw_unit: Units of the port per unit of the raw signal, e.g. 9.81 m/s^2 per ``"V"``. Samples of
@@ -83,5 +83,5 @@ def port_indices(ports: Sequence[Port], names: Sequence[str], side: str) -> list
 
 
 def once(*names: str) -> tuple[str, ...]:
-    """Each name at its first place."""
+    """Each name once, at its first place."""
     return tuple(dict.fromkeys(names))

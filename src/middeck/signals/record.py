@@ -38,7 +38,7 @@ class Record:
 
 @record
 class Campaign:
-    """Records of one test article with the same channels and rate, each as long as it happens to be.
+    """Records of one test article with the same channels and rate, of any lengths.
 
     Raises `DataError` if there is none, or if rates or ports differ. Records of equal length and kind fit in
     one `Record`, whose experiments they are.
@@ -71,7 +71,7 @@ class RecordStream:
     Attributes:
         sample_hz, inputs, outputs: As of a `Record`.
         samples: Samples in each experiment, all its periods together.
-        experiments: How many there are.
+        experiments: Number of experiments.
         period: Samples of a period if the samples are whole steady periods, otherwise None.
         pieces: ``pieces(experiment, size)`` reads u[sample, input] and y[sample, output] from the start, at
             most ``size`` samples at a time.

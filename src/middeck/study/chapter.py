@@ -42,7 +42,7 @@ class ChapterEntry(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChapterDrawing(Generic[T]):
-    """One drawing, the one sentence that it is there to show, and what stands under it on the page.
+    """One drawing, the one sentence that it is to show, and the text under it on the page.
 
     ``key`` is its name in files and links. Title, sentence and tables are made of the ``figures`` of
     numbers.json; ``note`` is the path in the package of HTML for the end.
@@ -56,7 +56,7 @@ class ChapterDrawing(Generic[T]):
     note: str = ""
 
     def heading(self, figures: Numbers, *, numbered: bool = True) -> str:
-        """The title, which for some figures names what was measured.
+        """The title, which for some figures names the measured quantity.
 
         ``numbered`` with the number of the figure in the 1993 paper, which means nothing of another article.
         """
@@ -73,9 +73,9 @@ class Chapter(Generic[T]):
 
     Attributes:
         tables: Tables of the study file that the chapter needs; without them it is not run.
-        name, topic: As progress is told of a study of the 1993 paper, and of any other.
+        name, topic: Names in progress reports, for a study of the 1993 paper and for any other.
         share: The part of the whole time, measured, for the estimate of what remains.
-        stream: Which stream of the study's seed it draws from; its own, so that it depends on no other
+        stream: Stream of the study's seed from which it draws; its own, so that it depends on no other
             chapter.
         needs, compute: ``compute(study, rng, *values)`` with a value of the study from each of ``needs``;
             values that several chapters need are computed once.

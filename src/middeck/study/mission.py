@@ -28,12 +28,12 @@ CHAPTERS: tuple[Chapter[Any], ...] = (
 
 
 def chapters_in(study: Study) -> tuple[Chapter[Any], ...]:
-    """The chapters that the study file has the settings of."""
+    """The chapters whose settings the study file has."""
     return tuple(chapter for chapter in CHAPTERS if study.has(*chapter.tables))
 
 
 def run_chapters(study: Study) -> Iterator[tuple[str, Callable[[], Any]]]:
-    """Name and computation of each chapter; one is computed when it is called, in any order."""
+    """Name and computation of each chapter; a chapter is computed when called, in any order."""
 
     @cache
     def value(need: Callable[[Study], Any]) -> Any:

@@ -39,7 +39,7 @@ def picture(comparison: ModeComparison, control: ZeroGControl) -> Figure:
 
 
 def headline(control: ZeroGControl) -> str:
-    """The message of the curves: whether 0-g always improves, and whether 1-g goes unstable in the range."""
+    """The message of the curves: whether 0-g always improves, and whether 1-g becomes unstable."""
     sweep = dict(control.sweeps)["all"].sweep
     orbit, lab = (sweep.plants.index(name) for name in ("orbit", "lab"))
     if not sweep.stable[orbit].all():

@@ -1,4 +1,4 @@
-"""Values of a study that several chapters stand on."""
+"""Values of a study that several chapters need."""
 
 from middeck.files.studies.documents import Study
 from middeck.laboratory.article import RigArticle
@@ -25,5 +25,5 @@ def compare_environments(study: Study) -> ModeComparison:
 
 
 def rig_article(study: Study) -> RigArticle:
-    """The simulated article that Figures 9 to 12 are measured on."""
+    """The simulated article on which Figures 9 to 12 are measured."""
     return build_rig_article(*study.case(study.siso.article, study.siso.environment), study.rig)

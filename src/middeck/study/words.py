@@ -1,4 +1,4 @@
-"""How numbers are written in the report, and what a table, a line and a claim of it are."""
+"""Form of numbers in the report, and its tables, lines and claims."""
 
 import math
 from collections.abc import Iterable
@@ -57,7 +57,7 @@ def significant(value: float | str | None, digits: int = 4) -> str:
 
 
 def deviation(value: float | None, unit: float = 1.0, sign: str = "") -> str:
-    """A standard deviation in ``unit`` behind its ``sign``, or that there is none.
+    """A standard deviation in ``unit`` behind its ``sign``, or the statement that there is none.
 
     >>> deviation(4.2e-6, 1e-3, "± "), deviation(None)
     ('± 0.0042', 'not determined by the data')
@@ -109,22 +109,22 @@ class Claim(TypedDict):
 
 
 def row(claim: str, holds: bool, number: float | str | None, asked: str, unit: str = "") -> Claim:
-    """A claim with its verdict, its number and what that is asked to be."""
+    """A claim with its verdict, its number and the requirement on that."""
     return {"claim": claim, "holds": bool(holds), "number": number, "asked": asked, "unit": unit}
 
 
 def at_most(claim: str, number: float | None, most: float, unit: str = "dB") -> Claim:
-    """It holds where there is a number that is no larger than ``most``."""
+    """Requirement: there is a number, and it is no larger than ``most``."""
     return row(claim, number is not None and number <= most, number, f"\u2264 {most:g}", unit)
 
 
 def below(claim: str, number: float | None, limit: float, unit: str = "dB") -> Claim:
-    """It holds where there is a number that is smaller than ``limit``."""
+    """Requirement: there is a number, and it is smaller than ``limit``."""
     return row(claim, number is not None and number < limit, number, f"< {limit:g}", unit)
 
 
 def above(claim: str, number: float | None, limit: float, unit: str = "dB") -> Claim:
-    """It holds where there is a number that is larger than ``limit``."""
+    """Requirement: there is a number, and it is larger than ``limit``."""
     return row(claim, number is not None and number > limit, number, f"> {limit:g}", unit)
 
 

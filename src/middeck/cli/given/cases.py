@@ -27,7 +27,7 @@ TILTED_DEG = 5.0  # from which every verb says how an article hangs; `check` doe
 
 
 def hung_anywhere(structure: Structure, *files: Path) -> tuple[str, ...]:
-    """The built-in laboratory hangs an article that does not say where by every attach point that it has."""
+    """A warning where the built-in laboratory hangs an article by every attach point, for want of others."""
     if not files or files[-1] != BUILT_IN["lab"] or "suspension" in read_source(files[0], ARTICLE).data:
         return ()
     names = some_names([point.name for point in structure.attach_points])
@@ -39,12 +39,12 @@ def hung_anywhere(structure: Structure, *files: Path) -> tuple[str, ...]:
 
 
 def _how_named() -> str:
-    """What to call the program's own environment: the default only where nobody typed it."""
+    """Word for the program's own environment: "default" where it was not typed."""
     return "built-in" if typed("environment") or typed("environments") else "default"
 
 
 def tilted(rest: Equilibrium) -> tuple[str, ...]:
-    """An article that hangs far from how it was drawn; what bends a little is not meant."""
+    """A warning for an article that hangs tilted far from the drawing; small bending does not count."""
     environment = rest.environment
     if not rest.converged or not environment.hung or environment.clamps or not np.any(environment.gravity):
         return ()
@@ -80,8 +80,8 @@ def solve_case(
 ) -> Modes:
     """Rest state and modes; of a large article the ``count`` lowest, with a few to spare.
 
-    Where wheels spin those at ``standstill``, for whoever adds their momentum. Of a mesh that is too coarse
-    for frequencies above ``top_hz`` alone nothing is said.
+    Where wheels spin, modes at ``standstill`` are for callers that add their momentum. A mesh that is too
+    coarse only for frequencies above ``top_hz`` gives no warning.
     """
     return solve_in(*read_case(case), count=count, standstill=standstill, top_hz=top_hz)
 
@@ -89,7 +89,7 @@ def solve_case(
 def apply_case(
     structure: Structure, environment: Environment, case: str | None, *files: Path
 ) -> tuple[Structure, Environment]:
-    """Both under the load case that was asked for; errors name ``files``."""
+    """Both under the load case given; errors name ``files``."""
     with reading(*files):
         return apply_load_case(structure, environment, case)
 
@@ -102,7 +102,7 @@ def solve_in(
     standstill: bool = False,
     top_hz: float | None = None,
 ) -> Modes:
-    """The same for what has been read from ``files``, which errors then name.
+    """Rest state and modes of a case already read from ``files``, which errors then name.
 
     Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
     which of the ``count`` lowest frequencies the mesh is too coarse for.

@@ -17,7 +17,7 @@ OPTIONS = "options"
 
 
 class FitSettings(Form):
-    """How a record is fitted; the keys are the options of ``middeck identify``.
+    """Settings of a fit to a record; the keys are the options of ``middeck identify``.
 
     Without ``states``: the recommended order. ``periods`` says how many whole ones each record holds; None
     leaves that to its file, or to its input. ``friction`` has joints as ``MOTOR=ANGLE``, or one name where
@@ -53,7 +53,7 @@ class RecordSettings(Form):
 
 
 class ConvertSettings(Form):
-    """How a deck is converted: as the options of ``middeck convert``."""
+    """Settings of the conversion of a deck: the options of ``middeck convert``."""
 
     units: str | None = None
     mass_formulation: Literal["consistent", "coupled", "lumped", "deck"] = "consistent"
@@ -62,14 +62,14 @@ class ConvertSettings(Form):
 
 
 class ImpactSettings(Form):
-    """How an impact test is fitted; the keys are options of ``middeck impact``."""
+    """Settings of the fit to an impact test; the keys are options of ``middeck impact``."""
 
     states: Annotated[int, whole(1, 1000)] | None = None
     band_hz: Band | None = None
 
 
 class LoopSettings(Form):
-    """How a loop is designed and judged; the units are those of the ports, N m and rad in an article.
+    """Settings of a loop's design and judgement, in the units of the ports: N m and rad in an article.
 
     The last four are those of `FitSettings`, for a plant that is still to be fitted.
     """

@@ -1,4 +1,4 @@
-"""The plant that a design is for, from an article or from a fitted model, with the ports that were typed."""
+"""The design plant, of an article or a fitted model, with the ports that were typed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Band = tuple[float, float]
 
 @record
 class Wanted:
-    """The ports to drive and to measure; empty where the only one is meant."""
+    """The ports to drive and to measure; empty for the only one there is."""
 
     control: tuple[str, ...]
     measure: tuple[str, ...]
@@ -50,7 +50,7 @@ def tell_warnings(modes: Modes) -> None:
 
 @record
 class FittedPlant:
-    """The plant of a fitted model, the band of its poles, and what was done to the model on the way."""
+    """The plant of a fitted model, the band of its poles, and notes on changes to the model."""
 
     plant: Plant
     band_hz: Band
@@ -103,7 +103,7 @@ def _lasting(model: MeasurementModel) -> int:
 
 
 def _delays(model: MeasurementModel) -> int:
-    """How many delays of its paths differ."""
+    """Number of different delays of its paths."""
     return 1 + int(np.sum(np.diff(np.sort(path_delay(model), axis=None)) > SAME_DELAY_S))
 
 
@@ -119,7 +119,7 @@ def _dear_delays(model: MeasurementModel, pade_order: int) -> list[str]:
 
 
 def _band_around(frequency_hz: Float[np.ndarray, " mode"]) -> Band:
-    """From half the lowest to twice the highest; rigid modes do not count."""
+    """Band from half the lowest to twice the highest frequency; rigid modes do not count."""
     hz = frequency_hz[frequency_hz > 0.0]
     return (0.5 * float(hz.min()), 2.0 * float(hz.max())) if len(hz) else (0.1, 60.0)
 

@@ -1,4 +1,4 @@
-"""Plants that a compensator is tried on: articles in environments, fitted models, their modes moved."""
+"""Plants on which a compensator is tried: articles in environments, fitted models, shifted modes."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -46,9 +46,9 @@ class Gathered:
     """Plants by name.
 
     Attributes:
-        hold_unknown: Those of models that do not say whether the inputs of their data were held.
+        hold_unknown: Plants of models that do not say whether the inputs of their data were held.
         dispersed: Modes of articles that a sweep shifts.
-        promises: Those whose plants are there.
+        promises: Promises whose plants are there.
     """
 
     plants: dict[str, Plant]
@@ -136,7 +136,7 @@ def _model(source: str, model: MeasurementModel | Plant, law: Law) -> Plant:
 
 
 def also_held(gathered: Gathered, law: Law, delay_s: float) -> Gathered:
-    """Also each model that may have been held at the rate of ``law``, with half a period of delay less.
+    """Also each model that may have been held at the rate of ``law``, with half a period less delay.
 
     The sampled loop adds that half period, which is then among its delays already; what is not known is tried
     both ways. ``delay_s`` is what was added to the delays.
@@ -213,7 +213,7 @@ def shifted_plants(plants: Mapping[str, Plant], shifts: Sequence[tuple[str, floa
 
 
 def allowed_shifts(plants: Mapping[str, Plant], law: Law) -> list[dict[str, Any]]:
-    """How far each mode of each plant may shift before the continuous loop is unstable, in per cent.
+    """Allowed shift of each mode of each plant before the continuous loop is unstable, in per cent.
 
     Raises `ConfigError` for a sampled compensator.
     """

@@ -1,4 +1,4 @@
-"""Errors of a computation get the name of the file whose content they are about."""
+"""The name of the input file is added to errors of a computation."""
 
 from collections.abc import Generator
 from contextlib import contextmanager

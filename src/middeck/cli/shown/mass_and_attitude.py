@@ -28,7 +28,7 @@ def summary_numbers(summary: Summary) -> dict[str, Any]:
 
 
 def summary_lines(numbers: dict[str, Any]) -> list[str]:
-    """Mass, centre of mass and inertia of a document, for people, and what else it has of a summary."""
+    """Mass, centre of mass, inertia and the rest of a summary in a document, as lines."""
     return [
         f"mass         {numbers['mass_kg']:.6g} kg",
         f"centre       {_row(numbers['centre_of_mass_m'])} m, mass centre, undeformed, x y z",
@@ -99,7 +99,7 @@ def attitude_numbers(attitude: Attitude) -> dict[str, Any]:
 
 
 def attitude_lines(numbers: dict[str, Any], label: str = "hangs") -> list[str]:
-    """The tilt of the whole, that of the worst node, and what it hangs from."""
+    """Lines: the tilt of the whole, that of the worst node, and the supports."""
     tilt = numbers["tilt_deg"]
     worst, most = max(
         ((name, float(np.linalg.norm(v))) for name, v in numbers["node_tilt_deg"].items()),

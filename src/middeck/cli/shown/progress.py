@@ -1,4 +1,4 @@
-"""How far a run of stages is: a bar with the remaining time on a terminal, plain lines elsewhere."""
+"""Progress of a run of stages: a bar with the remaining time on a terminal, plain lines elsewhere."""
 
 import sys
 import time
@@ -26,7 +26,7 @@ def follow(shares: Mapping[str, float]) -> Generator[tuple[Begin, End]]:
 
 @contextmanager
 def status(verb: str) -> Generator[Callable[[str], None]]:
-    """A function to call with what is done next: a line with the seconds so far on a terminal, else nothing.
+    """A function to call with the next step: a line with the seconds so far on a terminal, else nothing.
 
     For work whose stages are not known beforehand.
     """
@@ -43,7 +43,7 @@ def status(verb: str) -> Generator[Callable[[str], None]]:
 
 
 def remaining_s(shares: Mapping[str, float], times: Mapping[str, float], now_s: float) -> float | None:
-    """What is left, ``now_s`` into the stage after those in ``times``, if all run at the pace so far.
+    """Remaining time, ``now_s`` into the stage after those in ``times``, if all run at the pace so far.
 
     A stage that takes longer than its share leaves those after it their own.
 
@@ -61,7 +61,7 @@ def remaining_s(shares: Mapping[str, float], times: Mapping[str, float], now_s: 
 
 
 def left_words(left_s: float | None) -> str:
-    """The estimate as people say it; nothing where there is none, or where the last stage has used it up.
+    """The estimate in words; empty where there is none, or where the last stage has used it up.
 
     >>> [left_words(s) for s in (None, 0.0, 3.0, 41.0, 190.0)]
     ['', '', 'a few seconds left', 'about 40 s left', 'about 3 min left']

@@ -30,7 +30,7 @@ class ScreenTable:
 
 
 def is_terminal(stream: TextIO) -> bool:
-    """Whether colours and moving bars are wanted there (NO_COLOR: no-color.org)."""
+    """Whether colours and moving bars are wanted (NO_COLOR: no-color.org)."""
     plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
     return stream.isatty() and not plain
 
@@ -105,7 +105,7 @@ def case_lines(document: Mapping[str, Any]) -> list[str]:
 
 
 def cells(row: Mapping[str, Any], *forms: str) -> list[str]:
-    """The cells of a row: keys, each with its format; a dash for what is not there.
+    """The cells of a row: keys, each with its format; a dash for a missing value.
 
     >>> cells({"name": "n1", "hz": 2.0, "mac": None}, "name", "hz:.3f", "mac:.2f")
     ['n1', '2.000', '-']
@@ -115,7 +115,7 @@ def cells(row: Mapping[str, Any], *forms: str) -> list[str]:
 
 
 def number(value: float | None, form: str, none: str = "-") -> str:
-    """A number in its format; ``none`` for what is not there."""
+    """A number in its format; ``none`` for a missing one."""
     return none if value is None else format(value, form)
 
 
@@ -140,7 +140,7 @@ def without_stiffness(table: ScreenTable, felt: Sequence[float]) -> ScreenTable:
 
 
 def mode_rows(document: Mapping[str, Any]) -> list[list[str]]:
-    """Frequency and damping of fitted modes, each with its deviation, and what is to be said of them."""
+    """Frequency and damping of fitted modes, each with its deviation, and remarks on them."""
     keys = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "standing")
     rows = sorted(zip(*(document[k] for k in keys), strict=True), key=itemgetter(0, 2))
     return [
@@ -159,5 +159,5 @@ def delay_cells(document: Mapping[str, Any], output: str) -> list[str]:
 
 
 def deviation_words(deviation: float | None, unit: float = 1.0) -> str:
-    """A deviation in ``unit``; the data do not determine a number that has none."""
+    """A deviation in ``unit``; words for one that is infinite."""
     return "not determined" if deviation is None else f"{deviation / unit:.1e}"

@@ -90,7 +90,7 @@ def verb(
 def _in_environment(
     structure: md.Structure, environment: md.Environment
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """How the article hangs (None in orbit, clamped, or without a rest state), and the findings."""
+    """Attitude of the article (None in orbit, clamped, or without a rest state), and the findings."""
     import numpy as np
 
     from middeck.cli.shown.mass_and_attitude import attitude_numbers

@@ -342,7 +342,7 @@ def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:
 
 
 def _source(document: dict[str, Any]) -> list[str]:
-    """Where the survey is from, if its file says so."""
+    """Origin of the survey, if its file states it."""
     return [f"test         {document['test_source']}"] if document["test_source"] else []
 
 

@@ -188,7 +188,7 @@ def _fitted_plant(sources: tuple[str, ...], settings: LoopSettings, wanted: Want
 def describe(
     designed: DesignedLoop, plant: md.Plant, settings: LoopSettings, warnings: tuple[str, ...]
 ) -> dict[str, Any]:
-    """The JSON document; rms and decibels are null where there is none."""
+    """The JSON document; rms and decibels are null where they do not exist."""
     import numpy as np
 
     from middeck.control.qualification import decibels

@@ -1,4 +1,4 @@
-"""``middeck doctor``: what this machine can do."""
+"""``middeck doctor``: abilities of this machine."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def _unlike_holds(before: md.MeasurementModel, after: md.MeasurementModel) -> li
 def _compare_lines(
     before: md.FrequencyResponse | None, after: md.FrequencyResponse | None, level: float
 ) -> ResponseDrift | None:
-    """None where a record itself was fitted, or nothing says how uncertain its response is."""
+    """Comparison by lines; None where a record itself was fitted, or an uncertainty is unknown."""
     from middeck.identification.uncertainty.response_drift import compare_responses
 
     if before is None or after is None or before.variance is None or after.variance is None:
@@ -142,7 +142,7 @@ def _compare_lines(
 def describe(
     before: str, after: str, found: FitChanges, lines: ResponseDrift | None, warnings: Any
 ) -> dict[str, Any]:
-    """The JSON document; ``lines`` is None where nothing says how uncertain the responses are."""
+    """The JSON document; ``lines`` is None where the uncertainty of the responses is unknown."""
     return {
         "schema": "middeck.drift/1",
         "before": before,

@@ -156,12 +156,12 @@ def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
 
 
 def same_rate(period_s: float, rate_hz: float) -> bool:
-    """Whether they agree to rounding."""
+    """Whether the two rates agree to rounding."""
     return abs(period_s * rate_hz - 1.0) < 1e-9
 
 
 def describe(package: md.ControllerPackage, files: list[Path]) -> dict[str, Any]:
-    """The JSON document; null stands for a limit that is not there."""
+    """The JSON document; null stands for an absent limit."""
     from middeck.files.laws.packages import package_document
     from middeck.realtime.package.package_bytes import encode_package
 

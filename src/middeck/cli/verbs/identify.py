@@ -245,7 +245,7 @@ def _friction(found: JointFriction | None) -> dict[str, Any] | None:
 
 
 def _zeros(model: md.MeasurementModel) -> list[dict[str, Any]]:
-    """Those of every path; of a path whose zeros are lost in rounding, none and the reason."""
+    """Zeros of every path; none, with the reason, for a path whose zeros are lost in rounding."""
     found: list[dict[str, Any]] = []
     for output in model.outputs:
         for input_ in model.inputs:

@@ -72,7 +72,7 @@ def verb(
 
 
 def _draw(structure: md.Structure, found: Levelling, file: str) -> None:
-    """How it hung and how it hangs, in one scale."""
+    """Drawing of the attitudes before and after, in one scale."""
     from middeck.plot.shapes import rest_figure
     from middeck.structure.modes.results.drawing import build_rest_drawing
 

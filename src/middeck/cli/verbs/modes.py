@@ -146,7 +146,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
 
 
 def _at_speed(document: dict[str, Any], modes: md.Modes, count: int) -> dict[str, Any]:
-    """The document with the modes at the wheels' speeds, and apart what it said of them at standstill."""
+    """The document with the modes at the wheels' speeds, and separately those at standstill."""
     import numpy as np
 
     found, damped = _whirls(modes, count)
@@ -174,7 +174,7 @@ def _whirls(modes: md.Modes, count: int) -> tuple[GyroscopicModes, bool]:
 
 
 def _damping(modes: md.Modes, count: int) -> tuple[list[float | None], tuple[str, ...]]:
-    """Ratios of the lowest modes, and what is said of them; none where the article's damping refuses one."""
+    """Ratios of the lowest modes, and warnings of them; none where the article's damping refuses one."""
     from middeck.structure.plants.damping import estimate_damping
 
     try:

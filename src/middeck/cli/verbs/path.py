@@ -108,7 +108,7 @@ def _places(
 
 
 def describe(found: GravityPath) -> dict[str, Any]:
-    """The JSON document; of ``frequency_hz`` a mode that grows has minus its rate over 2 pi."""
+    """The JSON document; ``frequency_hz`` of a growing mode is minus its rate over 2 pi."""
     e = found.environment
     released = e.suspension or e.devices or e.springs or e.bushings  # clamps hold in orbit too
     return {

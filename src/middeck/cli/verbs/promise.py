@@ -1,4 +1,4 @@
-"""``middeck promise``: what compensators will do in orbit, as a sealed document."""
+"""``middeck promise``: predictions of compensators in orbit, as a sealed document."""
 
 from __future__ import annotations
 
@@ -277,7 +277,7 @@ def _with_friction(place: dict[str, Any], document: dict[str, Any]) -> list[Scre
 
 
 def _sweep(place: dict[str, Any]) -> ScreenTable:
-    """Which compensators hold the refined article with its modes shifted, and where they do not."""
+    """Compensators that hold the refined article with its modes shifted, and cases in which others fail."""
     swept = place["sweep"]
     rows = [
         [c["name"], f"{c['sweep']['stable']} of {c['sweep']['cases']}", _few(c["sweep"]["lost"])]

@@ -143,7 +143,7 @@ def describe(
     requirements: tuple[Requirement, ...],
     said: list[str],
 ) -> dict[str, Any]:
-    """The JSON document; what is infinite or unknown is null."""
+    """The JSON document; infinite or unknown values are null."""
     from middeck.files.laws.compensators import how_made
 
     def finite(value: Any) -> Any:
@@ -284,7 +284,7 @@ def read_requirement(text: str) -> Requirement:
 
 
 def meets(requirement: Requirement, row: Mapping[str, Any]) -> bool:
-    """Whether a row does; one that is not stable meets nothing, and what is not known is not met."""
+    """Whether a row meets the requirement; an unstable row or an unknown value does not."""
     if not row[STABLE] or requirement.limit is None:
         return bool(row[STABLE])
     value = row[requirement.quantity]

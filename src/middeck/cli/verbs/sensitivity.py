@@ -82,7 +82,7 @@ def verb(
 
 
 def find_modes(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """Numbers of the modes that are called ``wanted``, or have that number; fails with the nearest names.
+    """Numbers of the modes of name or number ``wanted``; fails with the nearest names.
 
     >>> find_modes(["bounce", "first torsion", "mixed", "mixed"], ["First torsion", "0", "mixed"])
     [1, 0, 2, 3]

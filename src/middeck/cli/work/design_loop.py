@@ -22,7 +22,7 @@ FAR_APART = 1e4
 
 @record(kw_only=True)
 class DesignedLoop:
-    """A compensator, the loop it makes, and the rms of each output in the band without and with it.
+    """A compensator, its closed loop, and the rms of each output in the band without and with it.
 
     The disturbance is white, enters at the control inputs and is the one that the design assumes.
     """

@@ -50,7 +50,7 @@ class Identified:
 
     @property
     def band_hz(self) -> tuple[float, float]:
-        """First and last line of the fit; of samples, what was asked for or all up to half their rate."""
+        """First and last line of the fit; for samples, the band asked for or all up to half their rate."""
         if self.measured is None:
             return self.asked_hz or (0.0, 0.5 * self.record.sample_hz)
         return float(self.measured.frequency_hz[0]), float(self.measured.frequency_hz[-1])
@@ -224,7 +224,7 @@ def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples:
 def load_periods(
     files: Sequence[str], periods: int | None, told: Columns | None = None
 ) -> tuple[Record, tuple[str, ...]]:
-    """The records together, in whole steady periods where they have any, and what was found out about them.
+    """The records together, in whole steady periods where they have any, and remarks on them.
 
     As many periods as is said; otherwise as the file says; otherwise as the input shows.
     """
@@ -249,7 +249,7 @@ def load_periods(
 
 
 def split_each(records: Sequence[Record], periods: int, files: Sequence[str]) -> list[Record]:
-    """Each record in whole steady periods; an error names the file that it is about."""
+    """Each record in whole steady periods; errors name the file."""
     found: list[Record] = []
     for one, file in zip(records, files, strict=True):
         with reading(file):
@@ -258,7 +258,7 @@ def split_each(records: Sequence[Record], periods: int, files: Sequence[str]) ->
 
 
 def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovariance | None) -> FitSettings:
-    """``settings``, with open choices taken from ``model``; always sampled or continuous as it is."""
+    """``settings``, with open choices as in ``model``; sampled or continuous as the model is."""
     modes = distinct_poles(model)
     rigid, integrators = rank_of(model.rigid), rank_of(model.integral)
     kind: dict[str, object] = {

@@ -27,16 +27,16 @@ class Compensator:
     """u = K y, added at the plant's inputs; a sampled one's u[k] is held until u[k+1].
 
     Attributes:
-        dynamics: The law, from ``inputs`` to ``outputs``; a sampled one has its period.
+        dynamics: The compensator, from ``inputs`` to ``outputs``; a sampled one has its period.
         inputs: Plant outputs that are measured, in the order of the columns.
         outputs: Plant inputs that are driven, in the order of the rows.
         method: Name of the design method; empty if unknown.
-        applied: How the command really applied, less the one asked for, enters the states' equation: of an
-            observer the input matrix of its plant, and so it estimates from what a limited actuator does.
-            None for a law that does not know of limits.
+        applied: Input matrix of the applied command, less the one asked for, in the states' equation: that of
+            the plant for an observer, which then estimates from the commands of a limited actuator.
+            None for a compensator that does not know of limits.
 
-    Raises `ConfigError` where the ports do not fit the law, for a port named twice, and for a gain that is
-    not finite.
+    Raises `ConfigError` where the ports do not fit the compensator, for a port named twice, and for a gain
+    that is not finite.
     """
 
     dynamics: LinearSystem

@@ -120,8 +120,8 @@ def _farthest(
     halves: list[tuple[Plant | Compensator, bool]],
     least: float,
 ) -> float:
-    """The largest change of a number as vague halves move; infinite where one has no value, or stability is
-    open. That of the first moves where it is ``least`` at most, or beyond `UNCERTAIN` already.
+    """Largest change of a number as vague halves move; infinite where one has no value, or stability is open.
+    That of the first moves where it is at most ``least``, or already beyond `UNCERTAIN`.
     """
     rng, most = np.random.default_rng(0), 0.0
     for _ in range(DRAWS):

@@ -41,8 +41,8 @@ def unreachable_states(
     """Participation of each state in uncontrollable modes that do not decay (0: none).
 
     The squared row norms of an orthonormal basis of the left null spaces of [A - lambda I, B], one
-    lambda per group of equal eigenvalues with real part >= 0 (``only_axis``: = 0). Of a ``sampled`` system
-    those with modulus >= 1 (= 1). Of ``mixed`` states each lambda counts that rounding may have moved from
+    lambda per group of equal eigenvalues with real part >= 0 (``only_axis``: = 0), or for a ``sampled``
+    system with modulus >= 1 (= 1). For ``mixed`` states each lambda counts that rounding may have moved from
     there: neighbours within `CANDIDATE` are other modes.
 
     >>> unreachable_states(np.diag([0.0, -1.0]), np.array([[0.0], [1.0]]))

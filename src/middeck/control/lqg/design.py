@@ -95,10 +95,10 @@ def design_lqg(
 
     Uncontrollable and unobservable modes are set aside and listed in ``inert``. Direct terms from u to z, and
     from any input to y, are part of the design; one from process noise to z is refused (infinite cost).
-    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). Of
-    mixed states ``kalman`` is found anew: which states it estimates hangs on last digits. Raises
+    ``shaping`` adds filters, integral action and correlated noise (give the same to `design_filter`). For
+    mixed states ``kalman`` is found anew: the states that it estimates depend on last digits. Raises
     `NotStabilisableError` naming the modes that cannot be held and `ConfigError` for weights that do not fit
-    the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the law or its cost
+    the plant. Warns (`UserWarning`) where rounding of the plant's matrices moves the compensator or its cost
     (`design_known`).
     """
     require_authority(authority)
@@ -116,7 +116,7 @@ def _view(law: LQGCompensator) -> DesignView:
 def _design(
     plant: Plant, weights: LQGWeights, authority: float, kalman: KalmanFilter | None, shaping: Shaping
 ) -> LQGCompensator:
-    """As `design_lqg`, rounding apart."""
+    """`design_lqg` without its check of rounding."""
     part = partition_modes(plant)
     active = pose_states(part.active)
     model = pose_problem(active, weights, shaping)

@@ -25,8 +25,8 @@ SCALINGS = 4
 """Rounds in which sizes of outputs and inputs settle."""
 
 FEEDBACK, APART, REMAINS = 1.5, 1e9, 1e-11
-"""Size of a law's A over the plant's, and condition of a Riccati solution whose states have units of their
-own, both above which a design is tried again; or the residual alone (poles all but at rest). Of 1374
+"""Size of a compensator's A over the plant's, and condition of a Riccati solution whose states have units of
+their own, both above which a design is tried again; or the residual alone (poles all but at rest). Of 1374
 designs with intensities and weights over 18 and 24 decades rounding moved 119 by 1e-4 or more; 9 of these are
 not found so, two of them off by 1e-3 and 1e-2. Of 400 ordinary ones 44 are tried again."""
 LITTLE = 1e-7
@@ -35,7 +35,7 @@ LITTLE = 1e-7
 
 @record
 class DesignView:
-    """What of a design is compared: its system and its cost, positive, near the poles of its Riccati
+    """Compared quantities of a design: its system and its cost, positive, near the poles of its Riccati
     equations.
     """
 
@@ -56,7 +56,7 @@ def design_known(
     """The result of ``design``; warns (`UserWarning`) where rounding of the plant moves its response or cost.
 
     Responses are compared near all poles of the first design (`measure_known`), where rounding may move the
-    plant's (`is_mixed`), or weights or intensities are so far apart that the law's own entries cancel
+    plant's (`is_mixed`), or weights or intensities are so far apart that the compensator's own entries cancel
     (`_cancels`). ``what`` names the numbers.
     """
     found, mixed = design(plant), is_mixed(plant)
@@ -89,8 +89,8 @@ def is_mixed(half: Plant | Compensator) -> bool:
 
 
 def _cancels(seen: DesignView, plant: Plant) -> bool:
-    """Whether rounding may move a law's poles, or its gains: those of directions that cost or noise hardly
-    sees are the rounding of the others."""
+    """Whether rounding may move a compensator's poles, or its gains: the gains of directions that cost or
+    noise hardly sees are rounding of the others."""
     if max(one.residual for one in seen.solutions) > REMAINS:
         return True
     # A sampled plant's A is about as large as one that turns states only.

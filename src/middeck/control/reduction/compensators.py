@@ -40,8 +40,7 @@ class ReducedCompensator(Compensator):
 
     Attributes:
         order: States.
-        method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``: the one that gave this
-            law.
+        method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``, as it was used.
         steps: Attempts and their outcomes, in words.
         hankel: Singular values by which states were chosen; what they measure depends on the method.
         bound: 2 (sum of those left out) for ``"balanced"``, None for the others.
@@ -77,10 +76,10 @@ def reduce_compensator(
     """The compensator with ``order`` states, the loop with every plant kept stable wherever a way is found.
 
     ``method`` is tried first. Where it leaves a loop unstable, the remainder is withdrawn step by step while
-    the law descends the H2 cost of the loops (a stability homotopy); where that is blocked, the other methods
-    are tried likewise. ``steps`` of the result lists the attempts, ``stable`` the outcome: where all fail,
-    the law of ``method`` is returned as unstable. A direct term is kept; poles on the axis (integral action)
-    are kept exactly and count in the order.
+    the compensator descends the H2 cost of the loops (a stability homotopy); where that is blocked, the other
+    methods are tried likewise. ``steps`` of the result lists the attempts, ``stable`` the outcome: where all
+    fail, the compensator of ``method`` is returned as unstable. A direct term is kept; poles on the axis
+    (integral action) are kept exactly and count in the order.
 
     Args:
         compensator: The compensator, which must stabilise all ``plants``. States of an unstable part count in
@@ -89,14 +88,14 @@ def reduce_compensator(
             approximations of order 3; ``stable`` uses exact delays.
         order: States to be left.
         method: ``"performance"``, ``"stability"``, ``"coprime"`` or ``"balanced"``, see
-            `middeck.control.reduction.methods`; or ``"best"``: all four, and of those that hold the law
-            that costs least.
+            `middeck.control.reduction.methods`; or ``"best"``: all four, and of those that hold the
+            compensator that costs least.
         weights, authority: Those of the original design, e.g. of `design_lqg`; by default typical sizes of
             the loop's signals under unit white noise on the group w are the weights.
         homotopy: Whether to try the homotopy; otherwise only ``method`` is applied.
         polish: Descend the cost also where the first result is stable. With ``weights`` of the design this
-            gives the best law of that order that the descent finds (`design_multimodel` adds restarts);
-            without them it redesigns for the typical sizes.
+            gives the best compensator of that order that the descent finds (`design_multimodel` adds
+            restarts); without them it redesigns for the typical sizes.
 
     Raises `ConfigError` for an order of less than one or no reduction, a compensator that does not hold a
     plant, unknown ports or methods.

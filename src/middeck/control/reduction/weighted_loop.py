@@ -25,7 +25,7 @@ from middeck.systems.state_space.statespace import StateSpace, gain_system
 from middeck.values import record
 
 SENSOR_SHARE = 0.1
-"""Noise of a measurement relative to its rms; gives the law some weight between its resonances."""
+"""Noise of a measurement relative to its rms; gives the compensator some weight between its resonances."""
 
 
 @record

@@ -71,9 +71,9 @@ def find_aliases(
     """Aliases of the modes beyond half the rate, and their effect on the loop of ``compensator`` and
     ``plant``.
 
-    ``antialias`` is put behind each measurement (`filter_measurements`); the law should be designed for the
-    plant with it, because of its phase lag. Metrics include the modes' own motion: compare two laws, or
-    filter and no filter.
+    ``antialias`` is put behind each measurement (`filter_measurements`); the compensator should be designed
+    for the plant with it, because of its phase lag. Metrics include the modes' own motion: compare two
+    compensators, or filter and no filter.
 
     Raises `ConfigError` for a plant that is not in modal form, and what `measure_sampled_loop` does.
     """

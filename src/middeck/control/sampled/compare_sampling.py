@@ -31,10 +31,10 @@ class SamplingRow:
 
     Attributes:
         method: ``"direct, current"`` and ``"direct, predictor"``; ``"hold"``, ``"tustin"`` or ``"matched"``
-            for an emulated law, with ``", hold known"`` where the continuous design included half a period of
-            delay.
+            for an emulated compensator, with ``", hold known"`` where the continuous design included half a
+            period of delay.
         rate_hz: Sampling rate.
-        law: The law itself.
+        law: The compensator itself.
         outcome: Stability, rms between the samples too, control and cost.
         margins: Margins at the plant's inputs without delay margins; None for an unstable loop.
     """
@@ -50,8 +50,8 @@ class SamplingRow:
 class SamplingComparison:
     """All compensators at all rates; ``print`` shows them as a table.
 
-    The table has one row for each law and rate: metric relative to no control (negative decibels for an
-    improvement), control rms, smallest margins. ``-``: the plant alone has no metric, or no gain or phase
+    The table has one row for each compensator and rate: metric relative to no control (negative decibels for
+    an improvement), control rms, smallest margins. ``-``: the plant alone has no metric, or no gain or phase
     breaks the loop.
 
     Attributes:
@@ -98,9 +98,9 @@ def compare_sampling(
 ) -> SamplingComparison:
     """Direct sampled designs beside emulated ones, each measured with true delay, between samples too.
 
-    Emulated laws come from `design_lqg` with delays approximated to third order: on the plant, and on the
-    plant with half a period more delay (the effect of the hold). Tustin's rule is prewarped, and the gain of
-    a matched law met, at ``match_hz``. Matched laws need one input and one measurement.
+    Emulated compensators come from `design_lqg` with delays approximated to third order: on the plant, and on
+    the plant with half a period more delay (the effect of the hold). Tustin's rule is prewarped, and the gain
+    of a matched compensator met, at ``match_hz``. Matched compensators need one input and one measurement.
 
     Raises what `design_lqg`, `design_sampled_lqg` and `emulate` do.
     """

@@ -43,7 +43,7 @@ class SampledLQG(Compensator):
         regulator, estimator: The two Riccati solutions: residuals, regulator poles and filter poles in the
             z-plane.
         cost: The minimum of E[z' W^2 z + rho u' diag(input) u], the mean over time, between the samples too.
-        noise_cost: Part of the cost from noise within its own period, which no sampled law can change.
+        noise_cost: Part of the cost from noise within its own period, the same for any compensator.
         inert: Uncontrollable and unobservable modes of the plant, left out.
     """
 
@@ -92,13 +92,13 @@ def design_sampled_lqg(
     Inputs are held over ``period_s`` and each path is delayed by its own true delay.
     Delays that are no sums of an input's and an output's are approximated (`place_delays`), no others.
     Sensor noise is what an average over the period leaves of white noise: variance = intensity / period_s.
-    As the period goes to zero the law becomes that of `design_lqg`.
+    As the period goes to zero the compensator becomes that of `design_lqg`.
 
     Raises `NotStabilisableError` naming the modes that cannot be held (also those that sampling makes
     unreachable: a mode at a whole multiple of half the rate), `ConfigError` for weights or a period that do
-    not fit and for a ``"current"`` law on a plant that answers within the sample. Warns (`UserWarning`) where
-    rounding of the plant's matrices moves the law or its cost (`design_known`), and of a rate for the period
-    (`warnings_on_period`).
+    not fit and for a ``"current"`` compensator on a plant that responds within the sample. Warns
+    (`UserWarning`) where rounding of the plant's matrices moves the compensator or its cost (`design_known`),
+    and of a rate for the period (`warnings_on_period`).
 
     >>> from middeck.systems.plants.plant_from_matrices import make_plant
     >>> walk = make_plant([[0.0]], [[1.0]], [[1.0]], w=["u1"], u=["u1"], z=["y1"], y=["y1"])
@@ -121,7 +121,7 @@ def design_sampled_lqg(
 
 
 def _design(plant: Plant, weights: LQGWeights, authority: float, period_s: float, form: Form) -> SampledLQG:
-    """As `design_sampled_lqg`, rounding apart."""
+    """`design_sampled_lqg` without its check of rounding."""
     part = partition_modes(plant)
     posed = pose_states(part.active)
     held = hold_plant(plant if posed == part.active else posed, weights, period_s)
@@ -178,7 +178,7 @@ def _require_no_loop(system: SampledStateSpace, form: Form) -> None:
 def _join(
     plant: SampledStateSpace, K: np.ndarray, estimator: RiccatiSolution, sensor: np.ndarray, form: Form
 ) -> tuple[SampledStateSpace, Float[np.ndarray, "state state"]]:
-    """The law, and the covariance of what it does not know of the state when it issues u."""
+    """The compensator, and the covariance of what it does not know of the state when it issues u."""
     A, B, C, D = plant.A, plant.B, plant.C, plant.D
     P, L = estimator.X, estimator.gain.T
     if form == "predictor":

@@ -38,16 +38,16 @@ def emulate(
     """The continuous compensator converted to one sampled every ``period_s``.
 
     Args:
-        compensator, period_s: The law, and the time from sample to sample [s].
+        compensator, period_s: The compensator, and the time from sample to sample [s].
         rule: ``"hold"``: exact where its input stands still over each period. ``"tustin"``: the trapezoidal
             rule. ``"matched"``: each pole and zero goes to exp(s T), zeros at infinity to z = -1; for one
             input and one output.
-        match_hz: Where the response is to be met: Tustin's rule is prewarped there, a matched law has its
-            gain there. None for zero frequency. The hold has no such choice.
+        match_hz: Frequency [Hz] of equal response: Tustin's rule is prewarped there, a matched compensator
+            has its gain there. None for zero frequency. The hold has no such choice.
 
     Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
-    or a matched law of more than one input or output. Warns of a law that rings faster than half the rate,
-    at a gain that counts (`RINGING`, `HEARD`): no rule keeps that.
+    or a matched compensator of more than one input or output. Warns of a compensator that rings faster than
+    half the rate, at a gain that counts (`RINGING`, `HEARD`): no rule keeps that.
 
     >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
@@ -101,7 +101,7 @@ def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
 def _hold_applied(
     system: StateSpace, applied: np.ndarray, period_s: float, omega: float, rule: Rule
 ) -> np.ndarray | None:
-    """What a command missing over a whole period does to the states; None for a matched law, of other states.
+    """Effect on the states of a missing command over a period; None for a matched compensator.
 
     Of Tustin's rule the states are (I - A T/2) x / sqrt(T), less what the input holds of them.
     """
@@ -127,7 +127,7 @@ def match_roots(system: StateSpace, period_s: float, omega: float) -> SampledSta
     Sections in series, in the differences of their roots, so that slow roots beside z = 1 lose no digits
     (Franklin, Powell and Workman 1998, section 6.2).
 
-    Raises `ConfigError` for more inputs or outputs, and for a law that is zero.
+    Raises `ConfigError` for more inputs or outputs, and for a compensator that is zero.
     """
     if system.D.shape != (1, 1):
         raise ConfigError(

@@ -31,7 +31,7 @@ class HeldPlant:
     """A plant under held inputs: between samples, and from sample to sample.
 
     Attributes:
-        system: From u to y. States: the plant's, then past inputs (input by input, the latest first), then
+        system: System from u to y. States: the plant's, then past inputs (by input, the latest first), then
             waiting measurements. y[k] is taken at the instant at which u[k] is issued.
         noise: Covariance added to the states by white process noise in one period.
         sensor: Variance of the noise on each sampled measurement: its intensity over the period.

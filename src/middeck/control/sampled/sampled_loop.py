@@ -59,9 +59,9 @@ def measure_sampled_loop(
     The covariance at the samples solves a discrete Lyapunov equation; between the samples it is propagated
     under held inputs and averaged.
 
-    Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a law
-    that reads its own input within the sample. Warns (`UserWarning`) where rounding of the matrices makes the
-    rms uncertain (`measure_known`), and where the rms of a stable loop is infinite.
+    Raises `ConfigError` for ports that differ from the groups u and y, weights that do not fit, and a
+    compensator that reads its own input within the sample. Warns (`UserWarning`) where rounding of the
+    matrices makes the rms uncertain (`measure_known`), and where the rms of a stable loop is infinite.
     """
     found = measure_known(
         "rms", lambda *both: measure_held(*both, weights, authority), _numbers, plant, compensator
@@ -134,7 +134,7 @@ def arrange_law(held: HeldPlant, compensator: Compensator) -> SampledStateSpace:
 
 
 def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:
-    """From sensor noise to the inputs u; states: the held plant's, then the law's."""
+    """From sensor noise to the inputs u; states: the held plant's, then the compensator's."""
     nu, ny = law.D.shape
     closed = feedback(held.system, law, range(nu), range(ny))
     return select_paths(closed, range(nu, nu + ny), range(ny, ny + nu))

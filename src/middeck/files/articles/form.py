@@ -45,7 +45,7 @@ SectionStiffness = Annotated[Any, PlainValidator(section_stiffness)]
 
 
 class MeshForm(Form):
-    """How finely members are divided."""
+    """Division of members into elements."""
 
     elements_per_strut: Annotated[int, whole(1, 200)] = 8
 

@@ -93,7 +93,7 @@ class AnchoredSpringForm(Form):
 
 
 class EnvironmentForm(Form):
-    """Where an article is; without ``[constants]`` there is no gravity.
+    """Gravity and supports of an article; without ``[constants]`` there is no gravity.
 
     ``wheel_speed_rpm`` has the speeds of the article's wheels by name; those left out stand still.
     """

@@ -1,4 +1,4 @@
-"""What is exchanged: a linear system, continuous or sampled, with the names of its ports and states."""
+"""The exchanged value: a linear system, continuous or sampled, with the names of its ports and states."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -122,7 +122,7 @@ def _port_labels(ports: Sequence[Port], side: str) -> list[str]:
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
-    """States of one name told apart by " #1", " #2"; a name that occurs once stays."""
+    """Names of states, made unique by " #1", " #2"; a name that occurs once stays."""
     count, seen = Counter(names), Counter[str]()
     labels: list[str] = []
     for name in names:

@@ -82,7 +82,7 @@ def plain(value: Any, where: str = "") -> Any:
         case Sequence():
             return [plain(v, f"{where}.{i}") for i, v in enumerate(cast("Sequence[Any]", value))]
         case Port(channel=None):
-            return {"name": value.name, "unit": value.unit}  # as computed: no transducer to tell of
+            return {"name": value.name, "unit": value.unit}  # as computed: without a transducer
         case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
             pairs = ((f.name, getattr(value, f.name)) for f in dataclasses.fields(value))
             return {k: plain(v, f"{where}.{k}".lstrip(".")) for k, v in pairs}

@@ -23,15 +23,15 @@ HEAD = f'{{"schema": "{GATE_LOG}"'.encode()
 
 @record(kw_only=True)
 class LoggedGate:
-    """What a log has of one gate.
+    """Record of one gate in a log.
 
     Attributes:
         package, law: SHA-256 of the package, and of what computes in it (`hash_law`).
         models: Names of the models that it was to be tried on.
-        steps: Those that ended, in order.
+        steps: Steps that ended, in order.
         passed: Its verdict; None where the gate was cut off.
         tripped: The trip that the package is to blame for, as in `GateVerdict`; empty for none. A gate that
-            was cut off after a trip has told only the blacklist.
+            was cut off after a trip has written only the blacklist.
     """
 
     package: str

@@ -10,7 +10,7 @@ from middeck.files.json.hash_seal import read_sealed
 VERDICT = "middeck.gate/4"
 ONCE = ("blacklist", "interface", "poles", "vectors", "error bound", "shadow run", "engagement")
 ALWAYS = frozenset(ONCE[:5])
-"""Steps that nobody may leave out."""
+"""Steps that are compulsory."""
 ON_EACH_MODEL = ("model", "recovery", "dry run")
 
 

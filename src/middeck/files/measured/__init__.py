@@ -1,1 +1,1 @@
-"""What a test has measured: models fitted to records, and modal surveys."""
+"""Results of tests: models fitted to records, and modal surveys."""

@@ -231,7 +231,7 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
 
 
 def _too_few(promise: Promise) -> str:
-    """What more modes would change, where it counts."""
+    """Effect of more modes, where it is significant."""
     found = promise.left_out
     if found is None or not found.shift_db:
         return ""
@@ -335,7 +335,7 @@ def _loop_row(outlook: Outlook, bound: RobustBound, plan: Plan) -> dict[str, Any
 
 
 def _swept(swept: Swept) -> dict[str, Any]:
-    """How many cases of the sweep are stable, and which are not."""
+    """Number of stable cases of the sweep, and the unstable ones."""
     return {"cases": len(swept.cases), "stable": int(np.count_nonzero(swept.stable)), "lost": swept.lost}
 
 

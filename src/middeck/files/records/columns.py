@@ -31,7 +31,7 @@ class NamedColumn:
 
 @record
 class Columns:
-    """Which channels of a file are inputs and outputs, and its rate; see `name_columns`.
+    """Inputs and outputs of a file, and its rate; see `name_columns`.
 
     If any of ``named`` has a side, the file's channels are these and no others, in this order; otherwise they
     only describe channels that the file names itself. ``variable`` is the matrix to take from a MAT or

@@ -69,7 +69,7 @@ class Opening:
     """The lines before the numbers.
 
     ``names`` of the columns (empty if there is no such line), whether the first of them is the time and its
-    unit, ``periods``, ``samples`` and ``channels`` as told in comments, and the separator.
+    unit, ``periods``, ``samples`` and ``channels`` as stated in comments, and the separator.
     """
 
     line: int
@@ -240,7 +240,7 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
 
 
 def _said(file: Path, opening: Opening) -> tuple[RecordFault, ...]:
-    """How numbers were read that others write otherwise: decimal commas, times that are not in seconds."""
+    """Notes on unusual readings of numbers: decimal commas, times that are not in seconds."""
     said: list[str] = []
     if any("," in cell for cells in _first_rows(file, opening) for cell in cells):
         said.append("decimal commas are read as points")

@@ -17,7 +17,7 @@ from middeck.signals.fault import RecordFault
 
 # Bytes at the end of a file that are looked at.
 TAIL = 1 << 18
-# Fewest lines from which the last one, if it has its end, is told as cut: of fewer it may be the shortest by
+# Fewest lines from which the last one, if it has its end, counts as cut: of fewer it may be the shortest by
 # chance. A logger or an editor may have ended it.
 FEWEST_ENDED = 200
 # Share of the numbers that may have as few digits as the last one, where each is printed with its own.

@@ -1,4 +1,4 @@
-"""Which reader a record has by the ending of its file; another format has its place here."""
+"""Reader of a record by the ending of its file; another format is entered here."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

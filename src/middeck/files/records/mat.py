@@ -120,7 +120,7 @@ def _rate(
 
 
 def _warnings_on_told(told: dict[str, float], head: ChannelHeader) -> tuple[RecordFault, ...]:
-    """A fault where a rate below 1 Hz is told: rather a period as fs, or a rate as Ts."""
+    """A fault where a rate below 1 Hz is stated: rather a period as fs, or a rate as Ts."""
     rates = _rates(told)
     slow = next((n for n in told if rates[n] < 1.0), None)
     if slow is None:

@@ -1,4 +1,4 @@
-"""What a file, or a plain matrix, holds before its channels have sides: the common form of all readers."""
+"""Contents of a file, or a plain matrix, before its channels have sides: the form of all readers."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,7 +112,7 @@ def sampling_rate(raw: Raw, columns: Columns | None, where: str) -> float:
 
 
 def choose(heads: tuple[ChannelHeader, ...], columns: Columns | None, where: str) -> Chosen:
-    """Which channels of a file are inputs and outputs, in their order, and what they are called."""
+    """Inputs and outputs of a file, in their order, and their names."""
     named = () if columns is None else columns.named
     if any(c.side for c in named):
         picks = [(_position(heads, c, n, where), c) for n, c in enumerate(named)]

@@ -99,8 +99,8 @@ def since_1970(first: float) -> bool:
 
 
 def warning_on_seconds(rate: float, counted: bool, first: float) -> str:
-    """Words about stamps that were read as seconds, at a ``rate`` [Hz] that no structure is sampled at; none
-    where nothing is odd, or where the ``first`` may be seconds since 1970."""
+    """A warning for stamps read as seconds, at a ``rate`` [Hz] at which no structure is sampled; empty for
+    others, or where the ``first`` may be seconds since 1970."""
     if (not counted and rate >= SLOW) or (since_1970(first) and rate >= LOGGED):
         return ""
     meant = "they count the lines" if counted else f"if they are milliseconds, it is {1e3 * rate:.6g} Hz"

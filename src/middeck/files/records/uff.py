@@ -245,7 +245,7 @@ def _told(data: Dataset, key: str) -> float | None:
 
 
 def _sample_hz(data: Dataset) -> float:
-    """The rate [Hz]: as told, or the roundest that fits the digits of the printed step.
+    """The rate [Hz]: as stated, or the roundest that fits the digits of the printed step.
 
     A step of 1.66667E-04 s stands for 6000 Hz, not for 5999.99.
     """

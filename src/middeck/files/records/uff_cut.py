@@ -15,8 +15,8 @@ ALIKE = 3
 
 
 def warnings_on_whole(outputs: Sequence[Dataset], sets: Sequence[Dataset], file: Path) -> Iterator[str]:
-    """Words where a file seems cut between two data sets, which leaves a file that looks whole: of all its
-    ``sets`` those of ``outputs``."""
+    """Warnings where a file seems cut between two data sets, which leaves a file that looks whole, from the
+    data sets of ``outputs`` among all ``sets``."""
     measured: dict[Place, set[int]] = {}
     for at in (data.response for data in outputs):
         measured.setdefault(dataclasses.replace(at, direction=0), set()).add(abs(at.direction))

@@ -64,8 +64,8 @@ class RankedTests:
 
     Attributes:
         environments: Environments in which frequencies are promised, by name.
-        modes: How many of the lowest modes are promised in each.
-        loads: What gauges will read, that is promised too.
+        modes: Number of lowest modes promised in each.
+        loads: Promised gauge readings.
     """
 
     structure: Structure

@@ -51,7 +51,7 @@ class ReadingForm(GaugeForm):
 
 
 class _LoadedForm(LoadingForm):
-    """How readings under loads count."""
+    """Reference of readings under loads."""
 
     environment: str = "lab"
     since: Literal["unloaded", "drawn"] = "unloaded"

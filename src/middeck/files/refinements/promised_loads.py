@@ -45,8 +45,8 @@ class PromisedLoads:
     """An article, the refinement that it stands on, and what is promised of it at rest.
 
     Attributes:
-        environment_name: As the document names it.
-        modes: How many of the lowest modes are promised beside the readings.
+        environment_name: Name of the environment in the document.
+        modes: Number of lowest modes promised beside the readings.
         files: Every file that was read.
     """
 

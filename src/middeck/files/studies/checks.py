@@ -47,7 +47,7 @@ def _number(value: Any) -> float | None:
 
 
 def _hold(data: Table) -> Iterator[PathFault]:
-    """A held command takes effect half a sample late in the mean, whatever else is late."""
+    """A held command has a mean delay of half a sample, beside all other delays."""
     sample_hz, delay_s = (_number(table_of(data, "rig").get(key)) for key in ("sample_hz", "delay_s"))
     if sample_hz and delay_s is not None and delay_s < (1.0 - ROUNDING) * 0.5 / sample_hz:
         message = f"must be >= {0.5 / sample_hz:g} s, the hold's own half sample at {sample_hz:g} Hz"
@@ -99,7 +99,7 @@ def _driven(form: StudyForm, article: str) -> list[tuple[str, str]]:
 
 
 def _state_of(data: Table, joint: str) -> Path:
-    """Where the state of ``joint`` stands, or would."""
+    """Place of the state of ``joint``, given or not."""
     for i, t in tables(data, "gimbal"):
         for axis in "xz":
             if joint == f"{t.get('name')}_{axis}":

@@ -50,7 +50,7 @@ class Study:
         folder: Folder of the study file; its paths are relative to it.
         cases: Every article in every environment; see `case`.
         inputs: Name (from the study's folder) and SHA-256 of every file that was read or is to be read.
-        overrides: What ``--set`` has changed.
+        overrides: Overrides by ``--set``.
     """
 
     form: study_form.StudyForm

@@ -177,7 +177,7 @@ class StudyForm(Form):
     """A study: documents it stands on, and settings; a chapter without settings is not run.
 
     Attributes:
-        account: Whose account the claims of the report are; without one nothing is claimed.
+        account: Source of the report's claims; without one there are none.
     """
 
     schema_: Literal[1] = Field(alias="schema")
@@ -309,7 +309,7 @@ def _documents(data: Table) -> Iterator[PathFault]:
 def port_findings(form: StudyForm, ports: dict[str, tuple[list[str], list[str]]]) -> list[PathFault]:
     """Ports that an article of the study lacks, or that are named twice.
 
-    ``ports`` gives actuators and sensors by article; of one that the study does not have nothing is said.
+    ``ports`` gives actuators and sensors by article; an article that the study lacks is skipped.
     """
     wanted: list[tuple[str, str, str | Names, list[str]]] = []
     if form.control is not None and form.control.article in ports:

@@ -136,7 +136,7 @@ def form_findings(error: ValidationError, form: type[Form]) -> list[PathFault]:
 
 
 def _for_the_missing(fault: PathFault, found: Sequence[PathFault]) -> PathFault:
-    """``fault``, told the key that its table lacks where it is the only unknown one there, and that too."""
+    """``fault`` with the key that its table lacks as its hint, where it is the only unknown key there."""
     beside = [f for f in found if f.path[:-1] == fault.path[:-1]]
     lacking = [f.path[-1] for f in beside if f.message.startswith(MISSING)]
     alone = [f.message for f in beside].count(UNKNOWN) == len(lacking) == 1

@@ -241,7 +241,7 @@ def is_of_tables(form: type[Form], key: str) -> bool:
 
 
 def fixed_length(form: type[Form], path: Path) -> int:
-    """How many values an array of the document must have; zero for any number, and where there is none."""
+    """Required number of values in an array; zero for any number, and where there is none."""
     annotation: Any = form
     for key in path:
         annotation = child(annotation, key)

@@ -81,7 +81,7 @@ def _fault(key: str, message: str, hint: str) -> DocumentFault:
 
 
 def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[KeyState, Path]:
-    """How far ``segments`` lead in ``data``, a document of the form ``annotation``, and the path in it."""
+    """State of the key at ``segments`` in ``data``, a document of form ``annotation``, and its path."""
     path: list[str | int] = []
     for depth, segment in enumerate(segments):
         annotation = bare(annotation)

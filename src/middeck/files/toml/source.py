@@ -21,7 +21,7 @@ from middeck.values import record
 F = TypeVar("F", bound=Form)
 Kind = Literal["article", "environment", "study"]
 DOCUMENTS = (kind_of_content.ARTICLE, kind_of_content.ENVIRONMENT, kind_of_content.STUDY)
-# Said of a fitted model, where an article is asked for.
+# Words for a fitted model in place of an article.
 NO_GRAVITY_TO_TAKE = (
     "; gravity and suspension are in all modes of a measurement, and cannot be taken out of it"
 )
@@ -107,7 +107,7 @@ def read_sources(paths: Sequence[str | Path], kinds: Sequence[Kind]) -> list[Sou
 
 
 def place_in(source: Source, changed: Mapping[KeyPath, str], finding: PathFault) -> DocumentFault:
-    """Where ``finding`` lies: at the override in ``changed`` that set the value, or in the file."""
+    """Place of ``finding``: the override in ``changed`` that set the value, or the file."""
     file, line = source.file, line_of(source.lines(), finding.path)
     for end in range(1, len(finding.path) + 1):
         if setter := changed.get(finding.path[:end]):

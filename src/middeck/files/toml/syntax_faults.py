@@ -8,7 +8,7 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 KEY = r"^\s*(?P<key>[\w.\"-]+)\s*"
 HEAD = r"(?!\s*(?:\[[^\[\]]+\]|\[\[[^\[\]]+\]\])\s*(?:#|$))"  # not the head of a closed table
 BARE = r"^[^\"'#]*"  # before any text or comment
-NEAR = 3  # lines above the one that the parser names: it notices an open bracket late
+NEAR = 3  # lines above the one that the parser names: it notices an open bracket only later
 
 
 class Trouble(NamedTuple):

@@ -11,13 +11,13 @@ from middeck.signals.fault import RecordFault
 from middeck.signals.record import Record
 from middeck.systems.plants.response import FrequencyResponse
 
-# Share of an output's power in the band that the reference must explain before anything is said of it.
+# Share of an output's power in the band that the reference must explain before a fault of it is reported.
 EXPLAINED = 0.5
-# Gain from which a channel is told of: calibrations are good to some per cent, mistaken units are tens.
+# Gain from which a channel is reported: calibrations are good to some per cent, mistaken units are tens.
 WRONG_GAIN = 1.5
-# Samples of delay from which it is told of.
+# Delay [samples] from which it is reported.
 LATE = 0.5
-# A channel is told to be another if its own row leaves so much of its power unexplained, and the other row so
+# A channel is taken for another if its own row leaves so much of its power unexplained, and the other row so
 # much less of that.
 LEFT, LESS = 0.01, 0.1
 
@@ -28,7 +28,7 @@ def compare_with_reference(record: Record, reference: FrequencyResponse) -> list
     Each output's lines are explained by what the reference makes of each input times a real gain, least
     squares over all experiments: gains of one say that all is well, an output of minus ones has the wrong
     sign, and an output that another row explains is that other one. The relative sign of an input and all
-    outputs cannot be told from an input of the wrong sign: the input is named.
+    outputs cannot be distinguished from an input of the wrong sign: the input is named.
 
     Raises `DataError` if ports differ or if no line of the record lies within the reference.
     """

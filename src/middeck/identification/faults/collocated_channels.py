@@ -15,14 +15,14 @@ from middeck.signals.record import Record
 # Two channels that agree so well are one signal; independent sensors differ by their noise.
 ONE_SIGNAL = 1e-9
 # Difference of two outputs of one signal over the noise of either: of independent noise it is 0.5 or more, as
-# prediction from noisy samples makes noise up to 2.5 times as large. Earlier samples that foretell the next,
+# prediction from noisy samples makes noise up to 2.5 times as large. Earlier samples that predict the next,
 # and the samples that are looked at.
 SHARED, PAST, MOST = 0.2, 12, 4096
-# Share of an output that is foretold but for rounding: it was computed, and has no noise.
+# Share of an output that is predicted but for rounding: it was computed, and has no noise.
 NOISELESS = 1e-7
 # Correlation from which two collocated sensors of one quantity are taken to see the same motion.
 ALIKE = 0.7
-# Delay between collocated sensors, in samples, from which it is told: the phase of a sixth of a cycle at a
+# Delay between collocated sensors, [samples], from which it is reported: the phase of a sixth of a cycle at a
 # third of the sampling rate.
 LATE = 0.5
 # A driven point takes power in: the share with the right sign less that with the wrong one is near 1. Below
@@ -76,10 +76,10 @@ def _unsure(same: FaultDraft) -> FaultDraft:
 
 
 def _noise_of_either(y: Run, z: Run, inputs: list[Run]) -> float | None:
-    """What two proportional outputs differ by over the noise of either: none if they share it.
+    """Difference of two proportional outputs over the noise of either: zero if they share it.
 
-    Sensors of one mode are proportional, too. Noise is what neither past nor inputs foretell; None: there is
-    no noise.
+    Sensors of one mode are proportional, too. Noise is the part that neither past nor inputs predict; None:
+    there is no noise.
     """
     past = min(PAST, len(y) // (8 * (1 + len(inputs))))
     if past < 1:

@@ -119,7 +119,7 @@ def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[RecordFaul
 def _without(record: Record, found: Sequence[RecordFault], kinds: Sequence[str]) -> Record | None:
     """Leave out outputs with such faults, and inputs that are dead, which move nothing.
 
-    None where another input has such a fault, which all outputs answer, or where a side has no channel left.
+    None where another input has such a fault, which moves all outputs, or where a side has no channel left.
     """
     at = {(f.side, f.channel, f.kind) for f in found if f.kind in kinds}
     if any(side == "input" and kind != "dead" for side, _, kind in at):

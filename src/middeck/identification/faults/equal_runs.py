@@ -16,7 +16,7 @@ Runs = list[tuple[int, int]]
 Spans = Iterable[tuple[int, int]]
 # A channel whose swing is within this share of its level is constant up to rounding.
 ROUNDING = 1e-13
-# The levels themselves are rounded, to 1e-7 of their size in single precision: finer steps are not told.
+# The levels themselves are rounded, to 1e-7 of their size in single precision: finer steps are not reported.
 FINEST = 1e-6
 
 
@@ -41,7 +41,7 @@ def equal_runs(x: Signal, least: int) -> Runs:
 
 @record
 class Levels:
-    """How many values a signal takes, and the step of which they are whole multiples (0 if there is none)."""
+    """Number of values of a signal, and the step of which they are whole multiples (0 if there is none)."""
 
     count: int
     step: float

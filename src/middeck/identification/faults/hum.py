@@ -29,7 +29,7 @@ FALLS, CHANCE = 0.05, 24.0
 BETWEEN, STEP = np.linspace(-0.6, 0.6, 49), 1e-3
 # Share of what an output has above the lines beside it that an input may have there.
 DRIVEN = 0.03
-# Share of the output's rms from which a sine is told, and from which it is serious.
+# Share of the output's rms from which a sine is reported, and from which it is serious.
 TOLD, SERIOUS = 0.01, 0.1
 MOST = 8
 FEWEST_SAMPLES = 512
@@ -50,7 +50,7 @@ def find_hum(record: Record) -> list[tuple[FaultDraft, Port, int]]:
     found: list[tuple[FaultDraft, Port, int]] = []
     for e, u in enumerate(inputs):
         driven = np.max([_above(np.abs(spectrum_of(x)) ** 2) for x in u.T], axis=0)
-        # Lines near a harmonic are not free; what the input has there tells nothing of those beside.
+        # Lines near a harmonic are not free; the input there shows nothing of those beside.
         beside = scipy.ndimage.maximum_filter1d(np.where(free, driven, 0.0), 2 * LOBE + 1)
         for o, port in enumerate(record.outputs):
             spectrum = spectrum_of(record.y[e, ..., o].ravel())

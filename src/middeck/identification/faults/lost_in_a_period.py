@@ -22,10 +22,10 @@ MOST, PARTS, UNEVEN = 16, 16, 4.0
 BETTER = 0.5
 # What one leaves of a sample on its side, over what both leave on average; of the other, what is rounding.
 EVEN, ROUNDING = 3.0, 1e-18
-# Free motion foretells itself, so many samples being known: to less than this share of the power that a shift
-# leaves, and to hardly more than that foretells itself. What forces do in so many more samples does not.
+# Free motion predicts itself, so many samples being known: to less than this share of the power that a shift
+# leaves, and to hardly more than that predicts itself. What forces do in so many more samples does not.
 KNOWN, FREE, HARDLY = 12, 0.6, 1.4
-# Nor is a sample near the loss foretold so badly: times the rms.
+# Largest error of prediction near the loss, over the rms.
 LEAP = 4.5
 # A shorter shift is as good that leaves no more than so many times what the best leaves.
 AS_GOOD = 1.5
@@ -117,13 +117,13 @@ class _Loss:
 
 
 def _innovation(x: Signal) -> Signal:
-    """What ``KNOWN`` samples before leave of each sample of a signal behind them."""
+    """Innovation of each sample of a signal after the first ``KNOWN``, given as many before it."""
     past = np.lib.stride_tricks.sliding_window_view(x[:-1], KNOWN)
     return x[KNOWN:] - past @ np.linalg.lstsq(past, x[KNOWN:], rcond=None)[0]
 
 
 def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] | None:
-    """From which sample, and by how many, ``y`` runs ahead of the others, and what that leaves.
+    """First sample from which ``y`` leads the others, the lead in samples, and the residual.
 
     The motion of one mode is nearly the same a cycle later: the shortest shift that leaves hardly more.
     """
@@ -138,7 +138,7 @@ def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] 
 
 
 def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float] | None:
-    """Where the shift begins, and what is left with it; None where that may be chance."""
+    """Start of the shift, and the residual with it; None where that may be chance."""
     moved = np.roll(others, -shift)
     as_they_are, shifted, apart = (
         np.concatenate([[0.0], np.cumsum(part**2)]) for part in (y - others, y - moved, moved - others)

@@ -1,7 +1,7 @@
 """Faults in the relation of outputs to inputs: lost samples, feedback, delays of half a record.
 
-Both sides are whitened first, each by what its own past foretells of it: the answer of a lightly damped mode
-then lasts for few samples, and the correlation of the two is noise but where one answers the other.
+Both sides are whitened first, each by the prediction from its own past: the response of a lightly damped mode
+then lasts for few samples, and the correlation of the two is noise but where one responds to the other.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
 Signal = Float[np.ndarray, " sample"]
-# Samples before from which the next is foretold, and the share of white noise that keeps that determined.
+# Past samples from which the next is predicted, and the share of white noise that keeps that determined.
 PAST, FLOOR = 24, 1e-9
-# A signal whose past foretells all but this share of it is no noise: nothing is told from it.
+# A signal that its past predicts but for this share is no noise: nothing is concluded from it.
 FORETOLD = 1e-3
-# Parts of a record that are compared, by how many samples they may be apart, and over how many an answer is.
+# Parts of a record that are compared, by how many samples they may be apart, and over how many a response is.
 PARTS, APART, ANSWER = 9, 40, 48
 FEWEST_SAMPLES = 300
-# Events in a record, such as steps, from which its parts each tell an answer; and from which what later
+# Events in a record, such as steps, from which each part shows a response; and from which what later
 # inputs tell is no matter of the samples about a release or two, where more may be left than elsewhere.
 FEWEST_EVENTS, FEWEST_STEPS = 100.0, 3.0
-# Correlation of the answers of two parts from which they are one answer, and by how much it must be better
+# Correlation of two parts' responses from which they are one response, and by how much it must be better
 # than without a shift.
 ALIKE, BETTER = 0.45, 0.2
 # Share of the parts that must be alike.
 MOST_ALIKE = 0.6
-# What a regression must gain: deviations of its chi-square law, and its share of what is not foretold.
+# Gain required of a regression: in deviations of its chi-square law, and as a share of the prediction error.
 SURE, SHARE = 7.0, 0.02
 # Times as much of the past by which feedback is tested again, and samples for each unknown of that; of more
-# than so many samples some, evenly spread, tell as much.
+# than so many samples some, evenly spread, suffice.
 LONGER, ROWS, ENOUGH = (2, 4, 8), 4, 20_000
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
-# Of computed samples rounding is all that is left: below LEAST, in rms of the output, nothing is told.
+# Computed samples leave rounding alone: below LEAST, in rms of the output, nothing is concluded.
 FEWEST_LARGE, BEYOND, LEAP, LEAST = 20, 12.0, 12.0, 1e-4
 # Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
 AS_BEFORE = 2.0
@@ -48,9 +48,9 @@ AS_BEFORE = 2.0
 # input does between samples. Before it begins, an answer that a filter cuts off near half the rate follows a
 # sum of (-1)^n / n^k of inputs n samples later: so many powers k are enough.
 LEADS, TAILS = 2, 3
-# Deviations of a correlation from which it is an answer: the largest of 1e4 of noise is 4.
+# Deviations of a correlation from which it is a response: the largest of 1e4 of noise is 4.
 ANSWERED = 7.0
-# A delay is told from so many samples, and this share of the record.
+# A delay is reported from so many samples, and this share of the record.
 LONG, LONG_SHARE = 32, 0.02
 
 
@@ -109,7 +109,7 @@ def _shifts(record: Record, U: np.ndarray, Y: np.ndarray) -> list[Place]:
     answers = np.stack([correlation(U[:, p], Y[:, p], -APART, ANSWER) for p in parts], axis=1)
     found: list[Place] = []
     for o, y in enumerate(Y):
-        # All inputs together tell most; where one alone lost samples, only it shows that.
+        # All inputs together show most; where one alone lost samples, only it shows that.
         every = list(range(len(U)))
         tried = (
             _shift(U[of], y, parts, answers[o][:, of])
@@ -137,7 +137,7 @@ def _shift(
     parts: list[slice],
     answers: Float[np.ndarray, "part input lag"],
 ) -> tuple[int, int] | None:
-    """Sample near which, and samples by which, the answer moves within the record; None if it does not."""
+    """Sample near which, and samples by which, the response shifts within the record; None for no shift."""
     if not y.any() or _events(U) < FEWEST_EVENTS:
         return None
     lags = _lags(answers)
@@ -206,7 +206,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
     Each output is explained by its own past and by the inputs until then. What is left is noise. No later
     input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
-    direct term as well, and cannot be told, nor what is the tail of a filter. And noise has no sample that
+    direct term as well, and cannot be seen, nor what is the tail of a filter. And noise has no sample that
     stands alone, unless others were lost before it.
     """
     u, y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
@@ -229,7 +229,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
             if share is not None and not _is_of_the_past(Y[o : o + 1], U, later, lags):
                 found.append((_fed_back(share), port))
         elif at is not None:
-            # As its past foretells it, a spike is gone; after a joint the next samples are wrong, too.
+            # Predicted from its past, a spike is gone; after a joint the next samples are wrong, too.
             mended = Y[o].copy()
             mended[lags + at] -= left[at]
             past = np.vstack([beside(mended[None], range(-lags, 0), *span), until])
@@ -244,7 +244,7 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
 
 
 def _tails(after: Float[np.ndarray, "row sample"], inputs: int) -> Float[np.ndarray, "tail sample"]:
-    """What later samples of each input tell of an answer that is band-limited between samples."""
+    """Weighted sums of later samples of each input, for a response band-limited between samples."""
     n = np.arange(LEADS + 1.0, LEADS + 1 + len(after) // inputs)
     powers = np.arange(1.0, min(TAILS, len(n) // 2) + 1)
     weights = np.cos(np.pi * n) * n ** -powers[:, None]
@@ -288,9 +288,9 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
 
 
 def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool:
-    """Whether later inputs tell nothing once more of the past is known.
+    """Whether later inputs add nothing once more of the past is known.
 
-    Of inputs whose past foretells them, such as sums of sines, later ones tell what far earlier ones were:
+    Inputs that their past predicts, such as sums of sines, later show what far earlier ones were:
     what modes that ring on make of those is no noise.
     """
     for past in (lags * longer for longer in LONGER):

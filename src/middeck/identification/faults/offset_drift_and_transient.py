@@ -4,17 +4,17 @@ import numpy as np
 
 from middeck.identification.faults.equal_runs import FaultDraft, Levels, Signal, fault
 
-# Level over swing (rms) from which an offset is told: an output that never crosses zero much; a command may
+# Level over swing (rms) from which an offset is reported: an output that hardly crosses zero; a command may
 # have one by intention (a binary sequence of 0 and 1 has 1).
 OFFSET_OUTPUT, OFFSET_INPUT = 1.0, 3.0
-# Change over the record, over the rms of the signal, from which a drift is told.
+# Change over the record, over the rms of the signal, from which a drift is reported.
 DRIFT, PERIODIC_DRIFT = 0.3, 0.1
-# Lowest lines that a drift is told from, and how many of its standard deviations it must have. With nineteen
+# Lowest lines that a drift must exceed, and how many of its standard deviations it must have. With nineteen
 # degrees of freedom Student's t passes 8 in one of 1e7.
 LINES, SURE = 10, 8.0
 # Noise of the steps over the signal (step / sqrt(12) / rms): 1 % is the noise of a good bench.
 COARSE, TOO_COARSE = 0.01, 0.1
-# First period less last one, over the rms of the signal, from which a transient is told; and how much of it
+# First period less last one, over the signal's rms, from which a transient is reported; and how much of it
 # must die out from the first to the last quarter of a period, or from the first two to the last two periods.
 TRANSIENT, SERIOUS, DIES = 0.01, 0.1, 4.0
 # Scatter of the input over its periods, as a share of their mean.

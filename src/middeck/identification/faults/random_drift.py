@@ -20,11 +20,11 @@ LINES, BESIDE, FOR_EACH, DEGREE = 96, 10, 2, 2
 # lie (1.39 each), of the first one with its four lines, of the others, and of these together.
 OCTAVES = (3, 6, 12, 24, 48)
 FIRST_FALL, FALL, ALL_FALLS = (-1.0, 4.0), (0.0, 2.9), (2.5, 5.8)
-# Lines from which the size of the walk is told, its share of the rms from which it is, and is serious.
+# Lines for the size of the walk; its shares of the rms from which it is reported, and serious.
 TOLD_FROM, TOLD, SERIOUS = slice(5, 23), 0.03, 0.1
 # The mean of the logarithm of an exponential variate is below that of its mean by Euler's constant.
 EULER = 0.5772
-# Share of the largest singular value below which a column tells nothing.
+# Share of the largest singular value below which a column is ignored.
 RANK = 1e-8
 
 

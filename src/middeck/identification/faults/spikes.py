@@ -30,7 +30,7 @@ FAR, HUNDREDTH, FEW = 3.0, 0.99, 0.005
 # Spikes among large samples of the signal's own: residuals of a prediction from so many samples before. The
 # largest, a share but no fewer than FEWEST_LARGE, tell the tail; chance is beyond it in one of e^BEYOND.
 PREDICTED_FROM, LARGE, FEWEST_LARGE, BEYOND = 16, 0.01, 20, 7.0
-# Samples by which an output may follow a spike or a step of an input and be its answer.
+# Samples by which an output may follow a spike or a step of an input and be its response.
 ANSWERS = WIDE + 2
 # Share of the largest sample of a run that one beside it has where the run is the middle of a longer one.
 LASTS = 0.8
@@ -45,7 +45,7 @@ FALLS = 1.5
 def find_spikes(x: Signal, levels: Levels, driven: Runs | None = None) -> list[FaultDraft]:
     """Runs of one to nine samples far outside of their neighbours, the signal's tail and any response.
 
-    ``driven`` are spikes of the inputs, which an output may answer.
+    ``driven`` are spikes of the inputs, to which an output may respond.
     """
     runs = [r for r in spike_runs(x, levels) if not _answers(r, driven or [])]
     if not runs:
@@ -81,7 +81,7 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     """
     rest = np.ones(len(x), dtype=bool)
     for a, b in runs:
-        # The first samples are foretold from those after them, up to twice as far in.
+        # The first samples are predicted from those after them, up to twice as far in.
         rest[max(a - PREDICTED_FROM, 0) if a < 2 * PREDICTED_FROM else a : b + PREDICTED_FROM] = False
     if not rest.any():  # steps or pulses all along: the signal itself
         return np.zeros(len(x)), np.inf
@@ -93,7 +93,7 @@ def _tail(x: Signal, runs: Runs) -> tuple[Signal, float]:
     weights = scipy.linalg.solve_toeplitz(column, past[1:]) if past[0] > 0.0 else np.zeros(before)
     ahead = np.concatenate([[1.0], -weights])
     left = np.abs(np.convolve(ahead, x - level.mean())[: len(x)])
-    # The first samples have none before them: they are foretold from those after, by the same weights.
+    # The first samples have none before them: they are predicted from those after, by the same weights.
     left[:before] = np.abs(np.convolve(ahead, x[::-1] - level.mean())[: len(x)])[::-1][:before]
     clean = np.sort(left[rest])
     large = clean[-max(FEWEST_LARGE, int(LARGE * len(clean))) :]

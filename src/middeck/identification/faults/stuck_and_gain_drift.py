@@ -1,8 +1,8 @@
 """Faults of the response within a record: channels that stick for a while, and gains that drift slowly.
 
-Each output is foretold from its own past and the inputs until then, by one regression. Free motion is of the
+Each output is predicted from its own past and the inputs until then, by one regression. Free motion is of the
 past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
-does not, or an output stands still while the inputs move it, its answer is left as well. And what the inputs
+does not, or an output stands still while inputs move it, its response is left as well. And what the inputs
 add to the past grows with the gain, whatever the poles are.
 """
 
@@ -18,7 +18,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Record
 from middeck.values import record as value
 
-# Samples before from which the next is foretold: of the output, and of all inputs together; and how many
+# Past samples from which the next is predicted: of the output, and of all inputs together; and how many
 # samples each unknown takes.
 PAST, PAST_OF_INPUTS, ROWS = 24, 48, 6
 # The past by which a gain that changes is confirmed: of many modes a short one leaves a response that looks
@@ -29,7 +29,7 @@ FLOOR = 1e-10
 # An input that rests so long, and so many times as long as ever else, and moves at so many of the other
 # samples, may be stuck; as an output from the first sample on.
 RESTS, LONGER, MOVES, STARTS = 64, 3.0, 0.1, 60
-# Power that is left where a channel stands still over that elsewhere, from which its answer is left there.
+# Power that is left where a channel stands still over that elsewhere, from which its response is left there.
 # Of 300 sound records none has more than two. Below the second, in units of the output's, it is rounding.
 LEFT, ROUNDED = 6.0, 1e-10
 # Power that later inputs leave over that of the inputs as they are, below which the article has a dead time.
@@ -41,7 +41,7 @@ FEWEST = 12
 PARTS, CHANGE, SURE = 16, 0.02, 6.5
 # What the inputs add in one part over that in the median part, and the share of an input's power that may
 # move between eight bands of frequency from the first half of a record to the other: a sweep that meets other
-# modes at another time does not tell a gain from a response.
+# modes at another time does not distinguish a gain from a response.
 UNEVEN, BANDS, MOVED = 4.0, 8, 0.3
 # Pieces of a record, long against the memory of its modes, by which a delay that grows is told from a gain;
 # and how many times as much it must explain (amplitude). Of ten records of two clocks the least was three.
@@ -50,7 +50,7 @@ PIECES, CLEARLY = 8, 2.0
 
 @value
 class _Regression:
-    """One output: what is foretold, and from what: [own past, inputs, one] over samples from ``first`` on;
+    """One output: the predicted samples and their regressors [own past, inputs, one], from ``first`` on;
     ``past`` rows are its own.
     """
 
@@ -65,11 +65,11 @@ class _Regression:
         return np.linalg.solve(self._gram(leave_out), right)
 
     def left(self, leave_out: slice = slice(0, 0)) -> Signal:
-        """What the others foretell of no sample."""
+        """The prediction error of all samples."""
         return self.told - self.weights(leave_out) @ self.rows
 
     def unsure(self, leave_out: slice, at: slice, power: float) -> float:
-        """Mean variance of what the weights foretell ``at`` samples; noise leaves a ``power`` elsewhere.
+        """Mean variance of the prediction ``at`` samples, with the ``power`` of the noise elsewhere.
 
         Large where a mode moves only there. The floor keeps weights small that nothing else determines, as
         noise would of which they are no larger than one.
@@ -108,7 +108,7 @@ def find_stuck(record: Record) -> list[RecordFault]:
 def find_gain_drift(record: Record) -> list[RecordFault]:
     """Outputs whose gain from the inputs, or whose delay, changes over the record.
 
-    Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces tell.
+    Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces show it.
     """
     found: list[RecordFault] = []
     for e, (u, y) in enumerate(_experiments(record)):
@@ -140,7 +140,7 @@ def _scaled(x: Float[np.ndarray, "channel sample"]) -> Float[np.ndarray, "channe
 def _regression(
     u: Float[np.ndarray, "input sample"], y: Signal, every: int = 1, late: int = 0, past: int = PAST
 ) -> _Regression:
-    """With inputs ``late`` samples later than they are."""
+    """The regression with inputs delayed by ``late`` samples."""
     first = past + late
     span = first, len(y) - first, every
     lags = range(-late - max(4, min(PAST, PAST_OF_INPUTS // len(u))), 1 - late)
@@ -164,7 +164,7 @@ def _rest(x: Signal) -> tuple[int, int] | None:
 
 
 def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) -> bool:
-    """Whether what the other inputs do in the run is known from what they do elsewhere."""
+    """Whether all other inputs move elsewhere about as strongly as in the run."""
     steps = np.delete(np.diff(u, axis=1), i, axis=0) ** 2
     here = steps[:, run[0] : run[1]]
     outside = (steps.sum(axis=1) - here.sum(axis=1)) / max(steps.shape[1] - here.shape[1], 1)
@@ -174,7 +174,7 @@ def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) 
 def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
     """Whether more is left in a run, from some samples ``after`` its beginning on, than outside of it."""
     a, b = (k - of.first for k in run)
-    inside = slice(max(a + after, 0), b - PAST)  # an answer may be late
+    inside = slice(max(a + after, 0), b - PAST)  # a response may be delayed
     around = slice(max(a - PAST, 0), min(b + PAST, len(of.told)))
     if inside.stop - inside.start < FEWEST or len(of.told) - (around.stop - around.start) < ROWS * len(
         of.rows
@@ -187,7 +187,7 @@ def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
 
 
 def _is_late(u: Float[np.ndarray, "input sample"], y: Signal, start: int) -> bool:
-    """Whether inputs later by the ``start`` tell far more of what follows: a dead time of the article."""
+    """Whether inputs delayed by the ``start`` predict far more of the rest: a dead time of the article."""
     at_once, late = (_regression(u, y, late=late).left() for late in (0, start - 1))
     return float(np.sum(late**2)) < TELLS_MORE * float(np.sum(at_once[-len(late) :] ** 2))
 

@@ -15,18 +15,18 @@ from middeck.identification.faults.lost_samples_and_feedback import (
 from middeck.signals.fault import RecordFault
 from middeck.signals.record import Record
 
-# Correlation of two answers from which they are one (or, negative, one turned round), and by how much another
+# Correlation of two responses that are one (or, negative, one turned round), and by how much another
 # output's must be better.
 ALIKE, BETTER = 0.6, 0.2
-# Power of an answer over that of noise from which it is compared.
+# Power of a response over that of noise from which it is compared.
 HEARD = 4.0
-# Correlation of two inputs from which their answers cannot be told apart.
+# Correlation of two inputs from which their responses cannot be distinguished.
 ONE_INPUT = 0.3
-# A gain is told from so many of its deviations and this share, if half the lines agree with it within a half.
+# A gain is reported from so many deviations and this share, if half the lines agree with it within a half.
 SURE, SHARE, AGREE = 6.0, 0.005, 0.5
-# Lines that a gain is told from: their power over that of their noise, and how many.
+# Lines from which a gain is estimated: their power over that of their noise, and how many.
 CLEAR, FEWEST_LINES = 30.0, 20
-# Times the median weight that a line may have: few lines at a resonance tell nothing of a gain.
+# Times the median weight that a line may have: few lines at a resonance do not show a gain.
 HEAVIEST = 10.0
 
 
@@ -54,10 +54,10 @@ def _white(x: np.ndarray) -> Float[np.ndarray, "experiment channel sample"]:
 def _apart(
     first: Float[np.ndarray, "input sample"], here: Float[np.ndarray, "input sample"]
 ) -> Bool[np.ndarray, " input"]:
-    """Inputs whose answers are their own in two experiments, and not those of inputs that move with them.
+    """Inputs whose responses in two experiments are their own, not those of inputs that move with them.
 
     Experiments that drive several inputs by one signal, or by several of which some are turned round in the
-    other one (orthogonal multisines), tell the answers together only.
+    other one (orthogonal multisines), show the responses together only.
     """
     C, D = (correlation(u, u, -ANSWER, ANSWER) for u in (first, here))
     largest = np.maximum(np.abs(C), np.abs(D)).max(axis=2) / np.sqrt(first.shape[1])
@@ -67,7 +67,7 @@ def _apart(
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:
-    """Correlation of two answers; zero where one is lost in noise."""
+    """Correlation of two responses; zero where one is lost in noise."""
     power = np.array([np.sum(a**2), np.sum(b**2)])
     return float(np.sum(a * b) / np.sqrt(np.prod(power))) if power.min() > HEARD * a.size else 0.0
 
@@ -82,7 +82,7 @@ def _swapped(record: Record, alike: Float[np.ndarray, "output output"], o: int) 
 
 
 def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> FaultDraft | None:
-    """The input whose answer has the other sign; ``first`` and ``here`` are answers [input, lag]."""
+    """The input whose response has the other sign; ``first`` and ``here`` are responses [input, lag]."""
     inputs = [p.name for p, a, b in zip(record.inputs, first, here, strict=True) if _cosine(a, b) < -ALIKE]
     if not inputs:
         return None
@@ -91,7 +91,7 @@ def _turned(record: Record, first: np.ndarray, here: np.ndarray) -> FaultDraft |
 
 
 def _gains(record: Record) -> list[RecordFault]:
-    """Other gains of outputs in repeated records of one input, where each experiment tells a response."""
+    """Other gains of outputs in repeated records of one input, where each experiment shows a response."""
     experiments, periods, _, inputs = record.u.shape
     if periods < 2 or inputs > 1:
         return []

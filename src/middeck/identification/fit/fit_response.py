@@ -96,7 +96,7 @@ class FitResult:
             sets of models and tests of drift.
         history: Cost of each step of the last search, in that search's weights.
         order_reason: Why the model has the order it has.
-        warnings: What the user should know; empty if nothing.
+        warnings: Warnings in words; empty for none.
         standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
             concerns it.
         delay_standing: The same for the delay of each output; "sound" where none was fitted.
@@ -140,9 +140,9 @@ def fit_response(
     several sizes, of which the likeliest after a short refinement is refined to the end.
 
     Args:
-        measured: Response with its variance (`estimate_response`). Of inputs that were held (``hold_s``), a
-            continuous model is of what is behind the hold, which is divided out; what is folded back from
-            beyond half the rate is taken off by a first fit.
+        measured: Response with its variance (`estimate_response`). For held inputs (``hold_s``) a
+            continuous model describes the system behind the hold, which is divided out; the response folded
+            back from beyond half the rate is subtracted by a first fit.
         states: Order of the model without its delays: two for each pair of poles and each rigid mode, one for
             each integrator; with ``full_rank`` the poles, each counted once. By default the order of the
             minimum description length (`order`), which takes longer.
@@ -160,12 +160,12 @@ def fit_response(
             complex constants, or where the recommended order would else have poles outside the band.
         residuals: Whether terms for the modes outside the band are fitted beside the states: 1/s^2 for those
             below, a constant for those above (Ewins 2000, sec. 4.2). Continuous models only. They are tried,
-            too, where the recommended order would else have poles there and nothing is said of ``direct``.
+            too, where the recommended order would else have poles there and ``direct`` is not given.
         full_rank: Residues of any rank, as vector fitting has them, rather than rank one: for modes too close
-            to be told apart, and for what is no modal model.
-        rigid: How many free rigid-body modes phi psi / s^2 the article has: part of the plant, unlike the
+            to be distinguished, and for what is no modal model.
+        rigid: Number of free rigid-body modes phi psi / s^2 of the article: part of the plant, unlike the
             residual term of modes below the band.
-        integrators: How many single poles at zero, phi psi / s, it has: a wheel, or a free body, seen by its
+        integrators: Number of single poles at zero, phi psi / s: a wheel, or a free body, seen by its
             rate. Not beside rigid modes.
         relative_degree: Relative degree of every path: 0, a constant term; 1, none; 2, none, and complex
             residues that add up to zero, so that the response falls with 1/s^2, as that of any structure
@@ -198,7 +198,7 @@ def fit_response(
 def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
     """`fit_response` with its options as one value.
 
-    A hold of the inputs is divided out, and what sampling folds back is taken off; a first fit tells that:
+    A hold of the inputs is divided out, and what sampling folds back is taken off, by a first fit:
     some thousandths of the response at an eighth of the rate. From its end, where the order is given, the
     second search begins, and is no race of all starts where that leaves no more than noise.
     """
@@ -237,7 +237,7 @@ def fit_model(measured: FrequencyResponse, asked: FitOptions) -> ModelAlone:
 
 @record(kw_only=True)
 class _Searched:
-    """The end of a search: what was fitted, the best run, its weights, and why it has its order."""
+    """The end of a search: the fitted data, the best run, its weights, and the reason for its order."""
 
     measured: FrequencyResponse
     data: Data
@@ -345,7 +345,7 @@ def _check_finite(model: MeasurementModel, measured: FrequencyResponse) -> None:
 
 
 def _model_of(run: _Searched) -> tuple[MeasurementModel, ModelCovariance, list[str]]:
-    """The model, the covariance of the model with its leads, and what is said of those."""
+    """The model, the covariance of the model with its leads, and the warnings of those."""
     measured, best = run.measured, run.best
     found, model = _causal(run)
     covariance = checked_covariance(
@@ -445,7 +445,7 @@ def _poles_for_a_delay(
     covariance: ModelCovariance,
     standing: tuple[Standing, ...],
 ) -> PolesInstead | None:
-    """Where a fit with delays has modes that are not sound, poles that describe as much without them."""
+    """Poles that describe as much without delays, where a fit with delays has modes that are not sound."""
     if not covariance.structure.with_delay or all(one == "sound" for one in standing):
         return None
     # Lengths compare on one spread alone: that by which ``best`` was found.

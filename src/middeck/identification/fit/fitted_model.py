@@ -43,7 +43,7 @@ def model_of(run: SearchedModel, inputs: tuple[Port, ...], outputs: tuple[Port, 
 
 
 def structure_of(layout: Layout) -> ModelStructure:
-    """Which parts of the model were free."""
+    """The free parts of the model."""
     return ModelStructure(
         real_constants=layout.options.real_constants,
         with_delay=bool(layout.options.delay_of),

@@ -110,7 +110,7 @@ def _unresolved(covariance: ModelCovariance, significance: np.ndarray) -> np.nda
     for m in distinct_poles(model):
         for n in distinct_poles(model):
             if m < n and model.is_pair[m] and model.is_pair[n]:
-                both = np.hypot(size[m], size[n])  # infinite where one is not determined, which is said of it
+                both = np.hypot(size[m], size[n])  # infinite where one is not determined: warned of elsewhere
                 near = abs(model.poles[m] - model.poles[n]) < APART * both < np.inf
                 for one, other in ((m, n), (n, m)):
                     alone = significance[one] >= ALONE and significance[other] < DOUBTFUL

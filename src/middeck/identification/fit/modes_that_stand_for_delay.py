@@ -3,7 +3,7 @@
 A sampled model, or one of complex constants, has no delay of its own. Where the article has one, poles follow
 its phase: pairs that are heavily damped, in the midst of the band, with small deviations. They are known by
 what the other poles can do: with a delay and a constant term, all paths are then followed without such pairs
-as far as the data tell.
+as far as the data show.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from middeck.identification.model.measurement_model import (
 DAMPED = 0.1
 # Delays are tried up to so many periods of the last line, so many in each, then as many about the best.
 PERIODS, IN_PERIOD = 8, 16
-# Deviations of each of the two numbers that a path has of a pair: no more than so many are not told apart.
+# Deviations of each of the two numbers that a path has of a pair: no more than so many are not distinguished.
 TOLD = 4.0
 
 

@@ -4,7 +4,7 @@ A low-pass filter turns the phase in its pass band as a delay does, and a little
 relative degree two, only a delay can follow that, and pairs of poles are spent about each resonance on what
 it leaves. With complex constants a pair beyond the band follows all of it. So where a fit with delays has
 modes that are not sound, its sound ones and one or two pairs more, of complex constants and without delays,
-are fitted in its place: which of the two is the article, their description lengths tell (Rissanen 1978).
+are fitted in its place: their description lengths decide which of the two is the article (Rissanen 1978).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class PolesInstead:
 
     Attributes:
         states: States of the model with complex constants and a constant term.
-        shorter: Whether it is the better one beyond doubt; otherwise the response does not tell.
+        shorter: Whether it is clearly better; otherwise the response does not decide.
     """
 
     states: int
@@ -74,8 +74,8 @@ def poles_instead(
     spread: ExcessVariance,
     true: Sequence[Complex[np.ndarray, " mode"]],
 ) -> PolesInstead | None:
-    """What describes ``measured`` as well as ``best`` does, with one set of its ``true`` poles; None where
-    nothing does. The fit is refined by the same cost first: likelihoods of two costs do not compare."""
+    """Poles that describe ``measured`` as well as ``best`` does, with one set of its ``true`` poles; None for
+    none. The fit is refined by the same cost first: likelihoods of two costs do not compare."""
     same = polish(data, best.start, spread, steps=STEPS, rounds=ROUNDS, share=best.share) or best
     found: list[tuple[float, int]] = []
     for poles, pairs in itertools.product(true, PAIRS):
@@ -87,7 +87,7 @@ def poles_instead(
 
 
 def _beyond(measured: FrequencyResponse, data: Data, best: Polished, true: np.ndarray, pairs: int) -> Start:
-    """The true poles, and beside them so many pairs that together are as late as the fit's largest delay."""
+    """The true poles, and so many further pairs whose delay together is the fit's largest one."""
     late = max(float(best.start.point.delay_s.max()), 1.0 / float(data.omega[-1]))
     each = BUTTERWORTH * np.sqrt(2.0) * pairs / late * np.linspace(1.0, PARTED, pairs)
     poles, pair = upper_half(np.concatenate([true, each]), 0.0)

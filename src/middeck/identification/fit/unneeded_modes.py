@@ -19,7 +19,7 @@ from middeck.identification.spectra.excess_variance import ExcessVariance
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
 from middeck.systems.plants.response import FrequencyResponse
 
-# A mode of fewer deviations is worth a try without it; which of the two is better, lengths tell.
+# A mode of fewer deviations is worth a try without it; description lengths then decide.
 WORTH_A_TRY = 8.0
 # Modes of at most so many deviations are all left out at once, in one trial.
 NOTHING = 2.0
@@ -158,7 +158,7 @@ def length_of(data: Data, run: Polished, spread: ExcessVariance) -> float:
 def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]:
     """Root mean square of each mode's output vector in units of its own covariance (Wald's statistic).
 
-    About one for a mode that is none; zero for one of which the data tell nothing.
+    About one for a mode that is none; zero for one on which the data have no information.
     """
     at, x = covariance.at, covariance.unknowns
     scale = np.sqrt(np.maximum(np.diag(covariance.matrix), np.finfo(float).tiny))
@@ -168,7 +168,7 @@ def mode_significance(covariance: ModelCovariance) -> Float[np.ndarray, " mode"]
         among = covariance.matrix[np.ix_(own, own)] / scale[own, None] / scale[own]
         z = x[own] / scale[own]
         size, direction = np.linalg.eigh(among)
-        # Correlations of one up to rounding leave a direction of no variance, which tells nothing.
+        # Correlations of one up to rounding leave a direction of no variance, which has no information.
         clear = size > len(own) * np.sqrt(np.finfo(float).eps)
         found[m] = (
             np.sqrt(np.mean(np.square(direction[:, clear].T @ z) / size[clear])) if clear.any() else 0.0

@@ -59,7 +59,7 @@ def decay_curve(
 COEFFICIENTS = (1, 2, 3, 4, 5, 6, 8, 10)  # coefficients of the splines that are tried
 STEPS = 40  # most steps of a search: one mode takes about five
 UNEXPLAINED = 0.5  # largest part of the energy that may be left
-TOLD = 25  # amplitudes of the result
+TOLD = 25  # number of amplitudes in the result
 CLEAR = 3.0  # least amplitude reported, in rms of the residual
 ITSELF = 0.1  # part of its frequency: what is nearer to the mode belongs to it
 BAND = 9  # lines that count as one: a decaying oscillation is no sharp line
@@ -72,7 +72,7 @@ class FreeDecay:
     """Frequency and damping against the amplitude of a mode.
 
     Attributes:
-        amplitude: In the unit of the samples, ascending, even on a log scale.
+        amplitude: Amplitudes in the unit of the samples, ascending, even on a log scale.
         frequency_hz, damping: Rate of the phase over 2 pi; ratio of the decay rate to the rate of the phase.
         frequency_std_hz, damping_std: Standard deviations by leaving out one decay at a time (Efron and
             Tibshirani 1993, sec. 11.5), which counts all that differs between decays, and by the last
@@ -168,7 +168,7 @@ def fit_free_decay(
 def _others(
     residual: list[Float[np.ndarray, " sample"]], sample_hz: float, mode_hz: float
 ) -> tuple[str, ...]:
-    """A warning where much of what is left of the decays is in one narrow band, as noise never is.
+    """A warning where much of the residual of the decays is in one narrow band, as noise never is.
 
     What is left at the mode itself is no other oscillation.
     """
@@ -187,10 +187,10 @@ def _others(
 
 
 def _choose(first: _Fit, data: list[Float[np.ndarray, " sample"]], sample_hz: float) -> tuple[_Fit, _Fit]:
-    """The fit of the minimum description length, and the one to tell.
+    """The fit of the minimum description length, and the one to report.
 
     The second has the next number of coefficients, since the first leaves a bias as large as the noise; but
-    one exponential is told as such. The search ends where two numbers in turn are no shorter.
+    one exponential is reported as such. The search ends where two numbers in turn are no shorter.
     """
     tried, best = [first], 0
     for count in COEFFICIENTS[1:]:

@@ -31,7 +31,7 @@ STEPS, SMALL, HALVINGS = 12, 0.05, 6
 NUDGE = 0.02
 # Share of an output's power below which a variance is zero.
 ROUNDING = 1e-24
-# Step [s] for the derivative by the delay, and how near one is held that is told.
+# Step [s] for the derivative by the delay, and the deviation [s] that holds a given delay.
 LATER_S, TOLD_S = 2e-4, 1e-9
 # No step moves the logarithm of a slip angle by more.
 LARGEST = 1.0
@@ -81,7 +81,7 @@ def find_friction(
         record: Whole periods, two or more, of more experiments than inputs; drives of several sizes tell
             friction from the article best, and every joint should slip in all of them.
         band_hz: The excited band.
-        delay_s: From command to reading, half a sample of hold included; by default found with the friction.
+        delay_s: Delay [s] from command to reading, with half a sample of hold; found by default.
 
     Raises `ConfigError` for unknown channels or none; `DataError` for a record that is not periodic, of one
     period, or of no more experiments than inputs; `FitError` where no friction makes the experiments agree.
@@ -157,7 +157,7 @@ class _Problem:
         return np.sqrt(2.0) * r.reshape(-1).view(float)
 
     def cost(self, x: np.ndarray) -> float:
-        """Mean square of what is left for each degree of freedom."""
+        """Mean square of the residual for each degree of freedom."""
         lines, experiments, inputs = self.U.shape
         r = self.left(x[: len(self.rms)], self.torques(x))
         return float(r @ r) / (2 * lines * (experiments - inputs) * self.Y.shape[2])
@@ -246,7 +246,7 @@ def _slopes(problem: _Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     late = problem.torques(x + np.append(np.zeros(2 * count), LATER_S))
     by_delay = (problem.left(torque, late) - r)[:, None] / LATER_S
     if problem.told:
-        # A row of its own holds it where it was told.
+        # A row of its own holds it where it is given.
         r, columns = np.append(r, 0.0), [np.vstack([c, np.zeros((1, c.shape[1]))]) for c in columns]
         by_delay = np.append(np.zeros(len(by_delay)), 1.0 / TOLD_S)[:, None]
     return r, np.hstack([*columns, by_delay])

@@ -31,9 +31,9 @@ END, END_OF_NOISE, PEAK = 1e-3, 0.05, 0.5
 USEFUL = 0.01
 # Samples of the force window's slope after the pulse: the ringing of filters.
 SLOPE = 32
-# Parts of a record, of which the quietest tells the level at rest; parts of the force at rest that are kept.
+# Parts of a record, of which the quietest shows the level at rest; parts of the force at rest that are kept.
 PARTS, KEPT = 16, 64
-# Coherence below which a line is told of.
+# Coherence below which a line is reported.
 INCOHERENT = 0.9
 
 
@@ -42,14 +42,14 @@ class ImpactTest:
     """Averaged response of an impact test.
 
     Attributes:
-        response: That of the windowed signals, H(s + 1/window_s), with its variance over blows.
+        response: Response of the windowed signals, H(s + 1/window_s), with its variance over blows.
         coherence: Share of the response explained by the force at each line and output, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
         rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.
         window_s: Time constant tau of the exponential window [s]; infinite without.
         blows: All blows, the rejected ones with the reason.
-        warnings: What the user should know; empty if nothing.
+        warnings: Warnings in words; empty for none.
     """
 
     response: FrequencyResponse

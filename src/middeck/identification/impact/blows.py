@@ -51,7 +51,7 @@ class Blow:
     """One blow.
 
     Attributes:
-        experiment: In which experiment it fell.
+        experiment: Number of its experiment.
         first, struck, last: Its block: first sample, that of the largest force, and the one after the last.
         pulse_end: The sample after the pulse.
         force_end: The sample after the last push, later hits too weak to reject the blow included.
@@ -112,7 +112,7 @@ def locate_blows(record: Record, *, blow_s: float | None = None) -> tuple[Blow, 
 
 
 def _sign(force: Float[np.ndarray, "experiment sample"]) -> float:
-    """That of the blows together: one that is harder than all others may have the wrong one."""
+    """Sign of the blows together: one that is harder than all others may have the wrong one."""
     size = np.abs(force)
     return float(np.copysign(1.0, np.sum(force[size > REVERSED * size.max()])))
 

@@ -39,7 +39,7 @@ def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
     W = W[:, : W.shape[1] - loose]
 
     def moved(H: Complex[np.ndarray, "part output line"], root: np.ndarray) -> np.ndarray:
-        """Unknowns by what is added to the response, in directions of a root of their covariance."""
+        """Shifts of unknowns by additions to the response, in directions of a root of the covariance."""
         return np.linalg.lstsq(root, W @ (W.T @ (rows @ as_real(H / np.sqrt(v)).T)), rcond=None)[0]
 
     steady = W.T @ _under_window(J * np.sqrt(measured) / v, test)
@@ -61,7 +61,7 @@ def with_scatter(fit: FitResult, test: ImpactTest) -> FitResult:
 def _beyond_chance(
     found: Float[np.ndarray, "direction part"], numbers: float
 ) -> Float[np.ndarray, "direction direction"]:
-    """Root of what so many ``numbers`` tell of a covariance that is one; one where that may be chance."""
+    """Root of the variance by so many ``numbers``, expected one; one where the excess may be chance."""
     size, direction = np.linalg.eigh(found @ found.T)
     chance = (1.0 + np.sqrt(len(size) / numbers)) ** 2
     return direction * np.sqrt(np.where(size > chance, size, 1.0))
@@ -70,7 +70,7 @@ def _beyond_chance(
 def _under_window(
     slopes: Complex[np.ndarray, "unknown output line"], test: ImpactTest
 ) -> Float[np.ndarray, "unknown sample"]:
-    """What samples of white noise under the window, of variance one on each line, do to the scores.
+    """Effect on the scores of samples of white noise under the window, of variance one on each line.
 
     Neighbouring lines of it are alike: in time its samples are independent.
     """
@@ -88,7 +88,7 @@ def _under_window(
 def _parts(
     test: ImpactTest,
 ) -> tuple[Complex[np.ndarray, "part output line"], Complex[np.ndarray, "blow output line"]]:
-    """What noise of the force adds to the averaged response, and what each blow does.
+    """Effects on the averaged response: of noise of the force, and of each blow.
 
     Of blows that differ in size by their leverage (Bell and McCaffrey 2002): the largest is most of the
     average, and little off it.

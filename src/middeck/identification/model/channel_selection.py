@@ -66,7 +66,7 @@ def _part(whole: np.ndarray | None, entries: tuple[np.ndarray, ...]) -> np.ndarr
 
 
 def _share(vectors: np.ndarray, chosen: list[int]) -> Float[np.ndarray, " mode"]:
-    """How much of each mode's vector lies in the chosen channels, each in its own measure."""
+    """Share of each mode's vector in the chosen channels, each in its own measure."""
     size = np.abs(vectors)
     size = size / np.maximum(size.max(axis=0, initial=0.0), np.finfo(float).tiny)
     whole = np.linalg.norm(size, axis=1)

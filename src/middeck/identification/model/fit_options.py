@@ -1,4 +1,4 @@
-"""What a fit looks for: one set of options, as it is asked for and as it is decided."""
+"""Options of a fit: one set, as asked for and as decided."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def _check_swing(low: float, high: float, port: Port, side: str) -> None:
 
 @frozen
 class Swing:
-    """Lowest and highest sample of each channel so far, inputs first: what a stream is checked by."""
+    """Lowest and highest sample of each channel so far, inputs first, for the checks of a stream."""
 
     low: Float[np.ndarray, " channel"]
     high: Float[np.ndarray, " channel"]

@@ -14,12 +14,12 @@ from middeck.signals.record import Record
 PARTS, RISING = 8, 6
 # Least growth of the power over those parts, a hundredfold, with inputs that grow no more than fourfold.
 GROWN, INPUTS_GROWN = 100.0, 4.0
-# Samples before from which the next is foretold; the share of the largest singular value below which these
-# do not tell; and the growth of what they foretell over the rising parts from which an output grows by
-# itself, in logarithms at most so many times its own. Of more samples some, evenly spread, tell as much.
+# Past samples from which the next is predicted; the share of the largest singular value below which these
+# are ignored; and the growth of their prediction over the rising parts from which an output grows by
+# itself, in logarithms at most so many times its own. Of more samples some, evenly spread, suffice.
 PAST, TELLS, BY_ITSELF, FASTER, ENOUGH = 12, 1e-6, 3.0, 2.0, 20_000
 # Share of an output's power at the end below the frequency of which a period is given so many samples, by
-# means over neighbours, in turn: of far more samples, noise hides what a few foretell.
+# means over neighbours, in turn: of far more samples, noise hides what a few predict.
 BELOW, PERIOD, SMOOTHINGS = 0.8, 8.0, 3
 
 
@@ -28,7 +28,7 @@ def refuse_growth(record: Record) -> None:
 
     A lightly damped article that starts at rest grows with the root of time, threefold in power over these
     parts; an unstable one grows exponentially. Under a sweep an output grows as a mode comes near, but not by
-    itself: what its past and the inputs foretell has no pole that grows.
+    itself: the prediction from its past and the inputs has no growing pole.
     """
     for u, y in zip(record.u, record.y, strict=True):
         u, y = (x.reshape(-1, x.shape[-1]) for x in (u, y))
@@ -50,7 +50,7 @@ def refuse_growth(record: Record) -> None:
 def _grows_by_itself(
     u: Float[np.ndarray, "sample input"], y: Float[np.ndarray, " sample"], grown: float
 ) -> bool:
-    """Whether an output is foretold by a pole that grows over the rising parts, about as it has ``grown``."""
+    """Whether an output follows from a pole that grows over the rising parts, about as it has ``grown``."""
     size = _samples_together(y[-(len(y) // PARTS) :])
     both = _thinned(np.column_stack([y, u]), size)
     count, past = len(both), min(PAST, len(both) // (4 * both.shape[1]))

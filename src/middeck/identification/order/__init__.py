@@ -1,1 +1,1 @@
-"""How many states: races between orders, missing modes, stabilisation."""
+"""Number of states: races between orders, missing modes, stabilisation."""

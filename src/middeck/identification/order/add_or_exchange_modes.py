@@ -33,8 +33,8 @@ def exchanges(
 ) -> Iterator[Start]:
     """Starts with one pair (or two real poles) of ``best`` replaced by the pair that improves the fit most.
 
-    Unless ``at_any_rate``, only where that tells more at once than what is given up; otherwise also by one at
-    the residual's peak: what tells most at once may be a neighbour of a mode that is there already.
+    Unless ``at_any_rate``, only where the gain exceeds the loss at once; otherwise also by one at
+    the residual's peak: the largest first gain may be a neighbour of a mode that is there already.
     """
     layout = best.layout
     at_best = data.reweighted(1.0 / np.sqrt(spread.at(best.share)))
@@ -90,7 +90,7 @@ def missed_modes(data: Data, best: Polished) -> Float[np.ndarray, " mode"]:
 
 
 def _found_pole(data: Data, best: Polished) -> Candidate:
-    """The pair that would tell most; in records of experiments, one at the residual's peak."""
+    """The pair that would lower the cost most; in records of experiments, one at the residual's peak."""
     at_peak = _at_peak(data, best)
     if data.drive is not None:
         return at_peak

@@ -37,7 +37,7 @@ class Candidate:
 
 
 def find_candidate(data: Data, best: Polished, light: float, peak: float) -> Candidate | None:
-    """The pair of poles that explains most of what ``best`` leaves, by the weights of ``data``.
+    """The pair of poles that explains most of the residual of ``best``, by the weights of ``data``.
 
     ``light`` is the damping ratio of narrow candidates, ``peak`` a frequency [rad/s] to be among them.
     """

@@ -1,4 +1,4 @@
-"""How many states a response asks for: the description length of each size, and lines kept out of the fit."""
+"""Number of states for a response: the description length of each size, and lines kept out of the fit."""
 
 from collections.abc import Iterator, Sequence
 
@@ -28,7 +28,7 @@ WORSE = 1.25
 class TriedOrder:
     """An order, its description length and its relative error on lines that it was not fitted to.
 
-    ``noise``: what it leaves may be noise alone. Only where some order does so do lengths tell: elsewhere
+    ``noise``: what it leaves may be noise alone. Only where some order does so do lengths decide: elsewhere
     (distortion, modes without end) each order shortens the description, and by how much is chance.
     """
 
@@ -149,5 +149,5 @@ def _span(tried: Sequence[TriedOrder]) -> str:
 
 
 def _as_well(others: Sequence[TriedOrder]) -> str:
-    """Larger orders that the data do not tell from the one taken."""
+    """Larger orders that the data do not distinguish from the one taken."""
     return f"; {', '.join(str(t.states) for t in others)} do as well" if others else ""

@@ -57,7 +57,7 @@ def recommend_states(
         sized = dataclasses.replace(options.sized(states), residuals=False, direct=False)
         unknowns = count_unknowns(measured, sized)
         length = description_length(run.likelihood, unknowns, 2 * part.H.size, some.alike)
-        # Without a measured variance nothing tells noise from what the model lacks.
+        # Without a measured variance noise and missing modes cannot be distinguished.
         noise = measured.variance is None or leaves_noise(run, some)
         runs[states] = (
             TriedOrder(states, length, _held_out(data, spread, part, some, run), noise),

@@ -1,4 +1,4 @@
-"""Some of the lines of a response, for what need not be exact: no more than what its modes are drawn by.
+"""Some of the lines of a response, for inexact steps: no more than its modes need to be drawn.
 
 Every n-th line, or lines in proportion to frequency, as modes of one damping ratio are wide: whichever needs
 fewer. Both only as long as straight lines between those kept restore the response: a mode narrower than the
@@ -28,7 +28,7 @@ NARROWER = 0.7
 
 
 def thin_lines(data: Data, spread: ExcessVariance, unknowns: int = 0) -> Int[np.ndarray, " kept"]:
-    """Which lines to keep for a race of models of so many unknowns."""
+    """Lines to keep for a race of models of so many unknowns."""
     lines = len(data.s)
     wanted = max(RACE_NUMBERS, NUMBERS_PER_UNKNOWN * unknowns) * lines / data.H.size
     steps = range(int(lines / wanted), 1, -1)

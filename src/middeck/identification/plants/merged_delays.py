@@ -38,7 +38,7 @@ class MergedDelays:
     Attributes:
         model: All its unknowns moved as the covariance ties them to the delays; the fit's own if none was
             merged.
-        sentences: Which delays were made one, for people; empty where none was.
+        sentences: Sentences on the delays that were merged; empty for none.
         p: Probability that delays which are one differ as much by chance; one where none was merged.
     """
 

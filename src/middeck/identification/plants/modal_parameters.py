@@ -29,8 +29,8 @@ class ModalParameters:
         natural_hz, damping: |pole| / 2 pi [Hz] and damping ratio.
         constants: Complex modal constants A [output/input times (rad/s)^2]; real for a lightly damped
             structure.
-        shapes: Complex shapes over the outputs, each turned so that it is as real as it can be. Of unit modal
-            mass if a drive point was given, otherwise with a largest entry of size one.
+        shapes: Complex shapes over the outputs, each turned so that it is as real as it can be, with unit
+            modal mass if a drive point was given, otherwise with a largest entry of size one.
         real_shapes: Their real parts, whose largest entry is positive (the masses that the sign rule of
             models weighs by are not known here).
         modal_mass: Modal mass for the shape that is one at the drive point, 1 / A there [kg for m from N];

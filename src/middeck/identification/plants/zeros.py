@@ -49,7 +49,7 @@ class Zeros:
     Attributes:
         value: One of each conjugate pair (positive imaginary part), or a real zero [rad/s], ascending in
             size; those of a sampled model are log(q) / T, for negative real q with the imaginary part pi / T.
-        residual: How far each is off, as a share of its size: |H / (s dH/ds)| there, what is left to Newton's
+        residual: Relative error of each: |H / (s dH/ds)| there, what is left to Newton's
             method.
         by_response: G with dz = sum over outputs and inputs of G_oi dH_oi(z), for any change dH of the
             response without its delays; None for a matrix that is not square or singular everywhere: any
@@ -104,7 +104,7 @@ def matrix_zeros(
 
     Raises `ConfigError` for an unknown name, or delays that are no sum of one for the input and one for the
     output: they take part in the determinant, whose zeros are then infinitely many; `NumericalError` if a
-    zero cannot be told from its surroundings.
+    zero cannot be distinguished from its surroundings.
     """
     chosen = select_channels(model, inputs=inputs, outputs=outputs).model
     if not is_sum(path_delay(chosen), SAME_DELAY_S):

@@ -125,7 +125,7 @@ def _put_slopes_by_b(
 
 
 class _Places:
-    """Where the functions stand: ``mode`` of each term within its kind, ``first`` of the real poles.
+    """Places of the functions: ``mode`` of each term within its kind, ``first`` of the real poles.
 
     ``zero``: 1/s^2 or 1/s of each rigid mode and integrator.
     """

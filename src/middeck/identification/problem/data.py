@@ -1,4 +1,4 @@
-"""What is fitted: a frequency response, or the spectra of experiments with their transients."""
+"""Data of a fit: a frequency response, or the spectra of experiments with their transients."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Functions:
 class Alone(NamedTuple):
     """Outputs with independent errors, each input in a column of its own.
 
-    Weighted data ``y``; how the response of each path is heard in them, ``by``; Gram matrices of the paths;
+    Weighted data ``y``; factors ``by`` of each path's response in them; Gram matrices of the paths;
     the outputs of each group.
     """
 

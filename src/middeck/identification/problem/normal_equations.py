@@ -43,7 +43,7 @@ class ZeroSum:
         return y if self._free is None else y @ self._free
 
     def moved(self, x: Float[np.ndarray, " column"], rows: np.ndarray) -> np.ndarray | float:
-        """What x gains on ``rows`` [column, ...] as it moves with theta (delays apart) to stay tied.
+        """Shift of x on ``rows`` [column, ...] that keeps its constraint as theta moves (delays apart).
 
         Its free part is projected out later, so that any such move will do.
         """
@@ -129,7 +129,7 @@ def solve_normal(terms: Terms, shared: Functions, of: Weighted) -> Solved | None
 
 
 class _Linear(NamedTuple):
-    """Linear unknowns [group, output, column], responses of paths, what they leave, and its products."""
+    """Linear unknowns [group, output, column], responses of paths, residual, and its products."""
 
     x: Float[np.ndarray, "group output column"]
     path: Complex[np.ndarray, "group path line"]
@@ -140,7 +140,7 @@ class _Linear(NamedTuple):
 def _solve_linear(
     shared: Functions, of: Weighted, solve: _Normal, free: np.ndarray, columns: np.ndarray, tied: ZeroSum
 ) -> _Linear | None:
-    """None where no correction makes what is left orthogonal to the columns."""
+    """The solution; None where no correction makes the residual orthogonal to the columns."""
     groups, each = of.outputs.shape
     rounding = OF_DATA * np.sqrt(_squares(of.y))
     found = _Linear(np.zeros((groups, each, len(columns))), of.y, of.y, on_functions(shared, of, of.y))
@@ -162,7 +162,7 @@ def _solve_linear(
 def _added(
     layout: Layout, late_place: np.ndarray, gradients: np.ndarray, grams: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Those of all groups together; the last of each stand at ``late_place``."""
+    """Gradient and Gram matrix of all groups; the last unknowns of each stand at ``late_place``."""
     if not late_place.size:
         return np.sum(gradients, axis=0), np.sum(grams, axis=0)
     if np.all(late_place == late_place[0]):  # as of a delay common to all: one sum, put in its place once

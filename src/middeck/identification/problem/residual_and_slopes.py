@@ -42,7 +42,7 @@ class Terms:
 
     @functools.cached_property
     def driven(self) -> Driven:
-        """What drives the terms of every output, without delay."""
+        """Drive of the terms of every output, without delay."""
         return drive_terms(self.point, self.data.drive)
 
     @property

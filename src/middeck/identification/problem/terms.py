@@ -74,7 +74,7 @@ def columns(
 
 
 def drive_terms(point: Point, drive: Complex[np.ndarray, "line input column"] | None) -> Driven:
-    """What drives each term, and the conjugate of its pole."""
+    """Drive of each term, and of the conjugate of its pole."""
     return Driven(_along(point.b, drive), _along(point.b.conj(), drive))
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Complex, Float
 
 
 class TransientProjection:
-    """Projection on what the transients ``B`` cannot follow, in the norm of ``weight``."""
+    """Projection on the complement of the transients ``B``, in the norm of ``weight``."""
 
     def __init__(
         self, B: Complex[np.ndarray, "column line"], weight: Float[np.ndarray, "line experiment"]

@@ -1,4 +1,4 @@
-"""What the unknowns of a fit are, and where they stand in theta.
+"""The unknowns of a fit, and their places in theta.
 
 Unknowns that enter nonlinearly are packed in one vector theta:
 

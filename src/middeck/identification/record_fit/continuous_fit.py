@@ -119,7 +119,7 @@ def _finished(
 
 
 def _attempt(local: Callable[[], ModelAlone]) -> tuple[ModelAlone | None, FitError | DataError | None]:
-    """Lines that no local model can tell apart are no reason to give up the samples."""
+    """One attempt: lines that no local model can resolve are no reason to give up the samples."""
     try:
         return local(), None
     except (FitError, DataError) as error:
@@ -127,7 +127,7 @@ def _attempt(local: Callable[[], ModelAlone]) -> tuple[ModelAlone | None, FitErr
 
 
 def _prompt(record: Record, starts: Iterable[Start]) -> list[Start]:
-    """Those whose delays leave no more samples free than can be solved for."""
+    """Starts whose delays leave no more samples free than can be solved for."""
     most = MOST_FREE / record.sample_hz
     return [s for s in starts if float(s.point.delay_s.max()) < most]
 
@@ -224,7 +224,7 @@ def _with_modes_of_others(record: Record, data: Data, best: RecordRun, options: 
 
 
 def _edges(record: Record, starts: Sequence[Start]) -> Transient:
-    """Free samples: those that answer to inputs before the record, and one at the end for what is between."""
+    """Free samples: those that respond to inputs before the record, and one at the end."""
     delay = float(np.median([s.point.delay_s.max() for s in starts]))
     late = int(np.ceil(delay * record.sample_hz)) + 1
     if late >= record.u.shape[1] * record.u.shape[2] // 2:

@@ -83,7 +83,7 @@ LEFT = 0.1
 HELD_ABOVE = 1.0 / 8.0
 # Inputs driven to this share of half the rate are driven all the way.
 NYQUIST = 0.95
-# Deviations by which noise of an input may move an unknown before that is said.
+# Deviations by which noise of an input may move an unknown before a warning.
 MOVED = 1.0
 # A decay rate over the least of the search that may be that, and lines between a mode and a sine that
 # may be its own.
@@ -131,7 +131,7 @@ def fit_record(
         weighting: "flat": the error of the simulation is least. "output": by the noise of sensors, "motion":
             by forces that shake the article as the inputs do. By default the likelier of the last two, or of
             a sampled model those that simulate samples held out best.
-        tell: Called with what is done next, some words, as often as that changes.
+        tell: Called with some words on the next step, as often as that changes.
         input_noise: Noise of the inputs alone, in their units: parts as long as an experiment, from where
             nothing drives them. Deviations count it.
 
@@ -226,7 +226,7 @@ def fit_samples(
 
 
 class _Found(NamedTuple):
-    """The end of a search, without what it does not need, and why it has its order."""
+    """The end of a search, without unneeded modes, and the reason for its order."""
 
     data: Data
     run: RecordRun
@@ -525,7 +525,7 @@ def _doubts(run: RecordRun, record: Record, error: np.ndarray) -> list[str]:
 
 
 def _input_variance(record: Record) -> Float[np.ndarray, " input"]:
-    """Variance of the noise of measured inputs: what does not repeat, or the floor of their spectra."""
+    """Variance of the noise of measured inputs: the part that does not repeat, or the spectrum's floor."""
     periods = record.u.shape[1]
     if record.periodic and periods > 1:
         level = record.u - record.u.mean(axis=2, keepdims=True)  # drift moves all periods alike

@@ -17,7 +17,7 @@ BLOW, BESIDE, SPARSE = 0.02, 16, 0.2
 # What may be left at half the rate of the largest line: so much of it folds back. Blows behind a filter that
 # ends at half the rate had 0.27 % at most of 2000, sines of two to six samples without one 0.6 % at least.
 FOLDED = 0.004
-# The noise of the force counts so many times before anything is said, as few blows have few numbers of it;
+# Factor on the noise of the force before a warning, as few blows have few numbers of it;
 # and what is none, as a share of the force: rounding where a force window has left nothing.
 CLEAR, NOTHING = 8.0, 1e-9
 

@@ -116,7 +116,7 @@ def _power(
     noise: Float[np.ndarray, "part sample input"],
     floor: Float[np.ndarray, "*lines input"] | float,
 ) -> Float[np.ndarray, "line input"]:
-    """Power of noise of inputs: as given, by periods, or as much of a floor as what is left has room for."""
+    """Power of noise of inputs: given, by periods, or as much of a floor as the residual has room for."""
     data = each.data
     if len(noise):
         return np.mean(np.abs(np.fft.rfft(noise, axis=1)[:, data.lines]) ** 2, axis=0) / noise.shape[1]
@@ -135,7 +135,7 @@ def _scores_spread(
     noise: Float[np.ndarray, "part sample input"],
     least: Float[np.ndarray, "line input"],
 ) -> Float[np.ndarray, "direction direction"]:
-    """Covariance of the scores in the directions W under what is left, and ``noise`` of the inputs.
+    """Covariance of the scores in the directions W under the residual, and ``noise`` of the inputs.
 
     Degrees of freedom are counted on each line. Noise of the inputs is alike for all outputs, and each
     experiment has its own. What is left is no less than inputs' noise of the power ``least`` makes: a fit

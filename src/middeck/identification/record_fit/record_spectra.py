@@ -67,7 +67,7 @@ def _no_line(f: np.ndarray, sample_hz: float, band_hz: tuple[float, float] | Non
 
 
 def _driven(U: np.ndarray) -> np.ndarray:
-    """From the first to the last line on which some input is not faint."""
+    """Lines from the first to the last on which some input is not faint."""
     power = np.sum(np.abs(U) ** 2 / np.mean(np.abs(U) ** 2, axis=(0, 1)), axis=(0, 2))
     half = min(NEIGHBOURS, len(power) - 1)
     smooth = np.convolve(
@@ -83,7 +83,7 @@ def driven_lines(
     """Lines on which inputs are more than rounding and a ramp; None for few, or most. ``turn``: exp(s T).
 
     A signal that repeats within the record, or that leaves lines out, drives some lines only. A ramp, as is
-    taken out of inputs, is on all: where half of them or more hold nothing else, their median tells it.
+    taken out of inputs, is on all: where half of them or more hold nothing else, their median is its size.
     """
     ramp = (1.0 / (1.0 - turn.conj()))[:, None]
     left = U - ramp * np.median(np.real(U / ramp), axis=1, keepdims=True)
@@ -155,7 +155,7 @@ def cut_samples(record: Record, first: int, last: int) -> Record:
 
 
 def as_fitted(record: Record, model: MeasurementModel) -> Record:
-    """A run of samples without what a fit of ``model`` takes out of one: offsets, and ramps."""
+    """A run of samples without the offsets and ramps that a fit of ``model`` takes out."""
     if model.sample_hz is not None:
         return without_drift(record)
     at_zero = model.rigid is not None or model.integral is not None or bool(np.any(model.lower))

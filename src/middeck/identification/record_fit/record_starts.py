@@ -1,4 +1,4 @@
-"""Where the fit of a record starts: poles of time-domain subspaces, and the input vectors they ask for."""
+"""Starts of the fit of a record: poles of time-domain subspaces, and their input vectors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Terms that the model of a record lacks (`uncertainty.lacking_terms`), by what its fit leaves."""
+"""Terms that the model of a record lacks (`uncertainty.lacking_terms`), from the residual of its fit."""
 
 from collections.abc import Iterator
 
@@ -47,6 +47,6 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
 
 
 def _drifting(answer: Complex[np.ndarray, "line column"], data: Data) -> Complex[np.ndarray, "line column"]:
-    """What an output's answer has more, were its gain to grow by one from the first sample to the last."""
+    """Addition to an output's response if its gain grew by one from the first sample to the last."""
     x = signals(data, answer)
     return np.fft.rfft(x * np.linspace(-0.5, 0.5, x.shape[1]), axis=1)[:, data.lines].T

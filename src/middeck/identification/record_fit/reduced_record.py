@@ -1,9 +1,9 @@
 """A reduced record on which an order is searched: some of its lines and its principal outputs.
 
-The equations of a record hold line by line, transients included, so that any of its lines will do. Of each
-group of neighbours the one where the outputs are strongest is kept: resonances are among them, and the lines
-of a signal that repeats within the record. Of many outputs a few combinations are kept, those that hold most
-of their power: the poles of an article are in all of them.
+The equations of a record hold line by line, transients included, so that any of its lines will do. The line
+with the strongest outputs in each group of neighbours is kept: resonances are among them, and the lines
+of a signal that repeats within the record. Many outputs are reduced to a few combinations, those that hold
+most of their power: the poles of an article are in all of them.
 """
 
 from __future__ import annotations

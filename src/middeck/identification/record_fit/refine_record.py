@@ -41,7 +41,7 @@ HEAT, ROUNDS = 3, 2
 
 @record(kw_only=True)
 class RecordRun(SearchedModel):
-    """A model refined on a record; its ``variance`` is, by the weighting, from what it leaves."""
+    """A model refined on a record; its ``variance`` is, by the weighting, from its residual."""
 
     weighting: Weighting
     variance: Float[np.ndarray, "output line column"]
@@ -73,7 +73,7 @@ def further(data: Data, run: RecordRun, *, rounds: int, steps: int) -> RecordRun
 def _refined(
     data: Data, start: Start, weighting: Weighting, v: np.ndarray, rounds: int, steps: int
 ) -> RecordRun | None:
-    """From weights of the variance ``v``, one round or more."""
+    """The run refined from weights of the variance ``v``, in one round or more."""
     layout, theta, bounds = start.layout, start.theta, _bounds(start.layout, data)
     found, likelihood = None, np.inf
     for _ in range(rounds):
@@ -100,7 +100,7 @@ def _variance_of(
     theta: np.ndarray,
     weighting: Weighting,
 ) -> Float[np.ndarray, "output line column"]:
-    """Variance of each output on each line from what a model leaves."""
+    """Variance of each output on each line from a model's residual."""
     if weighting == "flat":
         v = np.empty(r.shape)
         for at in lines_alike(data.driven, r.shape[1]):
@@ -164,7 +164,7 @@ def _apart(runs: Iterable[RecordRun]) -> list[RecordRun]:
 
 
 def _meet(run: RecordRun, other: RecordRun) -> bool:
-    """Whether the data tell two models apart by less than one deviation."""
+    """Whether the data distinguish two models by less than one deviation."""
     a, b = run.layout, other.layout
     if not (np.array_equal(a.pair, b.pair) and np.array_equal(a.pivot, b.pivot)):
         return False

@@ -181,7 +181,7 @@ def warnings_on_level(record: Record, data: Data, run: RecordRun, heard: Heard) 
 
 
 def _wander(r: Complex[np.ndarray, "line column"], data: Data) -> tuple[float, float] | None:
-    """The share of what is left that lies in the lowest lines, and their end [Hz]; None if it does not fall.
+    """Share of the residual in the lowest lines, and their end [Hz]; None if it does not fall.
 
     Medians do not mind a mode that lacks.
     """
@@ -211,7 +211,7 @@ def _repeats(record: Record) -> bool:
 
 
 def _size_and_noise(data: Data, run: RecordRun, heard: Heard) -> tuple[np.ndarray, Heard]:
-    """The standard deviation of each line, and the noise of the inputs that is heard there, over it."""
+    """The standard deviation of each line, and the response to noise of the inputs there, over it."""
     size = np.sqrt(likelier_variance(run.residual(data), run.denominator(data), driven=data.driven))
     return size, without_transients(heard, data, run, size)
 
@@ -242,7 +242,7 @@ def heard_of(
 def without_transients(
     heard: Heard, data: Data, run: RecordRun, size: Float[np.ndarray, "output line column"]
 ) -> Heard:
-    """``heard`` over the deviation ``size``, without what transients follow."""
+    """``heard``, the responses to input noise, over the deviation ``size``, without transients."""
     B = Terms(run.layout, data, run.refined.theta).B
     found = np.zeros(heard.shape, dtype=complex)
     for o in range(len(heard) if heard.size else 0):
@@ -319,7 +319,7 @@ def _changed_modes(
 def _scores_of_law(
     law: Law, record: Record, data: Data, run: RecordRun, size: np.ndarray, heard: Heard
 ) -> Float[np.ndarray, " output"]:
-    """Deviations by which what is left goes by a ``law`` of an input, or of an output, as no linear one.
+    """Deviations by which the residual follows a ``law`` of an input or output, as no linear one.
 
     Play in a sensor and a cubic one are laws of the output; play and saturation before the article are of an
     input, dry friction and a cubic spring of the motion, and their force moves the article as an input does.
@@ -384,7 +384,7 @@ def _told_together(
     white: Complex[np.ndarray, "output line column"],
     heard: Heard,
 ) -> Float[np.ndarray, " output"]:
-    """Deviations of noise by which sums of what is left, turned by the response to an input, are too large.
+    """Deviations of noise by which sums of the residual, turned by the response to an input, are too large.
 
     What a model lacks has much the same phase to the response on some lines beside each other, a gain that is
     not the same at all frequencies among it; noise has any. Squares of sums over those of their terms are

@@ -1,9 +1,9 @@
-"""Score of a second mode in the place of one, by what a record's fit leaves.
+"""Score of a second mode in the place of one, from the residual of a record's fit.
 
 Two modes, sum phi_k / (s - p_k), leave of one with their mean pole p and the sum of their residues the sum of
 phi_k (p_k - p)^2 / (s - p)^3; and their free motions, each from a state of its own, leave the derivative of
 the mode's free motion by its pole. Forces that shake the article leave as much at the peak, but of no such
-form: the score tells them apart.
+form: the score distinguishes them.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def noise_variance(
     """Variance of each output on each line, common to all experiments: of sensors, or of forces (``shape``).
 
     ``shape`` is the model's `denominator`; ``left`` the share of noise that the fit leaves on each line, one
-    less its leverage: without it the power is taken as it is. ``driven`` tells the lines that inputs drive
+    less its leverage: without it the power is taken as it is. ``driven`` are the lines that inputs drive
     from silent ones (`driven_lines`).
     """
     shape = np.ones(residual.shape[1]) if shape is None else shape

@@ -40,7 +40,7 @@ def simulate_record(
         record: Periods are taken as one run of samples.
         state_share: Share of each experiment, from its first sample, to which its initial state is fitted,
             outputs weighed by their rms. The rest is then a simulation that has never seen the outputs.
-        between: What the inputs of a continuous model do between samples: "hold" (a converter before the
+        between: Inputs of a continuous model between samples: "hold" (a converter before the
             plant) or "band-limited" (both sides measured behind the same filters; Pintelon and Schoukens
             2012, ch. 13). By default as in the data of the model, its ``hold_s``; band-limited where that is
             not known.
@@ -125,7 +125,7 @@ def _check(model: MeasurementModel, record: Record, state_share: float) -> None:
 def _forced(
     model: MeasurementModel, u: Float[np.ndarray, "experiment sample input"], rate_hz: float, between: Between
 ) -> Float[np.ndarray, "experiment sample output"]:
-    """Motion that repeats with the record; poles at zero add their answer to a constant input."""
+    """Motion that repeats with the record; poles at zero add their response to a constant input."""
     held = between == "hold" and model.sample_hz is None
     double, delay = double_pole(model), path_delay(model)
     # Held inputs are zero before the record, as far back as a delay reaches; repeated ones need no such.

@@ -1,4 +1,4 @@
-"""Inputs that were held though the record does not say so: what is behind the hold, which fit is taken."""
+"""Inputs that were held though the record does not say so: the model behind the hold, and the choice."""
 
 import dataclasses
 
@@ -22,7 +22,7 @@ def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
 
 
 def taken_as_held(released: FitResult, held: FitResult) -> FitResult:
-    """The ``held`` fit, the shorter one, if it has no warnings; else the other one, and what it may lack."""
+    """The ``held`` fit, the shorter one, if it has no warnings; else the other one with its warnings."""
     if not held.warnings:
         return dataclasses.replace(held, order_reason=f"{held.order_reason}; {AS_HELD}")
     doubted = marked(released, None)

@@ -48,7 +48,7 @@ from middeck.values import record as frozen
 STEADY = 0.5
 # Rounds of noise and search, and steps of each.
 ROUNDS, STEPS = 3, 20
-# Steps that tell whether the rest is worth its time.
+# Steps that decide whether the rest is worth its time.
 FIRST_STEPS = 4
 # A line of the residual that stands so many times above those beside it (median) may be a sine: of n lines
 # of noise the largest is ln n means of it, or ln n / ln 2 medians.
@@ -271,7 +271,7 @@ def _with_twins_apart(state: Tidied) -> Tidied:
 
 
 def _leaves_more(state: Tidied, m: int) -> bool:
-    """Whether the lines of a mode leave more than noise: what follows the inputs as modes beside it would.
+    """Whether the residual near a mode exceeds noise: parts that follow the inputs as modes beside it would.
 
     Their power does not tell, as the variance of noise is that of what is left. Of chance, the ways to follow
     gain one each.
@@ -313,7 +313,7 @@ def _significance(record: Record, state: Tidied) -> Float[np.ndarray, " mode"]:
 
 
 def _with_hidden_lines(state: Tidied) -> Tidied:
-    """Sines that stand in what is left, where no pole was spent on them."""
+    """The data with sines in the residual, where no pole was spent on them."""
     while len(state.lines) < MOST_LINES:
         omega = _highest_line(state)
         if omega is None:
@@ -329,7 +329,7 @@ def _with_hidden_lines(state: Tidied) -> Tidied:
 
 
 def _highest_line(state: Tidied) -> float | None:
-    """Where the residual stands highest above what is beside it; None if nowhere much."""
+    """Line where the residual exceeds its neighbours most; None if nowhere much."""
     run = state.run
     r = run.residual(state.data)
     power = np.mean(np.abs(r) ** 2, axis=2)

@@ -1,1 +1,1 @@
-"""From a start to a fit: costs, bounds, likelihood, and what warns."""
+"""From a start to a fit: costs, bounds, likelihood, and warnings."""

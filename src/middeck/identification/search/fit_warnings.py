@@ -121,7 +121,7 @@ def warnings_on_model(
 
 
 def _wrong_lines(measured: FrequencyResponse, residual: Complex[np.ndarray, "line output input"]) -> str:
-    """Where a small part of the rms is most of a line, and more than its noise."""
+    """Lines where a small part of the rms is most of the line, and more than its noise."""
     assert measured.variance is not None
     left = np.abs(residual) ** 2
     above = (left > HALF**2 * np.abs(measured.H) ** 2) & (left > ABOVE_NOISE * measured.variance)
@@ -238,7 +238,7 @@ def _warnings_on_modes(
 
 
 def _lost(hz: list[float], beyond: int) -> str:
-    """Which of the modes outside the band, ``beyond`` in number, the data do not determine."""
+    """Modes outside the band, ``beyond`` in number, that the data do not determine."""
     if not hz:
         return ""
     if len(hz) == beyond:

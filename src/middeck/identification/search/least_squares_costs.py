@@ -114,7 +114,7 @@ def _rounding(solved: list[Solved]) -> float:
 
 
 def _all_of(solved: Iterable[T | None]) -> list[T] | None:
-    """None where one of them is."""
+    """All costs; None where one of them is None."""
     found: list[T] = []
     for one in solved:
         if one is None:
@@ -133,7 +133,7 @@ def by_normal_equations(layout: Layout, data: Data) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ByColumns:
-    """Linear unknowns of one output, and what is left of it beside its columns ``A``, of the basis ``Q``."""
+    """Linear unknowns of one output, and its residual beside its columns ``A``, of the basis ``Q``."""
 
     output: int
     own: TransientProjection
@@ -159,7 +159,7 @@ class _ByColumns:
 
 
 def _by_columns(terms: Terms, output: int) -> _ByColumns | None:
-    """None where two columns coincide."""
+    """Cost by columns; None where two columns coincide."""
     layout, data = terms.layout, terms.data
     own = TransientProjection(terms.B, data.weight[output])
     X = terms.columns(output)

@@ -32,7 +32,7 @@ from middeck.values import record
 
 # Rounds of a search and new weights: the excess of a weighted fit is a good first one.
 ROUNDS = 3
-# Smallest eigenvalue of a correlation matrix: below it channels that err together cannot be told apart.
+# Smallest eigenvalue of a correlation matrix: below it channels that err together cannot be distinguished.
 ALIKE = 1e-9
 
 

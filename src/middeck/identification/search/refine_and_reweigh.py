@@ -26,7 +26,7 @@ CHUNK, MOST_CHUNKS = 10, 6
 LITTLE = 1e-3
 # Or no more than this for each unknown: noise makes a fit of n unknowns cost n/2 too little.
 LITTLE_OF_NOISE = 1e-3
-# Steps on the first weights, before any residual tells better ones.
+# Steps on the first weights, before a residual gives better ones.
 FIRST_STEPS = 3
 
 

@@ -1,1 +1,1 @@
-"""Frequency responses from records: whole periods, local models, averaged spectra; what scatters them."""
+"""Frequency responses from records: whole periods, local models, averaged spectra; their scatter."""

@@ -15,7 +15,7 @@ from middeck.signals.ports import Port
 from middeck.signals.record import Campaign, Record, RecordStream, stream_record
 from middeck.values import record as frozen
 
-# Segments of half overlap that a record is cut into where nobody says how long they are.
+# Default number of segments, of half overlap, into which a record is cut.
 SEGMENTS = 16
 SHORTEST = 16
 # Samples read at once, or one segment where that is longer.
@@ -60,7 +60,7 @@ def estimate_spectra(
     resonance with any usual length; that of local models, or of whole periods, is not.
 
     Args:
-        record: In memory or longer than it: segments are summed as they are read. Records of a campaign may
+        record: Record in memory or longer than it: segments are summed as read. Records of a campaign may
             differ in length.
         segment: Samples of a segment; by default the power of two that leaves at least 16. A periodic record
             is cut into its periods, whatever this says.

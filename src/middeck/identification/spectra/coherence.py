@@ -1,4 +1,4 @@
-"""What share of an output's power the inputs explain, linearly and line by line (Bendat and Piersol 2010)."""
+"""Share of an output's power that inputs explain, linearly and line by line (Bendat and Piersol 2010)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def refuse_dependent(spectra: Spectra) -> None:
     """Raise `DataError` where inputs with power are copies of each other."""
     size = np.sqrt(np.maximum(_power(spectra), np.finfo(float).tiny))
     unit = spectra.S_uu / (size[:, :, None] * size[:, None, :])
-    # Eigenvalues are powers: squares of what is told apart in amplitude.
+    # Eigenvalues are powers: squares of the smallest distinguishable amplitude.
     least = np.linalg.eigvalsh(unit)[:, 0]
     refuse_alike(least * WORST_CONDITION**2 <= 1.0, spectra.frequency_hz)
 

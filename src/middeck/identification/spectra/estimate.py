@@ -26,7 +26,7 @@ from middeck.systems.plants.response import FrequencyResponse
 
 # A run is read as periods if it has so many, and its inputs differ between them by no more than this share.
 FEWEST_PERIODS, REPEATED = 2, 0.01
-# Deviations of a gain that all lines share by which noise of an input may change it before that is said.
+# Deviations of a gain common to all lines by which noise of an input may change it before a warning.
 MOVED = 2.0
 
 Method = Literal["periods", "local polynomial", "local rational", "h1", "h2", "hv"]
@@ -65,17 +65,17 @@ def estimate_response(
 
     The response's ``variance`` is the one for a weighted fit, which takes lines as independent: the total
     variance (noise and nonlinear distortion, no less than the noise) where it is known, otherwise the noise
-    variance (over periods), otherwise None; ``covariance`` belongs to it. Of local models, whose neighbouring
-    lines share data and err together, it is that of a line's own data, larger than the error of the response
-    drawn: that, and its degrees of freedom, are in `response_scatter`. The hold of the record's inputs is in
-    it (``hold_s``).
+    variance (over periods), otherwise None; ``covariance`` belongs to it. Neighbouring lines of local models
+    share data and err together: their variance is that of a line's own data, larger than the error of the
+    response, which is in `response_scatter` with its degrees of freedom. The response has the hold of the
+    record's inputs in it (``hold_s``).
 
     Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
     contradict each other) and noise of the inputs are warned of.
 
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
-    cannot be told apart, or the record is too short or too long for the method; `ConfigError` for a method,
-    reference or controller that does not fit the record.
+    cannot be distinguished, or the record is too short or too long for the method; `ConfigError` for a
+    method, reference or controller that does not fit the record.
 
     >>> import numpy as np
     >>> from middeck.signals.ports import Port
@@ -214,7 +214,7 @@ def _scatter(
     spectra = estimate_spectra(record, segment=segment)
     if not periodic:
         return spectra_response(spectra, method, band_hz=band_hz)
-    # Only periods tell which lines of a measured input are noise, and what of the scatter repeats.
+    # Only periods show which lines of a measured input are noise, and what of the scatter repeats.
     found = scatter_of_periods(_stream(record), band_hz)
     excited = np.isin(spectra.frequency_hz, found.frequency_hz)
     return dataclasses.replace(found, H=spectra_response(spectra, method, excited=excited).H)
@@ -230,7 +230,7 @@ def as_periods(record: Record) -> Record:
 
 
 def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> ResponseScatter:
-    """From whole periods, what they begin with cut off or taken out; says so."""
+    """Scatter from whole periods, without the transient at their beginning; reports how."""
     started = steadied(record)
     if started.what:
         warnings.warn(started.what, UserWarning, stacklevel=5)

@@ -1,9 +1,9 @@
-"""Weights of a fit: the measured variance, and a variance for what the model cannot fit.
+"""Weights of a fit: the measured variance, and a variance for the model's error.
 
 A variance from few periods has few degrees of freedom, and lines that are quiet by chance would dominate the
 fit. It is therefore averaged over neighbouring lines, except where fewer lines have significantly more: noise
-of a measured input and motion from disturbances peak where the response does. Of whole periods the noise of
-the outputs is averaged; how much of it each line's inputs let into its response is known (`_inverse_power`).
+of a measured input and motion from disturbances peak where the response does. For whole periods the noise of
+the outputs is averaged; the part that each line's inputs let into its response is known (`_inverse_power`).
 
 A model of limited order, or a slightly nonlinear article, leaves more than this variance. The excess is one
 further variance e P with one share e for all lines and outputs (with a share for each, a fit could give up an
@@ -50,9 +50,9 @@ ROUNDING = 1e-22
 class ExcessVariance:
     """Sources of a residual: measured variance v, and the size P of what a model must follow.
 
-    ``relative``: P is the size of each line, not of the output. Of a residual that is noise alone, |r|^2 / v
-    has a ``mean`` above one, as v is known by few degrees, and over all lines the relative deviation
-    ``chance``. ``alike`` lines have much the same noise and tell no more than one.
+    ``relative``: P is the size of each line, not of the output. If the residual is noise alone, |r|^2 / v
+    has a ``mean`` above one, as v has few degrees of freedom, and over all lines the relative deviation
+    ``chance``. ``alike`` lines have much the same noise and count as one.
     """
 
     variance: Float[np.ndarray, "output line input"]
@@ -132,7 +132,7 @@ def _inverse_power(measured: FrequencyResponse) -> Float[np.ndarray, "line 1 inp
 
 
 def _smooth(v: Float[np.ndarray, "output line input"], degrees: float, alike: float = 1.0) -> np.ndarray:
-    """An average over lines, no less than what fewer of them say beyond chance."""
+    """An average over lines, no less than fewer of them show beyond chance."""
     smooth = wide = _mean_of_lines(v, NEIGHBOURS)
     for half in (h for h in NARROWER if degrees < np.inf):
         # Gamma variates: what fewer lines say, where it is more than chance.

@@ -1,4 +1,4 @@
-"""Which lines are of use, and the least-squares response at each of them."""
+"""Usable lines, and the least-squares response at each of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from middeck.errors import DataError
 
 # A line counts as excited when its amplitude exceeds this share of the strongest line: 80 dB below it.
 FAINTEST = 1e-4
-# Beyond this the inputs of one line cannot be told apart in double precision and real noise.
+# Beyond this the inputs of one line cannot be distinguished in double precision and real noise.
 WORST_CONDITION = 1e6
 
 
@@ -33,7 +33,7 @@ def refuse_silence(excited: np.ndarray, band_hz: tuple[float, float] | None) -> 
 
 
 def refuse_alike(bad: np.ndarray, frequency: np.ndarray) -> None:
-    """Raise `DataError` if the inputs cannot be told apart at the marked lines."""
+    """Raise `DataError` if the inputs cannot be distinguished at the marked lines."""
     if bad.any():
         raise DataError(
             f"the inputs cannot be told apart at {bad.sum()} lines, first at {frequency[bad][0]:.6g} Hz",

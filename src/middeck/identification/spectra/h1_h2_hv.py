@@ -157,7 +157,7 @@ def _smallest_scatter(
     size = np.abs(x) ** 2
     cross = x[:, :, None] * x.conj()[:, None, :] * S.conj()
     Q = S * (1.0 - least * (size[:, :, None] + size[:, None, :] - cross))
-    # A second eigenvalue as small leaves the answer open: its scatter is beyond first order.
+    # A second eigenvalue as small leaves the result open: its scatter is beyond first order.
     gaps = np.maximum(values[:, 1:] - values[:, :1], np.finfo(float).eps)
     rest = vectors[:, :, 1:]
     T = (rest[:, :-1] - ratio[:, :, None] * rest[:, -1:]) / gaps[:, None, :] @ rest.conj().mT

@@ -15,7 +15,7 @@ and Guerin 2012): D is common to all outputs, as poles are, and is found from
 where S_o is what U and the transient leave of (Y_o, r Y_o, r^2 Y_o). That leaves D V, which is as strong on
 all lines of a window if V comes from forces on the article: such noise peaks with its modes. For noise of
 sensors rows are divided by D and the window is solved again (Sanathanan and Koerner 1963), so that V itself
-is left. Of the two the one is taken that is likelier, by the window and by the others of the record.
+is left. The likelier of the two is taken, by the window and by the others of the record.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def odds_of_forces(kinds: Collection[BothKinds]) -> float:
     """Log odds for noise of forces in a window, given only the other windows.
 
     The likeliest mixture of the two kinds (Dempster, Laird and Rubin 1977), with one window of each before
-    any is seen: narrow windows say little, and the others of a record tell what disturbs it.
+    any is seen: narrow windows say little, and the others of a record show what disturbs it.
     """
     worth = sum(both.worth for both in kinds)
     odds = 0.0

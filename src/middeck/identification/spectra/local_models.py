@@ -41,7 +41,7 @@ EDGE, REACH = 0.01, 4
 # that is followed by rest has little of it, and is estimated well: lost are lines whose deviation is this
 # share of the largest response.
 SMOOTH, LOST = 0.2, 0.1
-# That share, in amplitude, below which prediction of the outputs tells little of the response (of noise it is
+# That share, in amplitude, below which prediction of the outputs shows little of the response (of noise it is
 # 0.85 and more): of the models of no less than half the window that predict as well within a factor, those
 # that are further apart than so many deviations add the square of their distance to the variance.
 TURNS_LITTLE, AS_WELL, APART = 0.8, 2.5, 3.0
@@ -56,8 +56,8 @@ def scatter_of_local_models(
 ) -> ResponseScatter:
     """The response at all lines that are excited, each from the local model that predicts best there.
 
-    ``excited`` says which lines of a period are; of other records they are found. Of a stream no more is held
-    than the lines of the band (`zoomed_lines`).
+    ``excited`` marks the lines of a period; those of other records are found. Only the lines of the band are
+    held of a stream (`zoomed_lines`).
     """
     experiments, inputs, stride = _shape(record)
     polynomials = _models(ROWS_POLYNOMIAL, experiments, inputs, stride, rational=False)

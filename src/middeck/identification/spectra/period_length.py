@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-# Lines that tell a turn in proportion to their number from any other.
+# Lines that distinguish a turn in proportion to their number from any other.
 LINES = 8
 # Deviations of the shift, and the turn [rad] that it makes of an input: rounding of computed ones is below.
 CERTAIN, TURNED = 8.0, 1e-6

@@ -1,4 +1,4 @@
-"""Whole steady periods: no leakage, no window, and noise apart from what repeats."""
+"""Whole steady periods: no leakage, no window, and noise separated from the repeated part."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PeriodMoments:
     """Mean and scatter of the spectra z = (u, y) over the periods of each experiment.
 
     Attributes:
-        periods: In each experiment.
+        periods: Number of periods in each experiment.
         mean: Average over periods.
         scatter: Sum over periods and experiments of (z - mean)(z - mean)^H.
     """

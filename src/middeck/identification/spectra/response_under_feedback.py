@@ -1,4 +1,4 @@
-"""Records taken in a closed loop: what the loop feeds back is not taken for excitation.
+"""Records taken in a closed loop: fed-back signals are not taken for excitation.
 
 With u = r + K y (docs/conventions.md: the minus sign is in K) and noise v at the output, u and v are
 correlated through K, and the direct estimate tends to
@@ -145,7 +145,7 @@ def from_controller(record: Record, controller: Controller) -> Record:
 
 
 def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
-    """From the response of (y, u) to the reference, that of y to u."""
+    """Response of y to u from the response of (y, u) to the reference."""
     H_y, H_u = found.H[:, :outputs], found.H[:, outputs:]
     lines, inputs, references = H_u.shape
     if references < inputs:

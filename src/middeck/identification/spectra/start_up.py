@@ -41,7 +41,7 @@ LEFT = 0.1
 ENOUGH, FEWEST = 0.5, 4
 # Deviations from which on a ramp is taken out: a lesser one moves the first line by about one of its own.
 STEEP = 4.0
-# Share of a channel's rms from which on a ramp is told of: a lesser one is taken out and counted as well.
+# Share of a channel's rms from which a ramp is reported: a lesser one is taken out and counted as well.
 TOLD = 0.05
 # A pole leaves a basis undetermined below this share of its largest singular value.
 SAME = 1e-9
@@ -54,7 +54,7 @@ class StartUp:
 
     Attributes:
         record: The steady periods, or all of them without the free motion.
-        what: What was found and done; empty for a steady record.
+        what: Finding and correction in words; empty for a steady record.
         unknown: Covariance, per unit of that of the periods' differences, that the motion taken out adds to
             each line of an average of periods; that of a ramp as well.
         spread: Covariance of the differences' samples, of all outputs.
@@ -144,7 +144,7 @@ def _without_ramps(
     ports: Sequence[Port],
     poles: Complex[np.ndarray, " pole"],
 ) -> tuple[np.ndarray, str, Float[np.ndarray, " line"]]:
-    """The channels without the ramps that show beside free motion; what to tell, and what is not known.
+    """The channels without ramps beside free motion; sentences on these, and the remaining uncertainty.
 
     The last is as in `StartUp`: the square of the sawtooth by which a ramp may be wrong.
     """
@@ -153,7 +153,7 @@ def _without_ramps(
     ones, motion = np.ones((len(z), 1)), _basis(poles, len(z))
     amplitudes = np.linalg.lstsq(np.hstack([ones, motion]), z, rcond=SAME)[0]
     constant, left = amplitudes[0], z - np.hstack([ones, motion]) @ amplitudes
-    # Differences that are steady noise tell of a constant beside the motion to this.
+    # Accuracy of a constant beside the motion from differences that are steady noise.
     beside = ones - motion @ np.linalg.lstsq(motion, ones, rcond=SAME)[0]
     known = max(float(np.sum(beside**2)), np.finfo(float).tiny)
     rounding = SAME * np.sqrt(np.mean(x**2, axis=(1, 2))).ravel()
@@ -192,7 +192,7 @@ def _steady_from(
 
 
 def _motions(target: Float[np.ndarray, "sample column"]) -> tuple[Complex[np.ndarray, " pole"], np.ndarray]:
-    """Poles [1/sample] of the free motion in ``target``, and what it leaves."""
+    """Poles [1/sample] of the free motion in ``target``, and the residual."""
     theta, left = np.zeros(0), target
     cost = (2.0 + 2.0 * target.shape[1]) * (0.5 * np.log(target.size) + DEAR)
     while len(theta) < 2 * MOST_MOTIONS and 4 * len(theta) < len(target):
@@ -247,7 +247,7 @@ def _strongest(left: Float[np.ndarray, "sample column"]) -> tuple[float, float]:
         k = int(np.argmax(power))
         explained = float(power[k]) / float(np.sum(window**2))
         if explained > best[0]:
-            # At rest a motion has one column less, and none that turns by less is told from it.
+            # At rest a motion has one column less, and none that turns by less is distinguished from it.
             best = (explained, float(np.log(sigma)), np.pi * max(k, 1) / count)
     return best[1], best[2]
 
@@ -262,7 +262,7 @@ def _basis(
 
 
 def _centred(columns: Float[np.ndarray, "sample column"]) -> Float[np.ndarray, "sample column"]:
-    """What is left of them beside a constant, as the differences have it that a ramp is told by."""
+    """The columns less their means, as the differences by which a ramp is detected."""
     return columns - columns.mean(axis=0)
 
 
@@ -285,7 +285,7 @@ def _rest(theta: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def _step(theta: np.ndarray, target: np.ndarray, below: float) -> Step | None:
-    """Half of what is left, if ``below`` so much, and its slopes by decays and frequencies (Kaufman 1975)."""
+    """Half the squared residual, if ``below``, and its slopes by decays and frequencies (Kaufman 1975)."""
     poles, half = _poles(theta), len(theta) // 2
     if np.real(poles).min() < -np.pi:
         return None

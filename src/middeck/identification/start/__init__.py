@@ -1,1 +1,1 @@
-"""Where a search begins: subspaces, vector fitting, starts."""
+"""Start of a search: subspaces, vector fitting, starts."""

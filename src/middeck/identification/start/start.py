@@ -317,7 +317,7 @@ def _real_starts(data: Data, options: FitOptions, found: np.ndarray) -> Iterator
 def _starts_among(
     data: Data, options: FitOptions, poles: Complex[np.ndarray, " mode"]
 ) -> tuple[list[Start], float]:
-    """Starts at the strongest of these pairs, none where they are too few, and what all of them explain."""
+    """Starts at the strongest of these pairs, none where they are too few, and the part that all explain."""
     if not len(poles):
         return [], 0.0
     pair, wanted = np.ones(len(poles), dtype=bool), options.moving // 2

@@ -84,7 +84,7 @@ def _relocated(data: Data, q: np.ndarray, poles: np.ndarray, *, sampled: bool) -
 def _common_rows(
     phi: Complex[np.ndarray, "column line"], H: Complex[np.ndarray, " line"], weight: np.ndarray
 ) -> Float[np.ndarray, "row column"]:
-    """What one entry says of d_n and d, its own residues and constant projected out."""
+    """Rows of one entry for d_n and d, its own residues and constant projected out."""
     own = np.vstack([phi, np.ones(len(H))]) * weight
     A = np.ascontiguousarray(np.vstack([own, -own * H])).view(float).T
     triangle = np.asarray(scipy.linalg.qr(A, mode="r", overwrite_a=True, check_finite=False)[0])

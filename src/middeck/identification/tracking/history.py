@@ -22,8 +22,8 @@ class Tracked:
         time_s: Time of the last sample of each block.
         natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
         trusted: Whether the innovations were white and as large as stated.
-        jumps: How often each mode, or a neighbour, was thought to have jumped by then.
-        restarts: How often the modes had been lost and sought again by then; ``state.restarts`` says when.
+        jumps: Number of detected jumps of each mode, or a neighbour, by then.
+        restarts: Number of restarts after a loss by then; ``state.restarts`` has their times.
         state: At the end, from which to go on.
     """
 

@@ -217,7 +217,7 @@ class _Work:
             self._open(int(m), logs[:, m])
 
     def look_for_lag(self) -> None:
-        """Widen the deviation of what runs behind by its lag, and all that goes with it."""
+        """Widen the deviation of a lagging parameter by its lag, with all correlations."""
         self.lag[lag.DRIFT] *= np.exp(-LOOK * self.followed.T / lag.FORGOTTEN_S)
         if self._is_astray():
             self.lag[:] = 0.0
@@ -238,7 +238,7 @@ class _Work:
         self.lag[:, self.modes + m] = 0.0
 
     def _is_astray(self) -> bool:
-        """Whether innovations are those of lost modes, or not yet well again: then they tell no lag."""
+        """Whether innovations are those of lost modes, or not yet recovered: they then show no lag."""
         large = self.brief[0] > loss_and_restart.TOO_LARGE * self.brief_weight
         return bool(large or self.recovery.lost or self.recovery.tries)
 
@@ -264,7 +264,7 @@ class _Work:
             self.cov[at, at] += LOST_PHASE**2 * size
 
     def look_for_loss(self, samples: int) -> None:
-        """Keep what is good; begin again from it when the modes have been lost for long."""
+        """Keep a good state; restart from it when the modes have been lost for long."""
         kept, T = self.recovery, self.followed.T
         lost = loss_and_restart.is_lost(self.brief, self.brief_weight)
         count = max(0, kept.lost + (LOOK if lost else -LOOK))
@@ -291,7 +291,7 @@ class _Work:
         )
 
     def _restart(self, samples: int) -> None:
-        """Parameters of the older good state, as uncertain as they now are; motion by what moves it."""
+        """Parameters of the older good state, as uncertain as they now are; motion by the inputs."""
         kept, n, T, first = self.recovery, self.states, self.followed.T, self.logs.start
         opened = loss_and_restart.opening(kept.tries) * self.followed.drift.frequency_jump
         variance = kept.variance[0] + (samples - kept.taken[0]) * self.Q[first:]

@@ -22,7 +22,7 @@ LONGEST_S = 64.0
 BY_CHANCE = 2.0
 # Standard deviations beyond which the filter is opened: by chance once in 2000 independent looks.
 BEYOND_CHANCE = 3.5
-# Shortest time [s] that a drift is told from.
+# Shortest time [s] from which a drift is estimated.
 SHORTEST_S = 1.0
 # Time [s] in which an added drift is given up again.
 FORGOTTEN_S = 10.0

@@ -19,7 +19,7 @@ WATCHED = 16  # lags: half a cycle of a mode at a thirtieth of the rate
 MEMORY = 1024  # samples
 # Memory [samples] of the products that it is judged by: a fourth of that of `trusted`, to see a try succeed.
 BRIEF = 256
-# Late innovations are also kept in blocks of samples, eight of them as long as the memory of `trusted`:
+# Recent innovations are also kept in blocks of samples, eight of them as long as the memory of `trusted`:
 # unlike a mean that forgets, whole blocks hold nothing of what was before them.
 BLOCK, BLOCKS = MEMORY // 8, 8
 # Mean square of innovations, and sum of their squared correlations over 16 lags, beyond which the modes are
@@ -60,9 +60,9 @@ class Recovery:
         tries: Restarts since all was well.
         mean, variance, taken: Parameters of two good states, the older one first, and the samples after which
             each was taken.
-        loudness: Mean square of late inputs: by it motion is judged that is not known.
+        loudness: Mean square of recent inputs, by which unknown motion is judged.
         restarts: All of them.
-        blocks: Sums of the products, the block that is being filled first, then the late ones.
+        blocks: Sums of the products, the block that is being filled first, then the recent ones.
         seen: Samples in all blocks since the last restart.
     """
 
@@ -141,7 +141,7 @@ def healed(
 
 
 def is_lost(products: Float[np.ndarray, " lag"], weight: float) -> bool:
-    """Whether late innovations are too large and too coloured.
+    """Whether recent innovations are too large and too coloured.
 
     >>> noise = np.zeros(WATCHED + 1)
     >>> noise[0] = 9.0                                       # three times as large as stated, but white
@@ -160,12 +160,12 @@ def opening(tries: int) -> float:
 
 
 def patience(tries: int) -> float:
-    """Time [s] before the next restart, longer with each round: what never works is tried less often."""
+    """Time [s] before the next restart, longer with each round: repeated failures are tried less often."""
     return PATIENCE_S * (1 + tries // len(OPENINGS))
 
 
 def is_trusted(products: Float[np.ndarray, " lag"], weight: float, outputs: int) -> bool:
-    """Whether size and whiteness are those of chance; True before anything can be said."""
+    """Whether size and whiteness are those of chance; True before that can be decided."""
     if weight < 0.1:
         return True
     means = products / weight

@@ -1,4 +1,4 @@
-"""What is followed, and the state of following it."""
+"""The tracked parameters, and the state of tracking them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from middeck.values import record
 MORE_IN_BAND = 3.0
 # Constants whose real part is below this share are those of a displacement.
 ROUNDING = 1e-9
-# Where nothing is said: deviations of a fit that is good enough to start from.
+# Default deviations: those of a fit that is good enough to start from.
 FIRST_FREQUENCY, FIRST_DAMPING, FIRST_GAIN = 0.005, 0.2, 0.05
 
 
@@ -61,7 +61,7 @@ class Followed:
             the model's constants already contain.
         real_constants: Whether phi psi is held when a frequency moves, and the residue phi psi / (2 j
             omega_d) goes with it.
-        group: Which delay each output has, of ``whole`` samples and ``part`` of another.
+        group: Index of each output's delay, of ``whole`` samples and ``part`` of another.
         noise_rms: Rms of the noise on each output's samples.
     """
 
@@ -87,14 +87,14 @@ class Tracking:
         mean, covariance: Mean and covariance of the modal states (real parts, imaginary parts; for each
             delay), log frequency, log damping and gains, in that order.
         past: Inputs on their way through the delays, latest first.
-        corrections, chance: Weighted sum of late corrections of log frequency and log damping, and its
+        corrections, chance: Weighted sum of recent corrections of log frequency and log damping, and its
             variance by chance.
         lag: Sums by which a parameter that lags is detected (`lag`).
         products: Weighted means of the products of normalised innovations, lags zero and on.
         late: Latest normalised innovations, latest first.
         weight: Weight of what the means have seen, up to one.
-        jumps: How often each mode, or one within a tenth of its frequency, was thought to have jumped.
-        recovery: What a restart begins from, should the modes be lost.
+        jumps: Number of detected jumps of each mode, or of one within a tenth of its frequency.
+        recovery: State from which a restart begins, should the modes be lost.
     """
 
     followed: Followed
@@ -162,7 +162,7 @@ class Tracking:
 
 
 def log_places(followed: Followed) -> np.ndarray:
-    """Where log frequency (first row) and log damping stand among the unknowns."""
+    """Places of log frequency (first row) and log damping among the unknowns."""
     modes = len(followed.poles)
     first = 2 * modes * len(followed.whole)
     return first + np.arange(2 * modes).reshape(2, modes)
@@ -180,8 +180,8 @@ def start_tracking(
     """The state before the first sample.
 
     Args:
-        model: Where to start: a continuous model of conjugate pairs, fitted to an earlier record or made from
-            a plant (`model_of_plant`). Without a ``hold_s``, half a sample of hold is in its delays.
+        model: Model at the start: a continuous one of conjugate pairs, fitted to an earlier record or made
+            from a plant (`model_of_plant`). Without a ``hold_s``, half a sample of hold is in its delays.
             Frequencies, damping and the size of each mode at each output are followed; delays and the direct
             term are taken as they are.
         sample_hz: Rate of the samples that will come; inputs are held from each to the next.
@@ -189,7 +189,7 @@ def start_tracking(
         input_rms: Rms of the inputs before the first sample, which sets the variance of the unknown motion
             at the start; zero for an article at rest.
         known: Standard deviations of the model's frequencies and damping; 0.5 and 20 per cent by default.
-        drift: How parameters are thought to move.
+        drift: Assumed random drift of the parameters.
 
     Raises `ConfigError` for a sampled model, one with real poles or terms of modes below the band, delays
     that differ by input, a mode at or above half the sampling rate, noise that is not positive, an input that

@@ -1,1 +1,1 @@
-"""How far a fit can be trusted: covariance, intervals, bounds, sets of models, drift, what to expect."""
+"""Uncertainty of a fit: covariance, intervals, bounds, sets of models, drift, expected accuracy."""

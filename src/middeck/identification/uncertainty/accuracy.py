@@ -1,4 +1,4 @@
-"""How well a test would identify a model, before it is run: the Cramer-Rao bound of its excitation.
+"""Expected accuracy of a test, before it is run: the Cramer-Rao bound of its excitation.
 
 With white noise of rms sigma_o on the samples of output o, the transform of a period of N samples has the
 complex variance N sigma_o^2, and the average of P periods a P-th of it. The output of experiment e is
@@ -75,8 +75,8 @@ def expected_accuracy(
     """Standard deviations that a fit of ``model`` would have after the test, by the Cramer-Rao bound.
 
     Args:
-        model: What is thought to be there: a plant of a structure (with the delay ``delay_s`` of the test),
-            or a model of an earlier record.
+        model: The assumed truth: a plant of a structure (with the delay ``delay_s`` of the test), or a model
+            of an earlier record.
         command: A designed excitation, or a record whose inputs are to be used again.
         noise_rms: Rms of the white noise on each output's samples.
         periods: Steady periods of each experiment; one for a signal that does not repeat, whose transient is
@@ -84,7 +84,7 @@ def expected_accuracy(
         structure: What will be free in the fit; as `fit_response` would choose by default: real constants and
             delays where the model has real constants, otherwise complex constants without a delay, and the
             constant terms that the model has.
-        scored_hz: Where the error of the response is expected; the excited lines by default.
+        scored_hz: Frequencies [Hz] of the expected error of the response; by default the excited lines.
 
     Raises `ConfigError` for a number of inputs or noises that does not fit, a noise that is not positive, no
     period, or a test that leaves an unknown undetermined.

@@ -55,17 +55,17 @@ ROUNDING = 1e-9
 
 @record(kw_only=True)
 class ModelCovariance:
-    """How well the unknowns of a model are known, jointly.
+    """Joint uncertainty of the unknowns of a model.
 
     Attributes:
-        model, structure: What was fitted; the unknowns and their order are those of `unknowns`.
+        model, structure: The fitted model; its unknowns and their order are those of `unknowns`.
         root: R of their covariance R R^T: deviations that come from it keep the digits that those from the
-            matrix lose where unknowns are told apart badly. Lower triangular, but for what is loose.
+            matrix lose where unknowns are hardly distinguished. Lower triangular, but for what is loose.
         inflation: Variance of each unknown over its variance if all others were known.
         degrees: Degrees of freedom of the variance behind it: Student's t, and F, stand for the normal law.
         robust: True where the residual is clearly more than noise or correlated from line to line, or a
             record's weights are not those of noise, and the covariance follows the residual.
-        loose: How many of the last columns of ``root`` are directions in which the data do not fix the
+        loose: Number of last columns of ``root`` that are directions in which the data do not fix the
             unknowns.
     """
 
@@ -98,7 +98,7 @@ class ModelCovariance:
         return self.root[:, : self.root.shape[1] - self.loose]
 
     def deviation(self, slope: Float[np.ndarray, "row unknown"] | None = None) -> Float[np.ndarray, " row"]:
-        """Standard deviation of what has these derivatives by the unknowns, or of each unknown.
+        """Standard deviation of a quantity with these derivatives by the unknowns, or of each unknown.
 
         Infinite where the data do not fix it: where more of it is loose than is not, for what rounding leaves
         of a loose direction is no more; or, beside a loose direction, where what is fixed of it is told from
@@ -126,7 +126,7 @@ def estimate_covariance(
     """The covariance of a weighted least-squares fit at its end.
 
     Args:
-        measured: What was fitted.
+        measured: The fitted response.
         assumed: The variance whose inverse weighed the residual, of real and imaginary part together.
         noise: The part of it that was measured, averaged over neighbouring lines; without a measured variance
             it is not looked at.

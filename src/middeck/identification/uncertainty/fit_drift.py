@@ -91,7 +91,7 @@ class FitChanges:
         only_before, only_after: Natural frequencies [Hz] of modes without a counterpart: unlike orders, or a
             mode that one record does not show. They are not tested.
         p_overall: Probability of all differences together by chance, in one test.
-        level: Probability that anything is said to have changed when nothing has (Holm 1979, over all tests
+        level: Probability that a change is reported when nothing has changed (Holm 1979, over all tests
             of modes and delays).
     """
 

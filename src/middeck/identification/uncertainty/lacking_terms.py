@@ -1,8 +1,8 @@
 """Score tests of terms that a fitted model lacks: a delay of one input or path, or a filter of one output.
 
-The score of a further unknown is what is left times its derivative, less all of it that the fitted unknowns
-follow (Rao 1948; Engle 1984, section 5): nothing is fitted again. Of a model that lacks nothing it is normal
-with the deviation of the noise.
+The score of a further unknown is the residual times its derivative, less the part that the fitted unknowns
+follow (Rao 1948; Engle 1984, section 5): nothing is fitted again. For a complete model it is normal with the
+deviation of the noise.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ Kind = Literal["input", "path", "output", "filter", "drift"]
 TOLD = 5.0
 # Powers of s of a filter's terms: its delay is the output's, of the first.
 FILTER = (2, 3)
-# Deviations by which a lacking term must move an unknown of the fit before it is told.
+# Deviations by which a lacking term must move an unknown of the fit before it is reported.
 MOVED = 1.0
-# Share of a term that the fitted unknowns must leave, in squares, for it to be told from them.
+# Share of a term that the fitted unknowns must leave, in squares, for it to be distinguished from them.
 APART = 1e-9
 # Lines whose squares are taken together: neighbouring estimates of a local model share their data.
 WIDTH = 8
@@ -67,7 +67,7 @@ class LackingTerm(NamedTuple):
     def of(
         self, output: int, parts: Complex[np.ndarray, "line input column"], s: Complex[np.ndarray, " line"]
     ) -> Complex[np.ndarray, "line column"]:
-        """Derivative of an output's spectra, the ``parts`` of which answer to each input."""
+        """Derivative of an output's spectra, the ``parts`` of which respond to each input."""
         if self.output not in {-1, output}:
             return np.zeros_like(parts[:, 0])
         some = parts.sum(axis=1) if self.input < 0 else parts[:, self.input]
@@ -95,7 +95,7 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
 class TermRows:
     """Real numbers of one output or entry over their deviations.
 
-    ``place`` tells which unknowns ``slopes`` are of, ``line`` the line of each number. ``left`` is what the
+    ``place`` are the unknowns of ``slopes``, ``line`` the line of each number. ``left`` is what the
     fit leaves; complex numbers have deviations of one, so that each of their parts has half its square.
     """
 
@@ -121,7 +121,7 @@ class TermScores(NamedTuple):
 
 
 class Lacking(NamedTuple):
-    """What a model lacks, in words, and the modes that this moves by more than their deviations.
+    """Missing terms of a model, in words, and the modes that they move by more than their deviations.
 
     The deviations of the other modes hold: to first order what is lacking changes them by less.
     """
@@ -235,7 +235,7 @@ def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementMo
 def response_lacks(
     covariance: ModelCovariance, measured: FrequencyResponse, assumed: Float[np.ndarray, "output line input"]
 ) -> Lacking:
-    """What a fit of a response lacks, weighted by the ``assumed`` variance."""
+    """Missing terms of a fit of a response, weighted by the ``assumed`` variance."""
     model, structure = covariance.model, covariance.structure
     s, (outputs, inputs) = 2j * np.pi * measured.frequency_hz, model.direct.shape
     terms = terms_of(outputs, inputs, structure)

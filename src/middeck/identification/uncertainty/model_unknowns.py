@@ -22,7 +22,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class ModelStructure:
-    """Which parts of a model were free in its fit.
+    """The parts of a model that were free in its fit.
 
     Attributes:
         real_constants: Pairs are phi psi / ((s - p)(s - conj p)) with real phi and psi.
@@ -42,7 +42,7 @@ class ModelStructure:
 
 @record(kw_only=True)
 class UnknownPlaces:
-    """Where each kind of unknown stands in the vector; -1 where it is not free.
+    """Place of each kind of unknown in the vector; -1 where it is not free.
 
     Modes of one pole (a residue of full rank, whose input vectors are held) share their place, and so do
     outputs of one common delay.
@@ -196,7 +196,7 @@ def _complex(x: np.ndarray, place: np.ndarray, otherwise: np.ndarray) -> np.ndar
 
 
 def ties(model: MeasurementModel, structure: ModelStructure) -> Float[np.ndarray, "tie unknown"]:
-    """Derivatives of what the fit held at zero: the sum of all residues of each path, if it was."""
+    """Derivatives of the sum of all residues of each path, where the fit held it at zero."""
     at = places_of(model, structure)
     outputs, inputs = model.direct.shape
     if not structure.relative_degree_two:

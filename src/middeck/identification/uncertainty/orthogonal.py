@@ -17,7 +17,7 @@ from jaxtyping import Float
 # Length of a column without any effect: the deviation of its unknown is beyond all bounds, its square still a
 # number.
 NO_INFORMATION = 1e-30
-# Singular value of the scaled derivatives, over the largest, that their rounding cannot tell from nothing.
+# Singular value of the scaled derivatives, over the largest, that is zero to rounding.
 LOOSE = 1e-13
 
 
@@ -38,8 +38,8 @@ def triangle(rows: Float[np.ndarray, "row unknown"]) -> Float[np.ndarray, "few u
 def inverse_root(
     F: Float[np.ndarray, "row unknown"], held: Float[np.ndarray, "tie unknown"] | None = None
 ) -> tuple[Float[np.ndarray, "unknown direction"], int]:
-    """W with W W^T = (F^T F)^-1, among the unknowns that leave what is ``held`` as it is, and how many of its
-    last columns are loose.
+    """W with W W^T = (F^T F)^-1 over the unknowns that leave the ``held`` combinations unchanged, and the
+    number of its last columns that are loose.
 
     Along those the data fix nothing that rounding could show: `LOOSE` stands for their singular values, so
     that they are as long as they must at least be.

@@ -1,4 +1,4 @@
-"""Standard deviations and intervals of what a model is made of, read from the covariance of its unknowns."""
+"""Standard deviations and intervals of a model's parameters, from the covariance of its unknowns."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class ParameterDeviations:
     """Standard deviations; see `ModelCovariance` for what they cover.
 
     Attributes:
-        natural_hz, damping: Those of each mode's natural frequency [Hz] and damping ratio.
-        delay_s: That of the delay of each output [s]; zero where no delay was fitted.
+        natural_hz, damping: Deviations of each mode's natural frequency [Hz] and damping ratio.
+        delay_s: Deviation of the delay of each output [s]; zero where no delay was fitted.
 
     Infinite where the data do not determine the number: the deviation would be larger than the frequency or
     the damping ratio itself, or a delay's than a period of the slowest mode.
@@ -299,7 +299,7 @@ def stated(deviation: Float[np.ndarray, " number"]) -> list[float | None]:
 
 
 def _determined(deviation: np.ndarray, largest: np.ndarray | float) -> np.ndarray:
-    """Deviations, infinite where they are larger than what they are deviations of: the data do not fix it.
+    """Deviations, infinite where they exceed their own quantities: the data do not fix these.
 
     A comparison of sizes, which rounding moves where the two are equal only.
     """

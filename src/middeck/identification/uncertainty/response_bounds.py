@@ -29,7 +29,7 @@ FLAT = 1e-6
 
 @record(kw_only=True)
 class ResponseBounds:
-    """Where the true response lies with probability ``level``, on each line alone or on all together.
+    """Region of the true response with probability ``level``, on each line alone or on all together.
 
     Attributes:
         H: Response of the fitted model.

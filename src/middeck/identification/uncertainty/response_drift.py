@@ -42,7 +42,7 @@ class MovedBand:
 
 @record(kw_only=True)
 class ResponseDrift:
-    """Where two responses differ.
+    """Differences of two responses.
 
     Attributes:
         frequency_hz: Lines that both have.
@@ -51,7 +51,7 @@ class ResponseDrift:
             (Devlin and Roeder 1999). A change of all lines alike is no mode but a variance that was stated
             too small: distortion that changes with the signal, where only the noise is known, for example.
         moved: Whether the difference is significant among all lines and paths.
-        bands: What moved, from low to high frequency.
+        bands: Bands that changed, from low to high frequency.
         level: Probability that any line is reported as moved when nothing has (Holm 1979).
     """
 
@@ -69,7 +69,7 @@ class ResponseDrift:
 
     @property
     def trusted(self) -> bool:
-        """Whether the stated variance explains what most lines do; without that, single lines say little."""
+        """Whether the stated variance explains most lines; without that, single lines are no evidence."""
         return self.inflation <= TRUSTED
 
     @property
@@ -141,7 +141,7 @@ def compare_responses(
 
 
 def holm(p: Float[np.ndarray, " test"], level: float) -> Bool[np.ndarray, " test"]:
-    """Which of several tests count, with no more than ``level`` of any false one (Holm 1979).
+    """Significant ones of several tests, with no more than ``level`` of any false one (Holm 1979).
 
     >>> holm(np.array([0.001, 0.04, 0.02]), 0.05)
     array([ True,  True,  True])

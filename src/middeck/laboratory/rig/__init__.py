@@ -1,1 +1,1 @@
-"""The simulated rig: a plant with motors, sensors and a computer, stepped in time; its runs and its drift."""
+"""The simulated rig: a plant with motors, sensors and a computer, stepped in time; its runs and drift."""

@@ -15,7 +15,7 @@ from middeck.systems.state_space.statespace import SampledStateSpace
 
 
 def linearise_rig(rig: Rig) -> Plant:
-    """The sampled plant of a rig without limits, steps, joints' torques and noise: not for a design.
+    """The sampled plant of a rig without limits, steps, joint torques and noise; not meant for designs.
 
     States: the continuous part's, then commands on their way, the latest first; and of a plant with
     rigid-body modes the sums of the gyros' samples, each a pole at one. Otherwise the sums are rows of the
@@ -40,10 +40,10 @@ def linearise_rig(rig: Rig) -> Plant:
 
 
 def close_rig(rig: Rig, law: SampledStateSpace) -> SampledStateSpace:
-    """The loop u = excitation + law(y + noise) of the linear part, ``law`` placed as `place_law` does.
+    """The loop u = excitation + K (y + noise) of the linear part, K placed by `place_law`.
 
-    Inputs: excitation, then noise; outputs: the measured outputs (noise included), then the law's. States:
-    those of `linearise_rig`, then the law's.
+    Inputs: excitation, then noise; outputs: the measured outputs (noise included), then the compensator's.
+    States: those of `linearise_rig`, then the compensator's.
     """
     p, m = len(rig.outputs), len(rig.inputs)
     closed = feedback(linearise_rig(rig).sampled, law, range(m), range(p))

@@ -1,4 +1,4 @@
-"""The simulated rig: torque commands in, samples out, and the hardware between that is switched on.
+"""The simulated rig: torque commands in, samples out, and the active hardware between.
 
 rig = build_rig(plant, sample_hz=500.0, delay_s=0.01, motors={"pri_rel_z": Motor(5.0)},
                 sensors={"pri_in_z": Gyro(noise=2e-4)})
@@ -47,7 +47,7 @@ class Rig:
 
     @functools.cached_property
     def linear(self) -> bool:
-        """Whether nothing is switched on: motors without limits, samplers, no joints and no drift."""
+        """Whether no nonlinear part is active: motors without limits, samplers, no joints and no drift."""
         plain = all(m == Motor() for m in self.motors) and all(isinstance(s, Sampler) for s in self.sensors)
         return plain and not self.joints and self.ageing is None
 
@@ -77,8 +77,8 @@ def build_rig(
     """The rig of ``plant``, commanded at ``motors`` and read by ``sensors``: its ports are in their order.
 
     Args:
-        delay_s: From torque command to sampled output, for every sensor: half a sample of hold and the
-            low-frequency lag of its filters are in it, the rest is true delay. A sample without a filter
+        delay_s: Delay [s] from torque command to sampled output of every sensor: half a sample of hold and
+            the low-frequency lag of its filters are in it, the rest is true delay. A sample without a filter
             waits for the slowest.
         motors, sensors: Motors by the plant's input, and sensors by its output: an angle, of which a gyro
             reads the rate. If left out: all inputs with motors without limits, and all outputs sampled

@@ -1,4 +1,4 @@
-"""What happened in a run besides its samples: saturation, full rotors, clipped readings, a stop."""
+"""Events of a run besides its samples: saturation, full rotors, clipped readings, a stop."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class EventCounter:
                 self._speed[i] = max(self._speed[i], impulse / motor.rotor.inertia)
 
     def total(self, stopped_s: float | None = None) -> RunEvents:
-        """All that was counted."""
+        """Totals of all events counted."""
         ticks = max(self._ticks, 1)
         return RunEvents(
             saturated=self._saturated / ticks,

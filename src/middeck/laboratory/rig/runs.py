@@ -48,12 +48,12 @@ class RigRun:
     Attributes:
         record: The excitation (not the whole torque) and the measured outputs; None for a run without a good
             end.
-        control: What the compensator added, in the same samples; None likewise, as is ``torque``.
+        control: Commands of the compensator in the same samples; None likewise, as is ``torque``.
         cause: Why there is no record: which mode diverges, or which output passed its stop; empty for a good
             run.
-        torque: What the motors gave for compensator and excitation together.
-        events: Which limits were reached how often; None where nothing was run.
-        partial: What was taken until the run was stopped, if it was, settling included.
+        torque: Torque of the motors for compensator and excitation together.
+        events: Limits reached, and how often; None where nothing was run.
+        partial: Record until the stop, if the run was stopped, settling included.
     """
 
     record: Record | None = None
@@ -108,7 +108,7 @@ def run_closed_loop(
     A run that passes a stop, or overflows, has a cause and no record. Where nothing is switched on, a loop
     that is unstable by its eigenvalues is not run at all, and its cause is the mode that diverges.
 
-    Raises `ConfigError` for no period, an unknown output, a law as `place_law`, or drifts that bring a
+    Raises `ConfigError` for no period, an unknown output, as `place_law`, or drifts that bring a
     frequency to zero before the end; `DataError` for an excitation that is not finite; `NumericalError` for
     ``steady`` where the excitation drives a rigid-body mode on and on, and for joints' torques that do not
     settle within a substep.

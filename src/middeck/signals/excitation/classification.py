@@ -27,7 +27,7 @@ STEPS = 0.5
 def name_kind(
     u: Float[np.ndarray, "experiment sample input"], lines: np.ndarray | None, noise_rms: float = 0.0
 ) -> str:
-    """The kind of one period of each experiment, excited on ``lines``; None for what is not repeated.
+    """The kind of one period of each experiment, excited on ``lines``; None for a signal without repetition.
 
     ``noise_rms`` is that of the period's noise, as a share of the signal's.
     """

@@ -60,7 +60,7 @@ def floor_variance(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.
 def folded_power(
     u: Float[np.ndarray, "experiment sample input"], share: Float[np.ndarray, " line"]
 ) -> Float[np.ndarray, "line input"]:
-    """Power that sampling folds back onto lines at a ``share`` of half the rate; of white noise its variance.
+    """Power folded back onto lines at a ``share`` of half the rate; for white noise its variance.
 
     A slope that goes on beyond half the rate as x^-m is folded at x = 1 into x^-m + (2 - x)^-m, near it
     2 cosh(m (1 - x)). No bound: it is too much where a filter's slope steepens beyond half the rate, as most

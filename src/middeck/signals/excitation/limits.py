@@ -1,4 +1,4 @@
-"""How large a signal may be: the largest that peak, rms and slew allow."""
+"""Largest signal that limits of peak, rms and slew allow."""
 
 from __future__ import annotations
 

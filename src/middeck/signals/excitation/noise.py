@@ -26,7 +26,7 @@ def design_noise(
     inputs: int = 1,
     experiments: int = 1,
 ) -> Excitation:
-    """Gaussian noise of even intensity in the band, that does not repeat; inputs are independent.
+    """Gaussian noise of even intensity in the band, without repetition; inputs are independent.
 
     Cut from a period of twice the length, so that its ends do not meet. Where a response is wanted, a
     multisine of the same band and power has no leakage and says more; noise is for records that must not
@@ -55,7 +55,7 @@ def design_burst(
     inputs: int = 1,
     experiments: int = 1,
 ) -> Excitation:
-    """Noise for the first ``share`` of a period and silence for the rest, in which the response dies away.
+    """Noise for the first ``share`` of a period, then silence, in which the response decays.
 
     If it has died away at the end, one period has no leakage and needs no steady state before it (Ewins 2000,
     section 3.8). It may also be repeated. Raises `ConfigError` for a share outside (0, 1), and as

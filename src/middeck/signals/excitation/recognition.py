@@ -19,7 +19,7 @@ from middeck.values import record
 # than 20 dB above the scatter of the periods.
 FAINTEST = 1e-8
 CLEAR_OF_NOISE = 100.0
-# A period is steady when it differs from the last by no more than twice the power of what two late ones
+# A period is steady when it differs from the last by no more than twice the power of what two later ones
 # differ by: a transient below that is below the noise.
 STEADY = 2.0
 
@@ -164,7 +164,7 @@ def cut_periods(measured: Record, found: Recognised | None = None) -> Record:
 
 
 def _steady_from(u: np.ndarray, y: np.ndarray) -> int:
-    """First block from which all differ from the last as little as late ones do."""
+    """First block from which all differ from the last as little as the later ones do."""
     both = np.concatenate([u, y], axis=3)
     size = np.sqrt(np.mean(both**2, axis=(0, 1, 2)))
     both = both / np.where(size > 0.0, size, 1.0)

@@ -1,4 +1,4 @@
-"""Which nodes move with a neighbour: those joined by members far stiffer than all around them.
+"""Nodes that move with a neighbour: those joined by members far stiffer than all around them.
 
 Members are joined in the order of their stiffness, the stiffest first. A piece whose softest joint is
 `CONTRAST` times as stiff as the next connection moves as one body, except for strains too small for

@@ -31,7 +31,7 @@ class LinkRows:
     """One row for each number that links hold at zero.
 
     Attributes:
-        label: What each row is, for messages.
+        label: Name of each row, for messages.
         link: The link that it belongs to, by its place among the structure's.
         ends: The two poses of each pair of frames, the first of them `GROUND` where it is the world.
         factors: Factors of the motions of the second frames as the first ones see them, six a pair.

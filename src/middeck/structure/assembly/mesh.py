@@ -49,8 +49,8 @@ class Model:
         spring_ends: Attach-point poses of the structure's own springs.
         bushing_ends, load_point: Attach-point poses of its bushings, and poses of its loads.
         components: Reduced components.
-        held: What clamps hold; None for a free article.
-        links: What links hold constant; None where there are none.
+        held: Coordinates held by clamps; None for a free article.
+        links: Numbers that links hold constant; None for no links.
     """
 
     structure: Structure

@@ -42,12 +42,12 @@ class Closing:
 
     Attributes:
         basis: Motions that the links allow, a column for each independent coordinate.
-        independent: Which coordinates these are.
+        independent: Indices of these coordinates.
         blocks: Rows and dependent coordinates that belong together, and the matrix between them.
         spare: Rows that repeat others, and these: none where nothing that moves enters them.
         nearly: Rows that nearly repeat others.
         size: Length of each row before it was made one, its unit being that of its value.
-        axes: What turns coordinates into those of W, None where they are; `follow` and `multipliers` do.
+        axes: Rotation of coordinates into those of W, applied by `follow` and `multipliers`; None for none.
     """
 
     basis: sp.csr_array

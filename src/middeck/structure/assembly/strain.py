@@ -69,8 +69,8 @@ def member_strains(
 def strain_pull(
     model: Model, config: Configuration, strain: Inexact[np.ndarray, "element 6 field"]
 ) -> Inexact[np.ndarray, "coordinate field"]:
-    """The load, in the coordinates of the frame tree, that strains of the elements further than they have
-    would take, a column a field."""
+    """The load, in the coordinates of the frame tree, for additional strains of the elements, a column a
+    field."""
     at = poses_at(model, config)
     poses = np.zeros((len(at.world), 6, strain.shape[2]))
     for rows, beams, place in beam_chunks(model, at):

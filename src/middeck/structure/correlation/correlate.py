@@ -57,7 +57,7 @@ class Finding:
         items: Names of the modes, for a COMAC of the channels, that it applies to.
         values, worst: Value of each item, and the one nearest to failing or farthest beyond; None where it
             applies to nothing, which passes, unless the model's fundamental was not measured.
-        probability: That a correct model would meet this criterion, given the noise of the test.
+        probability: Probability that a correct model meets this criterion, given the noise of the test.
         expected: 5, 50 and 95 % of the worst value that a correct model would show.
     """
 
@@ -85,7 +85,7 @@ class Correlation:
         effective_mass: Effective mass of every mode of the model.
         unpaired, unmeasured: Measured modes without a partner (the verdict is then no), and modes of the
             model within the test's band that were not measured.
-        probability: That a correct model would pass the whole profile.
+        probability: Probability that a correct model passes the whole profile.
     """
 
     modes: Modes

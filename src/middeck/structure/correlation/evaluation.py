@@ -35,9 +35,9 @@ class Candidates:
     """The model at the channels: the modes that a measured one may be paired with.
 
     Attributes:
-        significant: Which have more effective mass than the profile's part.
-        fundamental: Which are the lowest flexible mode of the model, by kind, or of its frequency: a stiff
-            suspension has modes above it, so that rank does not tell.
+        significant: Whether each has more effective mass than the profile's part.
+        fundamental: Whether each is the lowest mode of kind flexible, or has its frequency. Rank would not
+            do: a stiff suspension has modes above it.
         has_fundamental: Whether the model has such a mode, among the candidates or not.
     """
 
@@ -58,7 +58,7 @@ class Evaluation:
         frequency_error: Frequency error of each pair, model over test less one.
         mac: Over all candidates and measured modes.
         comac: COMAC of each channel, over the pairs.
-        at_rest: Which channels neither side moves beyond the noise of the test: their COMAC says nothing.
+        at_rest: Channels that neither side moves beyond the noise of the test: their COMAC is meaningless.
         cross_orthogonality: Between the pairs.
         self_orthogonality: Among all measured modes.
     """
@@ -142,7 +142,7 @@ def _of_pairs(found: Evaluation, quantity: Quantity) -> np.ndarray:
 
 
 def members(model: Candidates, ours: np.ndarray, group: Scope) -> np.ndarray:
-    """Which of the candidates ``ours`` belong to a group of modes."""
+    """Whether each of the candidates ``ours`` belongs to a group of modes."""
     if group is Scope.ALL:
         return np.ones(len(ours), dtype=bool)
     fundamental = model.fundamental[ours]

@@ -1,5 +1,5 @@
-"""A model against a survey of frequencies alone: what they can tell, and where they leave open which mode is
-meant."""
+"""A model against a survey of frequencies alone: the criteria that they decide, and the pairs that they leave
+open."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class FrequencyComparison:
 def compare_frequencies(modes: Modes, measured: MeasuredModes, profile: Profile) -> FrequencyComparison:
     """Pair frequencies as is likeliest (`frequency_pairs`), and judge the criteria on frequency.
 
-    Two modes of one frequency are not told apart by it: where the model has another mode that fits a measured
+    Frequencies do not distinguish two equal modes: where the model has another mode that fits a measured
     one within the profile's limit, or within twice the distance of its partner, the pair is ``undecided``.
 
     Raises `ConfigError` where no measured mode has a partner.

@@ -50,12 +50,12 @@ class MeasuredModes:
         shape: Real or complex, of any scale from mode to mode; within a mode metres beside radians.
         frequency_std_hz, damping_std, shape_std: Standard deviations of the estimates, where the test states
             them; that of a complex shape is of real and imaginary part together.
-        position_m: Where each channel is, in world axes, where the test states it.
+        position_m: Position of each channel in world axes [m], where the test states it.
         modal_mass: Modal mass [kg] of each real shape as it stands, where it is known, as for computed
             shapes.
         lines: Nodes that lines of a picture join, one after the other, where the test states any.
-        source: What a file says of the test: model, description, program, date.
-        warnings: What the reader of a file found odd.
+        source: Description of the test in a file: model, description, program, date.
+        warnings: Oddities found by the reader of a file.
 
     A survey of frequencies alone has no channels.
 
@@ -119,7 +119,7 @@ NODES = "the node in the article of each row of shapes; frequencies alone have n
 
 
 def _faults(measured: MeasuredModes) -> Iterator[tuple[str, str]]:
-    """What no test can have measured, and what to do."""
+    """Faults of impossible measurements, and their remedies."""
     yield from _channel_faults(measured.node, measured.direction, len(measured.shape))
     optional = ("frequency_std_hz", "damping_std", "shape_std")
     if not len(measured.frequency_hz):
@@ -229,7 +229,7 @@ def channels_inside(model: Model) -> list[tuple[str, str]]:
 def straight_channels(
     modes: Modes, node: Sequence[str], direction: Sequence[str]
 ) -> Bool[np.ndarray, " channel"]:
-    """Which channels are in metres; the others are in radians. A port is of the sort that it reads or moves.
+    """Whether each channel is in metres, not radians. A port is of the sort that it reads or moves.
 
     Raises `ConfigError` for a port that the model does not have.
     """

@@ -1,5 +1,5 @@
-"""Sentences on what a test leaves unjudged: modes below all that it measured or that its sensors hardly see,
-criteria that apply to none."""
+"""Sentences on modes and criteria that a test leaves unjudged: modes below all that it measured or that its
+sensors hardly see, criteria that apply to none."""
 
 from collections.abc import Container, Sequence
 from itertools import groupby

@@ -1,4 +1,4 @@
-"""How often a correct model would pass: its own modes with the test's noise, through the same evaluation."""
+"""Pass rate of a correct model: its own modes with the test's noise, through the same evaluation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which nodes of the model the numbered nodes of a test are: by place where the test has coordinates, else by
+"""Nodes of the model for the numbered nodes of a test: by place where the test has coordinates, else by
 number."""
 
 import re
@@ -126,7 +126,7 @@ def _near(places: dict[str, np.ndarray], at: np.ndarray, reach: float) -> list[s
 
 
 def _pinned_to(model: Model, names: list[str]) -> set[str]:
-    """Those that a link keeps at the place of another of them: the pinned ends of bars."""
+    """Nodes that a link keeps at the place of another of them: the pinned ends of bars."""
     return {
         link.second
         for link in model.structure.links

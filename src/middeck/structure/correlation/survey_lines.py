@@ -1,7 +1,7 @@
 """Lines of a survey without lines of its own: along the article, from one measured node to others.
 
 Between them motion is drawn as even: as the potential along wires of one resistance per length, with that of
-the measured nodes given. Parts that hang on one measured node are not drawn: how they move nobody measured.
+the measured nodes given. Parts joined to one measured node only are not drawn: their motion was not measured.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def trace_article(model: Model, measured: Sequence[str]) -> Traced:
 
 
 def _chains(model: Model, measured: set[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """What joins nodes: of the mesh nodes of members those that were measured."""
+    """Chains of joined nodes; of a member's mesh nodes only those that were measured."""
     structure = model.structure
     for m in structure.members:
         inside = (name for k in range(1, m.elements) if (name := f"{m.name}/{k}") in measured)

@@ -14,7 +14,7 @@ from middeck.structure.elements.frames import FrameTree
 
 # Modes whose omega^2 differ by less, relative to the larger, have one frequency: any basis of theirs will do.
 REPEATED = 1e-6
-# Weighted kinetic energies, of unit order, that differ by less tell no two modes apart.
+# Weighted kinetic energies, of unit order, that differ by less do not distinguish two modes.
 DISTINCT = 1e-3
 WEIGHTS = (0.0, 1.0, 2.0, 3.0, 3.25, 3.5)  # x comes first, translation before rotation
 

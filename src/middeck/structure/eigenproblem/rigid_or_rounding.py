@@ -1,4 +1,4 @@
-"""How much of a mode's omega^2 may be rounding, or due to the residual of Newton's method."""
+"""Share of a mode's omega^2 that may be rounding, or due to the residual of Newton's method."""
 
 from __future__ import annotations
 

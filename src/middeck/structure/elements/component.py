@@ -44,7 +44,7 @@ class ComponentElement:
         basis: Coordinates of the component as it came, per coordinate of these.
         stiffness, mass: On shift and rotation vector of each grid, then on modal coordinates.
         arms: Places of the grids about their centroid as drawn.
-        weights: How much each grid's place and rotation count for the frame.
+        weights: Weights of each grid's place and rotation in the frame.
         moment: First moment of mass about the centroid.
     """
 

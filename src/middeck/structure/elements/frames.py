@@ -39,7 +39,7 @@ Found = TypeVar("Found")
 
 @record
 class Configuration:
-    """Where the frames are: root positions and rotation matrices, joint angles [rad] or travels [m].
+    """Places of the frames: root positions and rotation matrices, joint angles [rad] or travels [m].
 
     ``since_drawn`` gives the roots' motion with digits that ``x`` and ``R`` cannot hold; None if they were
     not followed from the drawn state.
@@ -51,7 +51,7 @@ class Configuration:
     since_drawn: SinceDrawn | None = None
 
     def once(self, what: str, model: object, compute: Callable[[], Found]) -> Found:
-        """``compute()``, which hangs on this configuration and ``model`` alone, found once for both."""
+        """``compute()``, which depends on this configuration and ``model`` alone, computed once for both."""
         known = vars(self).get(what)
         if known is None or known[0]() is not model:
             known = vars(self)[what] = (weakref.ref(model), compute())

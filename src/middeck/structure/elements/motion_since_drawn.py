@@ -170,7 +170,7 @@ def levers(
     origin: Inexact[np.ndarray, "root 3"],
     world: Inexact[np.ndarray, "element end 3"],
 ) -> list[Lever]:
-    """How the roots in the chains move ends at ``world``, to first order in carried coordinates."""
+    """First-order motion of ends at ``world`` by the roots in the chains, in carried coordinates."""
     return [_lever(root, origin, world) for root in chain]
 
 

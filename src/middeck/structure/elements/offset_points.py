@@ -1,6 +1,6 @@
 """Map from coordinates to the points of a frame tree: laid out once, filled in at every configuration.
 
-The places of the entries of the Jacobian hang on the topology alone, so that an iteration that forms it again
+The places of the Jacobian's entries depend on the topology alone, so that an iteration that forms it again
 and again need not look for them.
 """
 
@@ -119,7 +119,7 @@ class PoseMap(NamedTuple):
 
 @record(kw_only=True)
 class _Movers:
-    """What the places of a Jacobian's entries hang on: roots of a tree, and of points their root, which are
+    """Data that fix the places of a Jacobian's entries: roots of a tree, and of points their root, which are
     special, and the joints of these.
     """
 

@@ -30,7 +30,7 @@ class FrameTree:
 
     @functools.cached_property
     def turns(self) -> Bool[np.ndarray, " coordinate"]:
-        """Which coordinates are angles; the others are shifts."""
+        """Whether each coordinate is an angle; the others are shifts."""
         return np.concatenate([np.tile(np.repeat([False, True], 3), self.roots), ~self.slides])
 
     def frame_of(self, coordinate: int) -> int:

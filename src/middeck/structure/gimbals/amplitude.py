@@ -41,7 +41,7 @@ class AmplitudeCurves:
         joint: Its name.
         slides: Whether it slides: then read m, N/m, N s/m for rad, N m/rad, N m s/rad.
         amplitude: Amplitude of its angle [rad] or its travel [m], zero to peak.
-        stiffness, loss: What its elements are equivalent to [N m/rad]; ``viscous`` [N m s/rad] beside them.
+        stiffness, loss: Equivalents of its elements [N m/rad]; ``viscous`` [N m s/rad] beside them.
         mode, name: Number and name of each mode without the elements; it is followed from there, with its
             damping.
         omega: Angular frequency [rad/s] with the equivalent stiffness, of the undamped mode that the damped

@@ -43,7 +43,7 @@ FINEST = 1e-9
 
 @record(kw_only=True)
 class StabilityLimit:
-    """Where, between two neighbours of the grid, a branch of the family begins to grow.
+    """A limit, between two neighbours of the grid, from which a branch of the family grows.
 
     ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``unstable`` is the point beyond,
     ``name`` what the mode that grows is at that point, the same as in its ``diagnosis``.
@@ -69,7 +69,7 @@ class GimbalFamily:
     Attributes:
         joints, grid: Swept joints, and the angles [rad] of each.
         angle: Angle of the swept joints at each point [rad].
-        holding_torque: What the motors of the swept joints hold [N m]; not a number where there is no rest
+        holding_torque: Torque of the swept joints' motors at rest [N m]; not a number where there is no rest
             state.
         torque_limit: Torque limit of the swept joints' motors [N m], infinite where the article gives none.
         name, kind: Name and kind of each branch, a mode followed over the grid, at point ``origin``.
@@ -257,7 +257,7 @@ def _solve(structure: Structure, environment: Environment, count: int) -> _Membe
 
 
 def _growth(rest: Equilibrium, spectrum: Spectrum) -> str:
-    """Which mode grows most, by the name that its stability limit has."""
+    """The fastest growing mode, by the name in its stability limit."""
     worst = int(np.argmin(spectrum.lam))
     name, rate = _name(rest, spectrum, worst), np.sqrt(-spectrum.lam[worst])
     return f"the rest state is not stable: mode {name!r} grows at {rate:.4g} rad/s"

@@ -154,7 +154,7 @@ def _known(new: Approach, found: Sequence[Approach]) -> bool:
 
 
 def _flips(run: Sequence[PathState]) -> list[tuple[float, float, tuple[int, int]]]:
-    """Where, between which s, two branches change their order; one repeated frequency has none."""
+    """Values of s between which two branches change their order; one repeated frequency has none."""
     lam = np.array([x.spectrum.lam for x in run])
     found: list[tuple[float, float, tuple[int, int]]] = []
     for i, j in itertools.combinations(range(lam.shape[1]), 2):
@@ -250,7 +250,7 @@ def _nearest(
         between = course.to(near[1], lowest)
         if between is None:
             return None
-        if any(between.s == p.s for p in tried):  # nearer than s can be told
+        if any(between.s == p.s for p in tried):  # nearer than s can be resolved
             break
         tried.append(between)
         four = sorted([*near, between], key=lambda p: p.s)
@@ -287,7 +287,7 @@ def _squares(
 
 
 def _parabola(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Where the parabola through three points is lowest, and its second divided difference."""
+    """Minimum of the parabola through three points, and its second divided difference."""
     rise, further = np.diff(y) / np.diff(x)
     curved = (further - rise) / (x[2] - x[0])
     return (x[1] if curved <= 0.0 else 0.5 * (x[0] + x[1] - rise / curved)), curved

@@ -56,8 +56,8 @@ class GravityPath:
     Attributes:
         places, reached: The places in order, and the station at each that was reached.
         name, kind: Name and kind of each branch, at the first station.
-        s: Where each station is: 0 at the first place, 1 at the second, and so on.
-        gravity: In W [m/s^2].
+        s: Place of each station on the path: 0 at the first place, 1 at the second, and so on.
+        gravity: Gravity at each station, in W [m/s^2].
         omega2: omega^2 [1/s^2] of each branch.
         match: Cross-orthogonality with the station before; 1 at the first.
         events: Crossings, veerings (see `exchanged`) and, last, what ended the path before its last place, if
@@ -165,7 +165,7 @@ def follow_gravity(
     _check(structure, environment, places)
     orbit = dataclasses.replace(Environment.orbit(), clamps=environment.clamps)
     full = solve_equilibrium(structure, environment)
-    # Where nobody goes there need be no rest state: loads may want something to hang from.
+    # A path that does not reach 0-g needs no rest state there: loads may lack a support.
     free = full if all(place.size for place in places) else solve_equilibrium(structure, orbit)
     loads_at = loads_in(full, devices)
     at_first = places[0].gravity
@@ -360,7 +360,7 @@ def _follow_leg(leg: _Leg, start: PathState) -> tuple[list[PathState], _Stop | N
 
 
 def _take_hold(leg: _Leg, start: PathState, s: float) -> PathState | None:
-    """The article as it first hangs on its devices: a descent, as it may turn far in the least gravity."""
+    """First rest state on the devices, by descent, as the article may turn far in the least gravity."""
     loads = leg.loads(s)
     found = settle(leg.full.model, loads)
     if found.residual >= found.enough:

@@ -28,7 +28,7 @@ class GravityEvent:
     """One event.
 
     Attributes:
-        s, gravity: Where, as in `GravityPath`.
+        s, gravity: Place on the path, as in `GravityPath`.
         branch, name: The modes concerned, or the slack devices by name alone.
         frequency_hz: Mean frequency of two modes [Hz]; for a growing mode minus its rate over 2 pi.
         gap_hz: Least distance of two veering modes [Hz], otherwise zero.

@@ -1,1 +1,1 @@
-"""How an article hangs on its devices, which `rest` has tuned: attitude, levelling, warnings, friction."""
+"""Attitude of an article on its devices, which `rest` has tuned: levelling, warnings, friction."""

@@ -19,7 +19,7 @@ SPANS = ("point", "line", "plane", "space")
 
 @record(kw_only=True)
 class Attitude:
-    """How an article hangs. Rotation vectors [rad] and positions [m] are in W.
+    """Attitude of a hanging article. Rotation vectors [rad] and positions [m] are in W.
 
     A rotation is split into a tilt, about a level axis, and then a turn about the vertical: no tilt, level.
     A tilt about x is thus one about the drawn article's own x, whatever way it then faces.

@@ -98,7 +98,7 @@ class DeviceFrictionCurve:
         name: Name of the mode.
         amplitude: Amplitude of the device with friction that travels most [m], zero to peak.
         device, travel: Names of the devices with friction, and the amplitude of each [m].
-        stiffness, loss: What the friction of each is equivalent to [N/m].
+        stiffness, loss: Equivalents of the friction of each [N/m].
         omega: Angular frequency [rad/s] with the equivalent stiffnesses.
         zeta: Damping ratio -Re s/|s| of the complex eigenvalue, modal damping included.
         shape_change: Largest part of another mode that the equivalent stiffnesses would mix into this one, to

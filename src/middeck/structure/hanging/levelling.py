@@ -41,7 +41,7 @@ class Levelling:
 
     Attributes:
         structure, equilibrium: With the attach points that level it.
-        before, after: How it hung, and how it hangs.
+        before, after: Attitude before and after.
         moved, change: (attach point, axis of its frame) and by how much it moved [m].
         history: Largest of the tilts sought [rad] at every iteration.
     """
@@ -76,8 +76,8 @@ def level(
     """Move attach points until the tilts about the axes ``about`` are zero.
 
     Newton's method with the exact derivative of the rest state (`differentiate_rest`), tuned reactions,
-    stiffnesses and anchors included. Of more offsets than tilts the least change (in the root of the sum of
-    squares) is taken. What is returned was solved for anew: its tilt is that of its own rest state.
+    stiffnesses and anchors included. For more offsets than tilts the least change (in the root of the sum of
+    squares) is taken. The result is solved for anew: its tilt is that of its own rest state.
 
     Args:
         free: (attach point, "x", "y" or "z" of its frame): the offsets that may change.
@@ -148,7 +148,7 @@ def _better(task: _Task, at: _Hung, step: np.ndarray, history: Sequence[float]) 
 
 
 def _room(change: np.ndarray, step: np.ndarray, limit: float) -> float:
-    """How much of ``step``, at most all of it, keeps within the limit."""
+    """Part of ``step``, at most one, that keeps within the limit."""
     left = limit - np.sign(step) * change
     return float(np.min(left / np.maximum(np.abs(step), left)))
 

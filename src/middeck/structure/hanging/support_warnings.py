@@ -9,7 +9,7 @@ from middeck.structure.hanging.attitude import Attitude
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 
-# A suspension is levelled to some tenths of a degree; beyond this the article hangs as nobody drew it.
+# A suspension is levelled to some tenths of a degree; beyond this the article hangs otherwise than drawn.
 LARGE_TILT = np.radians(1.0)
 OVER = np.radians(90.0)
 SAGS = 0.5  # part of the nodes' tilt: more bending than this is most of it

@@ -101,11 +101,11 @@ class Joint:
     Attributes:
         name: Name of the joint and of the frame behind it.
         parent: Frame that carries it: a node or another joint.
-        offset: From the parent's origin to the axis, parent frame [m].
+        offset: Vector from the parent's origin to the axis, parent frame [m].
         axis: Unit vector, the same in the parent's and in the joint's frame.
         angle: Nominal angle [rad], positive by the right hand; a positive torque increases it.
-        body: What turns with it.
-        state: What the axis may do.
+        body: Body that moves with the joint.
+        state: State of the axis, see `JointState`.
         stiffness: Spring of a sprung axis [N m/rad].
         target: Rest angle of a sprung axis or commanded angle of a driven one [rad].
         slides: Whether the joint shifts along its axis instead of turning about it.
@@ -138,7 +138,7 @@ class Wheel:
 
     Attributes:
         name: Its own name.
-        frame: What carries its bearings: a node, or the body of a joint.
+        frame: Frame of its bearings: a node, or the body of a joint.
         axis: Unit vector of its spin, frame axes; a positive speed is by the right hand about it.
         inertia: Inertia of the rotor about the axis [kg m^2].
 
@@ -309,7 +309,7 @@ def _check_point(port: str, at_point: bool, axis: np.ndarray | None, offset: np.
 
 
 class DamperPlace(Enum):
-    """Where a viscous damper sits."""
+    """Place of a viscous damper."""
 
     JOINT = "joint"  # about the axis of a joint
     SPRING = "spring"  # along a spring of the article
@@ -398,7 +398,7 @@ class Structure:
     """A test article, without gravity and without its suspension.
 
     ``masses`` and ``loads`` are those of the one of its ``load_cases`` that `apply_load_case` has chosen.
-    ``up`` is the unit vector in W that pictures draw upwards where the environment tells no vertical.
+    ``up`` is the unit vector in W that pictures draw upwards where the environment has no vertical.
     """
 
     title: str

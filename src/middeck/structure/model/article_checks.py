@@ -253,7 +253,7 @@ def _members(structure: Structure) -> Iterator[str]:
 
 
 def _parts(structure: Structure) -> Iterator[str]:
-    """All nodes must be joined: a separate part would have rigid-body modes of its own."""
+    """Faults of separate parts, which would have rigid-body modes of their own: all nodes must be joined."""
     names = [node.name for node in structure.nodes]
     for part in separate_parts(names, joined_nodes(structure))[1:]:
         yield f"a disconnected part: no member or spring joins node {some_names(part)} to the rest"

@@ -23,9 +23,9 @@ class Clamp:
     Attributes:
         node: Name of the node.
         along, about: Letters of the axes along which it does not shift and about which it does not turn:
-            "xyz" and "" are a ball joint, "xyz" and "xy" a hinge about z, "y" and "" a roller. Of one turn
-            held alone the rate is zero: where the node ends depends on the order of the two others, and a
-            rest state that has turned it by more than a thousandth of a radian says so.
+            "xyz" and "" are a ball joint, "xyz" and "xy" a hinge about z, "y" and "" a roller. A single
+            held turn has zero rate: the attitude reached depends on the order of the two others. A rest
+            state warns where it exceeds a thousandth of a radian.
         axes: Unit vectors of x, y and z of the clamp in W, as columns.
         shift, turn: How far [m] and by what rotation vector [rad], in its axes, the held directions are moved
             from there: the prescribed displacements of a load case.

@@ -55,9 +55,9 @@ class Component:
         frames, offsets: Frame of the article that each grid is fixed to, and where, in the frame's axes [m].
         positions: Places of the grids in the component's own axes [m].
         axes: Unit vectors of these axes in W as drawn, as columns.
-        stiffness, mass: In SI units; modal coordinates may have any scale.
+        stiffness, mass: Matrices in SI units; modal coordinates may have any scale.
         damping: Viscous damping in the same coordinates, None for none.
-        present: Which of the six coordinates of each grid the component has; the others have zeros.
+        present: Whether the component has each of a grid's six coordinates; absent ones have zeros.
         outputs, recovery: Names of further results and their rows: results per coordinate.
     """
 
@@ -321,7 +321,7 @@ def _indefinite(component: Component) -> Iterator[str]:
         squared = np.where(share > NEGATIVE_MASS * share[-1], 1.0 / share - shift, np.inf)
     # The six lowest are rigid: of them printed digits may leave more than a small part of a soft elastic one.
     elastic = np.sort(squared)[6:]
-    elastic = elastic[elastic > NEGATIVE * shift]  # below, of either sign, rounding cannot be told from it
+    elastic = elastic[elastic > NEGATIVE * shift]  # below, of either sign, it may be rounding
     lowest = float(elastic.min(initial=np.inf)) if np.isfinite(elastic.min(initial=np.inf)) else shift
     # Where a soft motion moves stiff parts as one, the terms that cancel in it have a rounding of their own.
     moved = np.abs(shapes / size[:, None])

@@ -1,4 +1,4 @@
-"""Which nodes are connected."""
+"""Connections of nodes."""
 
 from collections.abc import Iterable, Iterator, Sequence
 

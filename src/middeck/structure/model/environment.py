@@ -19,7 +19,7 @@ from middeck.values import record, require_kind
 
 
 class DeviceKind(Enum):
-    """Where a device has the article start; under its load all kinds pull alike."""
+    """State of a device at which the article starts; under its load all kinds pull alike."""
 
     CONSTANT_FORCE = "constant_force"  # carries its load at the drawn height: no static deflection
     SPRING = "spring"  # is unstretched at the drawn height: the article sinks by load over stiffness

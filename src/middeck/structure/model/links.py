@@ -81,7 +81,7 @@ class Interpolation:
 
     Attributes:
         frame: The frame that follows.
-        along, about: In which of its motions, along and about ``axes``.
+        along, about: Motions of it that follow, along and about ``axes``.
     """
 
     name: str

@@ -64,7 +64,7 @@ class Section:
         shear_centre_y, shear_centre_z: Where the shear strains are taken [m], from the node line. What shears
             a section off its node line twists it, also where it is rigid in shear.
         mass_centre_y, mass_centre_z: The centre of mass [m], from the node line.
-        centroid: What `shifted_section` was told (y, z) [m]; zero for a section by its whole matrix.
+        centroid: Centroid (y, z) [m] given to `shifted_section`; zero for a section by its whole matrix.
         diameters: Outer and inner [m], of a round tube; zero for any other. These and the centroid say how a
             member tapers, see `section_between`: the stiffness has them in it already.
     """

@@ -78,7 +78,7 @@ def reduce_structure(
     Args:
         structure: The article. Angles of its free joints remain too, ahead of the modal coordinates.
         boundary: Its nodes that remain.
-        count: How many fixed-interface modes are kept.
+        count: Number of fixed-interface modes kept.
         upto_hz: Or the frequency up to which they are; three times that of interest is usual.
         residual: Nodes with six residual attachment modes each.
         recover: Nodes whose motion the component's outputs give.
@@ -294,7 +294,7 @@ def _check_held(held: _Held, pairs: Eigenpairs) -> None:
 
 
 def _residuals(factor: Factor, lam: np.ndarray, shapes: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Static answers to unit loads less those of the modes kept, over the root of the energy of the whole."""
+    """Static responses to unit loads less those of kept modes, over the root of the energy of the whole."""
     loads = loads[:, np.any(loads, axis=0)]
     whole = factor.solve(loads)
     size = np.sqrt(np.einsum("im,im->m", whole, loads))

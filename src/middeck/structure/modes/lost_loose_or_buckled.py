@@ -33,7 +33,7 @@ class Lost(NamedTuple):
 
 
 def where_lost(equilibrium: Equilibrium) -> Lost:
-    """Where an equilibrium that did not converge was lost."""
+    """Load and state at which an equilibrium that did not converge was lost."""
     model = equilibrium.model
     last = {factor: residual for factor, residual, _ in equilibrium.history}
     factor = next((f for f, residual in last.items() if residual >= ROUGH), 1.0)

@@ -46,7 +46,7 @@ class Modes:
         shapes: Columns in the frame-tree coordinates (dx, world rotation, relative joint angle); joints that
             do not move have zero rows. The entry of largest size in kinetic energy is positive.
         kind: "rigid", "suspension", "pendulum" or "flexible" (see `structure.modes.names.kinds`).
-        rigid_name: What each rigid-body mode is.
+        rigid_name: Name of each rigid-body mode.
         rigid_share: Part of the kinetic energy in rigid-body motions of the free article, turns of free
             joints included; it decides the kind, see `structure.modes.names.kinds`.
         strain_share: Part of the restoring energy that is elastic strain of members, springs and joints: the
@@ -56,7 +56,7 @@ class Modes:
         rigid_residual: Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2
             that was kept (over 1 rad^2/s^2 where none was).
         warnings: Nodes that turned far from their drawn attitude; loose motions; modes of undecided kind.
-        stated_name: What each mode is called, where it is no mode of ``equilibrium`` itself.
+        stated_name: Name of each mode, where it is no mode of ``equilibrium`` itself.
     """
 
     equilibrium: Equilibrium

@@ -27,7 +27,7 @@ class DampedModes(NamedTuple):
 
     Attributes:
         s: Root above the real axis [rad/s]; zero for a rigid mode, which has no damping ratio.
-        shapes: In the real modes, a column each.
+        shapes: Shapes in the real modes, a column each.
         losses, hysteresis: The matrices C [1/s] and H [1/s^2].
     """
 

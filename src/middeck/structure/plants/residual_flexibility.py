@@ -1,6 +1,6 @@
 """Static completeness: the low-frequency response of truncated modes (MacNeal 1971, Rubin 1975).
 
-A mode far above the band answers a force at once, by 1/omega^2. The sum over all that are left out is the
+A mode far above the band responds to a force at once, by 1/omega^2. The sum over all that are left out is the
 flexibility of the whole less that of the kept ones. Where the structure is free, its flexibility is that of
 its elastic part: forces balanced by the inertia of the rigid motion they cause, displacements without any
 rigid motion (both in the metric of the mass: "inertia relief"). No singular matrix is inverted: as many
@@ -43,8 +43,7 @@ class StaticGainComparison:
     """Low-frequency gains, undamped, of everything and of the kept modes without and with the residual.
 
     Attributes:
-        frequency_hz: Where they are taken: zero, or with rigid modes a frequency far below the first flexible
-            one.
+        frequency_hz: Frequency of the gains: zero, or with rigid modes one far below the first flexible mode.
         full: Gain of the whole structure, every mode included, by a direct solution for what the kept ones
             leave; a rate's without its factor j.
         truncated, completed: Gain of the kept modes alone, and with the residual flexibility.
@@ -70,7 +69,7 @@ def residual_flexibility(
     """``reading`` (K^-1 - sum phi phi' / omega^2) ``force`` over the lowest ``count`` modes.
 
     Symmetric where both rows are the same (Maxwell). With rigid modes K^-1 is the flexibility of the elastic
-    part. Raises `ConfigError` where ``count`` leaves rigid modes out: their answer is not static.
+    part. Raises `ConfigError` where ``count`` leaves rigid modes out: their response is not static.
     """
     rigid = int(np.sum(modes.omega == 0.0))
     if count < rigid:
@@ -169,7 +168,7 @@ def complete_response(
 
 
 class _Kept(NamedTuple):
-    """Modes, the mass matrix, and their stiffness omega_k^2 - omega^2: zero for one that has no answer."""
+    """Modes, the mass matrix, and their stiffness omega_k^2 - omega^2: zero for one without a response."""
 
     shapes: np.ndarray
     mass: sp.csr_array
@@ -193,9 +192,9 @@ class _Kept(NamedTuple):
 def _answer_of_the_rest(
     D: sp.csr_array, factor: Factor, kept: _Kept, force: np.ndarray, free: np.ndarray
 ) -> Float[np.ndarray, "coordinate input"]:
-    """D^-1 ``force`` less what the kept modes answer, itself without any part along them.
+    """D^-1 ``force`` less the response of the kept modes, itself without any part along them.
 
-    The soft kept modes answer a million times more than the stiff rest: a difference would be rounding.
+    The soft kept modes respond a million times more than the stiff rest: a difference would be rounding.
     """
     by_modes = kept.answer(force)
     x = np.zeros_like(force)

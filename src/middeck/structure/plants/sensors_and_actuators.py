@@ -114,7 +114,7 @@ def _slides(equilibrium: Equilibrium, port: Actuator | Sensor) -> bool:
 
 
 def one_of(known: Collection[str], table: str, name: str) -> str:
-    """What to try where ``name`` is not ``known``: one like it and all, or the ``table`` that defines one.
+    """Advice where ``name`` is not ``known``: one like it and all, or the ``table`` that defines one.
 
     All stand there too: what is most like an axis that is not there is another axis.
     """

@@ -3,9 +3,10 @@
 Between the real modes at standstill, q'' + (g + d) q' + w^2 q = 0 with g = phi' G phi
 (`assembly.wheel_forces`) and d = 2 zeta w. In the states x = (w q, q') that is x' = A x, and A is skew but
 for d: its eigenvalues are as well conditioned as those of a symmetric matrix (Meirovitch 1974, AIAA J. 12).
-Of a rigid mode the rate alone is a state. What A takes to zero is a drift: a rigid motion of which a static
-deformation bears what the wheels do. Drifts are parted by the rank of g between rigid modes; any two rigid
-modes that g joins make a nutation, and an attitude that stays where it is put and precesses under a torque.
+A rigid mode has its rate alone as a state. A null vector of A is a drift: a rigid motion in which a static
+deformation bears the torque of the wheels. Drifts are parted by the rank of g between rigid modes; any two
+rigid modes that g joins make a nutation, and an attitude that stays where it is put and precesses under a
+torque.
 
 The sense of a whirl is that of n . (theta x theta'), n the axis of a wheel and theta the turn of its frame,
 weighted by the momenta: the power of G on the motion a quarter of a period later. It is the derivative of the
@@ -59,7 +60,7 @@ class GyroscopicModes:
             alone hold is "gyroscopic".
         residual: |(s^2 M + s (G + C) + K) shape| of each, C that of the ratios, over the size of its terms:
             of the whole article, whatever modes it was solved in.
-        warnings: Frequencies that the modes left out would change, and what is said of the damping.
+        warnings: Frequencies that the modes left out would change, and warnings of the damping.
     """
 
     standstill: Modes

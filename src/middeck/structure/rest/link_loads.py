@@ -25,7 +25,7 @@ class LinkLoad(NamedTuple):
 def link_loads(equilibrium: Equilibrium) -> tuple[LinkLoad, ...]:
     """Force and moment of every link on each of its frames at rest; with those of the ground they balance.
 
-    Those on joints' angles alone are none. Of links that repeat each other one bears what both could
+    Those on joints' angles alone are none. Where links repeat each other, one bears the load of both
     (`rest_warnings`).
 
     >>> import middeck as md

@@ -2,8 +2,8 @@
 
 For a mode of unit mass  dlambda = phi'(dK - lambda dM) phi,  lambda = omega^2  (Fox and Kapoor 1968, AIAA J.
 6), with dK and dM total: by the parameter itself, and by the way that the rest state goes
-(`sensitivity.rest`). Of equal frequencies only the space of their modes has derivatives in every direction;
-theirs are the eigenvalues of the small matrix Phi'(dK - lambda dM) Phi (Ojalvo 1988, AIAA J. 26), one set for
+(`sensitivity.rest`). Modes of equal frequency have derivatives in every direction only as a space; those of
+the frequencies are the eigenvalues of Phi'(dK - lambda dM) Phi (Ojalvo 1988, AIAA J. 26), one set for
 each parameter.
 """
 

@@ -28,7 +28,7 @@ class Raft(NamedTuple):
 
 
 def merge_models(models: Sequence[Model]) -> Raft:
-    """All roots come first, then all joints, each in the order of ``models``."""
+    """The merged model: all roots come first, then all joints, each in the order of ``models``."""
     roots = np.cumsum([0, *(m.tree.roots for m in models)])
     joints = np.cumsum([0, *(len(m.tree.parent) for m in models)])
     poses = np.cumsum([0, *(len(m.points.frame) for m in models)])

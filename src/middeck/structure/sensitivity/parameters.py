@@ -285,7 +285,7 @@ def _links(structure: Structure) -> Iterator[ModelParameter]:
 
 
 def _ports(kind: str, group: str, ports: Sequence[Actuator | Sensor]) -> Iterator[ModelParameter]:
-    """Where it is matters to neither a torque nor an angle."""
+    """Parameters of ports; the place of a torque or an angle has no effect."""
     for i, port in enumerate(ports):
         stands = port.kind not in (ActuatorKind.TORQUE, SensorKind.ANGLE)
         fields = {"axis": "", "offset": "m"} if stands else {"axis": ""}

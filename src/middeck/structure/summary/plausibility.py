@@ -30,7 +30,7 @@ STEEL = 7850.0  # kg/m^3
 OVERHANG = 2.0  # an offset from a frame's origin over the distance between the nodes farthest apart
 ROUNDING = 1e-6  # of the first frequency: what a comparison with a test never sees
 FLAT = 1e-2  # least side of a box over its largest, so that a line and a sheet have a volume
-THICK = 0.2  # the same of one body, whose thin sides nobody measured
+THICK = 0.2  # the same of one body, whose thin sides were not measured
 # Share of the mass below which members have a token density: the bodies carry the mass.
 TOKEN = 1e-3
 # kg/m^3, and kg m^2: what a power of ten may be one of (SI, slug, pound, slinch with feet or inches).
@@ -183,7 +183,7 @@ def _same_moment(body: Body) -> float | None:
 
 
 def _is_power(value: float, units: tuple[float, ...]) -> bool:
-    """Whether ``value`` is a power of ten in any of ``units``: nobody measured that."""
+    """Whether ``value`` is a power of ten in any of ``units``: a placeholder, not a measured value."""
     decades = np.log10(value / np.array(units))
     return bool(np.any(np.abs(decades - np.round(decades)) <= DIGITS / np.log(10.0)))
 
@@ -200,7 +200,7 @@ class _Surroundings:
         self.across = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
 
     def nearest(self, node: Node, beyond: float) -> float:
-        """From the centre of mass of ``node`` to the next other node that is further away than ``beyond``."""
+        """Distance from the centre of mass of ``node`` to the next other node beyond ``beyond``."""
         count, size = NEIGHBOURS, self.tree.n
         while True:
             far, which = self.tree.query(node.position + node.body.cg, np.arange(1, min(count, size) + 1))

@@ -73,7 +73,7 @@ class _Rods:
 
 
 def summarise(structure: Structure) -> Summary:
-    """Mass, size, and scales of frequency and rounding of ``structure``, with doubts about its units.
+    """Mass, size, and scales of frequency and rounding of ``structure``, with warnings of its units.
 
     Costs no eigensolution and no mesh. Raises `ConfigError` for what `mesh_structure` refuses.
     """

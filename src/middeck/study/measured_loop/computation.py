@@ -74,7 +74,7 @@ def design_weights(study: Study, output: Sequence[float], noise: ArrayLike) -> L
 def view_shifted_rigs(
     study: Study, article: RigArticle, sensors: tuple[str, ...], percent: float, rng: np.random.Generator
 ) -> dict[float, RigView]:
-    """The rig with the pair of modes where it was, and shifted down and up, under one excitation."""
+    """The rig with the pair of modes unchanged, and shifted down and up, under one excitation."""
     bench_at = partial(build_bench, article, study.rig, study.loop_test, sensors)
     seed = int(rng.integers(2**63))
     shifts = (0.0, -percent, percent)
@@ -101,12 +101,12 @@ class MeasuredLoop:
         rms_error_db: Compares the two closed-loop rms values.
         worst_error_db, worst_hz: Largest difference of the two where the open loop is within 40 dB of its
             peak.
-        control_rms_nm: Torque of the law alone.
+        control_rms_nm: Torque of the compensator alone.
         static_db: The performance below 0.2 Hz, measured, over that of the open loop.
         modes: Each mode of the fit in the measured band, the lowest first; empty where nothing was measured.
         on_rig: The loop by the rig's own eigenvalues and return ratio: the pair unshifted, then each shift of
             it.
-        warnings: What is said of the closed loop's record.
+        warnings: Warnings of the closed loop's record.
     """
 
     name: str
@@ -133,7 +133,7 @@ class MeasuredLoop:
 
     @property
     def survives(self) -> tuple[tuple[float, bool], ...]:
-        """Each shift of the pair [%], and whether the loop stays stable."""
+        """Each shift of the pair [%], and whether the loop is stable there."""
         return tuple((loop.percent, loop.stable) for loop in self.on_rig if loop.percent)
 
 
@@ -145,7 +145,7 @@ def measure_loop(
     views: Mapping[float, RigView],
     rng: np.random.Generator,
 ) -> MeasuredLoop:
-    """Predict the loop, run it where nothing has moved, and ask each view how near it is to instability."""
+    """Predict the loop, run it on the unchanged rig, and find the margins of each view."""
     taken = take_closed_loop(views[0.0].bench, compensator, rng)
     closed = taken.response
     predicted = predict_closed_loop_response(
@@ -188,7 +188,7 @@ def measured_rms_of(
 
 
 def decibel(rms: float, reference: float) -> float | None:
-    """None unless both are finite and positive."""
+    """20 log10 of ``rms`` over ``reference``; None unless both are finite and positive."""
     good = np.isfinite([rms, reference]).all() and rms > 0.0 and reference > 0.0
     return float(20.0 * np.log10(rms / reference)) if good else None
 

@@ -46,7 +46,7 @@ def begin_loops(open_loop: FrequencyResponse, title: str, *, output: int = 0) ->
 def draw_measured(
     axes: Axes, loop: MeasuredLoop, look: LoopStyle, *, output: int = 0, decibels: bool = True
 ) -> None:
-    """The loop as the rig gave it, or a word that it gave none."""
+    """The loop as measured on the rig, or a note that it was not."""
     full: dict[str, Any] = {"color": look.colour, "linewidth": 2.4}
     if loop.measured is None:
         axes.plot([], [], **full, label=f"{look.who}: unstable on the rig")
@@ -58,7 +58,7 @@ def draw_measured(
 def draw_predicted(
     axes: Axes, loop: MeasuredLoop, look: LoopStyle, *, output: int = 0, decibels: bool = True
 ) -> None:
-    """The loop as the fit foretells it."""
+    """The loop as predicted from the fit."""
     colour = contrasting(look.colour)
     dashed: dict[str, Any] = {"color": colour, "linestyle": look.dashes, "linewidth": 1.0}
     label = f"{look.who}, predicted{_decibels(loop.predicted_db) if decibels else ''}"
@@ -66,7 +66,7 @@ def draw_predicted(
 
 
 def end_loops(figure: Figure, axes: Axes) -> Figure:
-    """The legend under the curves, where nothing is drawn."""
+    """The legend below the axes."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=2)
     return figure

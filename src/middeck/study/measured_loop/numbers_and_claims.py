@@ -49,7 +49,7 @@ RMS_DB, LINE_DB = 1.0, 3.0  # how closely a measured loop is to be predicted, in
 
 
 def prediction_claims(loops: Iterable[MeasuredLoop], which: str) -> list[Claim]:
-    """Whether each loop is measured as it was predicted."""
+    """Claims that each loop is measured as predicted."""
     loops = tuple(loops)
     rms = largest(None if loop.rms_error_db is None else abs(loop.rms_error_db) for loop in loops)
     line = largest(loop.worst_error_db for loop in loops)

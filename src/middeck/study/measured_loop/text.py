@@ -61,7 +61,7 @@ def loops_table(caption: str, loops: Numbers) -> Table:
 
 
 def modes_table(loops: Numbers, which: str = "CL1, CL2, CL3") -> Table:
-    """Modes of the fit down, loops across; a loop that was not measured has none."""
+    """Modes of the fit down, loops across; an unmeasured loop has no values."""
     frequencies = next((loop["modes"] for loop in loops.values() if loop["modes"]), [])
     rows = [["static", *(fixed(loop["static_db"], 1) for loop in loops.values())]]
     for k, mode in enumerate(frequencies):

@@ -1,4 +1,4 @@
-"""Outputs whose rms is infinite for a pole on the imaginary axis: they see it, and it is driven.
+"""Outputs of infinite rms: a driven pole on the imaginary axis that they see.
 
 A body held by its rate alone drifts: its place has no rms from zero frequency on, its rate has one. Beside a
 pole at j w0 a regular response changes by less the nearer two lines are; one with a residue by more.
@@ -21,7 +21,7 @@ without residue does not make."""
 
 
 def on_axis(values: Complex[np.ndarray, " pole"], w1: float, w2: float) -> Bool[np.ndarray, " pole"]:
-    """Which poles [rad/s] lie on the axis within the band, but for rounding."""
+    """Whether each pole [rad/s] lies on the axis within the band, up to rounding."""
     omega, limit = np.abs(np.imag(values)), growth_limits(values)
     return (np.abs(np.real(values)) <= limit) & (omega >= w1) & (omega <= w2)
 

@@ -83,7 +83,7 @@ def _of(names: Sequence[str], by: float) -> dict[str, float]:
 
 
 def _together(title: str, by: dict[str, float]) -> dict[str, dict[str, float]]:
-    """All down and all up, where this is not one mode alone."""
+    """Cases with all modes down and all up, where this is not one mode alone."""
     if len(by) < 2:
         return {}
     return {

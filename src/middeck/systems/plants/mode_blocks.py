@@ -73,7 +73,7 @@ def part_modes(plant: Plant) -> Plant:
 
 @functools.lru_cache(maxsize=KEPT)
 def unmix_states(plant: Plant) -> tuple[Plant, float]:
-    """The plant in states of which each group belongs to its own poles, and how strongly it was mixed.
+    """The plant in states in groups that belong to their own poles, and the condition of the old states.
 
     The second is the condition of the change of states (`modal_states`), 1 where nothing changed. Each
     state keeps a name that it has nearly alone; others are named "mode of 2.5 Hz". States of

@@ -36,8 +36,8 @@ class FrequencyResponse:
     entry; of a smoothed estimate, that of each line's own data, so that a sum over lines counts each sample
     once; None for a computed response. ``covariance`` says also how its entries err together, where known.
     ``hold_s`` is the period over which the inputs were held, whose hold is in H; zero where there is none in
-    it, None where that is not known (`release_hold`). ``alike`` is how many neighbouring lines tell no more
-    of the noise than one does, as under a window: the sum of their squared correlations over all lags; one of
+    it, None where that is not known (`release_hold`). ``alike`` neighbouring lines show no more
+    of the noise than one, as under a window: the sum of their squared correlations over all lags; one of
     whole periods, whose lines share nothing; None where that is not known, and one is taken.
     """
 

@@ -15,7 +15,7 @@ eigensolution leaves where there should be zero, and 180 dB under the best coupl
 
 
 def inert_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes are both uncontrollable and unobservable, hence in no transfer function.
+    """Whether each mode is both uncontrollable and unobservable, hence in no transfer function.
 
     Each port's coupling to a mode is taken relative to its coupling to the mode it couples best with, so
     that units do not matter, and compared with `COUPLING_FLOOR`.
@@ -24,12 +24,12 @@ def inert_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
 
 
 def reached_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes are controllable from at least one input."""
+    """Whether each mode is controllable from at least one input."""
     return _coupled(np.abs(modal.psi).T)
 
 
 def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
-    """Which modes are observable in at least one output, by displacement or rate.
+    """Whether each mode is observable in at least one output, by displacement or rate.
 
     An accelerometer does not observe a rigid mode's state; it reads the input directly.
     """
@@ -38,7 +38,7 @@ def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
 
 
 def silence_inert(modal: ModalSystem) -> ModalSystem:
-    """The system with exact zeros between inert modes and ports, which identify these modes from then on."""
+    """The system with exact zeros between inert modes and ports, which mark these modes from then on."""
     heard = ~inert_modes(modal)
     return dataclasses.replace(
         modal,

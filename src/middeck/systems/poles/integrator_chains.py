@@ -42,7 +42,7 @@ def integrating_chains(
 
 
 def parts_apart(A: np.ndarray) -> list[np.ndarray]:
-    """Groups of states that no entry of ``A`` joins.
+    """Groups of states that no entry of ``A`` connects.
 
     >>> [part.tolist() for part in parts_apart(np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]]))]
     [[0, 2], [1]]

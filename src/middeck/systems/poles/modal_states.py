@@ -1,7 +1,7 @@
-"""States of which each group belongs to its own poles, for systems whose states are mixed.
+"""States in groups that each belong to their own poles, for systems whose states are mixed.
 
 States mixed by a matrix of condition k cost an algorithm that squares them rounding of k^4, of which the
-stored matrices hold k^2: laws for light modes were off by a thousandth at k = 1e3. Bases of invariant
+stored matrices hold k^2: compensators for light modes were off by a thousandth at k = 1e3. Bases of invariant
 subspaces come from ordered real Schur forms (Bavely and Stewart 1979, SIAM J. Numer. Anal. 16).
 """
 

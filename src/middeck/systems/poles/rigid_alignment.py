@@ -1,4 +1,4 @@
-"""A basis of rigid modes in which those are apart that no port reaches or sees.
+"""A basis of rigid modes that separates those that are inert.
 
 All rigid modes have one frequency, zero, so that any basis of them will do. One torque turns a free article
 about one axis, which need not be that of a rotation in the structure's basis: then each of these is reached,
@@ -21,7 +21,7 @@ NAMED = 0.1
 
 
 def align_rigid(modal: ModalSystem) -> ModalSystem:
-    """The system with its rigid modes combined such that as many as can be are inert.
+    """The system with its rigid modes combined such that as many as possible are inert.
 
     It stays as it is where no more than before become inert. The others have the names of the modes that they
     are nearest to.

@@ -1,4 +1,4 @@
-"""How far rounding of a system's matrices moves its poles.
+"""Shifts of a system's poles by rounding of its matrices.
 
 States mixed by a matrix of condition k multiply the rounding of each entry by k at the poles. From 1e7 on no
 algorithm tells on which side of the axis they lie: what would tell was lost when the matrices were stored.
@@ -28,19 +28,19 @@ ROUNDINGS = 10.0
 """Uncertainties of a pole by rounding within which it may be on the other side of a limit."""
 
 KEPT = 64
-"""Systems whose answer of `is_vague` is kept: many results are asked of one loop."""
+"""Systems whose result of `is_vague` is kept: many results are asked of one loop."""
 
 Poles = tuple[Complex[np.ndarray, " pole"], Float[np.ndarray, " pole"]]
 
 
 def poles_with_rounding(A: np.ndarray) -> Poles:
-    """Eigenvalues, and how far each moves when every entry does by its rounding, to first order."""
+    """Eigenvalues, and the first-order shift of each by rounding of every entry."""
     values, left, right = _eigenvectors(A)
     return values, _moves(left, right, EPS * np.abs(left) * (np.abs(A) @ np.abs(right)))
 
 
 def farthest_pole(A: np.ndarray) -> float:
-    """Largest magnitude that a pole may have: `ROUNDINGS` beyond what is found.
+    """Largest magnitude that a pole may have: `ROUNDINGS` beyond the computed one.
 
     Of each strongly connected component alone: sections in series may repeat a pole exactly.
     """
@@ -66,8 +66,8 @@ def moving_poles(system: LinearSystem) -> tuple[Poles, list[int]]:
     """Poles other than integrators (z = 1), with their rounding; and the numbers of these by their place in a
     chain (`integrating_chains`).
 
-    Of strongly mixed states slow poles, too, are taken for integrators. What is left out as rounding then
-    moves the others far, and is counted with theirs; where some of them are known not to be at rest, nothing
+    In strongly mixed states slow poles, too, are taken for integrators. The entries left out as rounding then
+    move the others far, and are counted with theirs; where some of them are known not to be at rest, nothing
     is known of any.
     """
     A = balance_states(system).A

@@ -1,4 +1,4 @@
-"""Whether a system in other states, or with fewer, responds as the one that it was found from.
+"""Whether a system in other states, or with fewer, has the response of the original.
 
 Rounding of mixed states may hide a body: its modes then come out at other frequencies, or its integrators
 count as moved by nothing.
@@ -16,7 +16,7 @@ SAME = 1e-3
 ABOUT = np.array([0.9, 1.0, 1.1])
 """Lines about each one between two poles, which may lie on a zero."""
 AT_REST = 1e-5
-"""Poles slower than this part of the fastest count as at rest: what rounding makes of these is no answer."""
+"""Poles slower than this part of the fastest count as at rest: their rounding does not count."""
 
 
 def responds_otherwise(found: LinearSystem, given: LinearSystem) -> bool:

@@ -32,7 +32,7 @@ CROWDED = 2e-6
 
 
 def growth_limit(period_s: float | None = None) -> float:
-    """`GROWTH_LIMIT`, or of a sampled system what rounding of its eigenvalues takes for growth, if larger.
+    """`GROWTH_LIMIT`; for a sampled system the rounding of its eigenvalues, if larger.
 
     >>> growth_limit(1e-3) == GROWTH_LIMIT, growth_limit(1e-8) > GROWTH_LIMIT
     (True, True)
@@ -116,7 +116,7 @@ def decays(system: StateSpace) -> bool:
 
 
 def none_grows(rates: Complex[np.ndarray, " state"], period_s: float | None = None) -> bool:
-    """True where no pole [rad/s] grows faster than `growth_limits`, of a sampled system if it has a period.
+    """True where no pole [rad/s] grows faster than `growth_limits`; ``period_s`` for a sampled system.
 
     >>> none_grows(np.array([-1.0 + 2.0j, -1.0 - 2.0j]))
     True

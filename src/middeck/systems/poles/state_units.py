@@ -1,4 +1,4 @@
-"""State units of a system: powers of two that even out what drives each state and what reads it.
+"""State units of a system: powers of two that even out inputs and outputs of each state.
 
 Within a strongly connected part of A its own entries decide (`balance`). Between parts A fixes no unit, or of
 integrators in chain only their product; there inputs and outputs decide, closed to loops by gains of one over
@@ -18,10 +18,10 @@ from middeck.systems.state_space.balancing import balance
 from middeck.systems.state_space.statespace import LinearSystem, System
 
 EVEN = 2.0**16
-"""Ratio of state units above which states are converted: just above it answers were 1e-5 to 1e-3
+"""Ratio of state units above which states are converted: just above it results were 1e-5 to 1e-3
 off. Positions and rates of a structure stay below, unless fast actuators are beside a slow body."""
 NEGLIGIBLE, LARGER, WAYS = 1e-12, 1.1, 16
-"""Share of a part's largest entry below which others may be rounding: where units beyond `EVEN` hang on such,
+"""Share of a part's largest entry below which others may be rounding: where units beyond `EVEN` rest on such,
 a part is balanced only until it is so much larger than the whole in balanced units, in so many steps. A
 stiffness of 1e-17 of a free body asked for units of 3e8."""
 ROUNDING = 1e-13
@@ -43,13 +43,13 @@ def in_units(system: System, unit: Float[np.ndarray, " state"]) -> System:
 
 
 def settle_states(system: System) -> System:
-    """`balance_states` of a system whose states are in units beyond `EVEN`; others stay as they are."""
+    """`balance_states` of a system whose units are beyond `EVEN`; others are unchanged."""
     unit = uneven_units(system)
     return system if unit is None else in_units(system, unit)
 
 
 def uneven_units(system: LinearSystem) -> Float[np.ndarray, " state"] | None:
-    """`state_units` of a system whose states are in units beyond `EVEN`; None for others."""
+    """`state_units` of a system whose units are beyond `EVEN`; None for others."""
     unit = state_units(system)
     return unit if len(unit) and unit.max() > EVEN * unit.min() else None
 

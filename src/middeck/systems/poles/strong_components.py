@@ -18,7 +18,7 @@ import scipy.sparse.csgraph as csgraph
 from jaxtyping import Bool, Complex, Float
 
 FEW = 64
-"""States up to which one component is told by steps from its first state: in a tenth of a graph's time."""
+"""States up to which one component is found by steps from its first state: in a tenth of a graph's time."""
 
 
 def strong_components(A: Float[np.ndarray, "state state"]) -> list[np.ndarray]:

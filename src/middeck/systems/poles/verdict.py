@@ -26,7 +26,7 @@ def is_stable(system: LinearSystem) -> bool:
 
 
 def warn_if_open(system: LinearSystem, *parts: LinearSystem) -> bool:
-    """`is_open`, which it warns of (`UserWarning`): the system is then not to count as stable."""
+    """`is_open`, with a warning (`UserWarning`): the system does not then count as stable."""
     found = is_open(system, *parts)
     if found:
         warnings.warn(f"stability is undecided, and counts as lost: {OPEN}; {CURE}, would tell", stacklevel=3)
@@ -66,7 +66,7 @@ def may_cross(system: LinearSystem, roundings: float = ROUNDINGS) -> bool:
 
 
 def is_reached(A: np.ndarray, point: complex, roundings: float) -> bool:
-    """Whether so many roundings of the entries of A may put a pole at the point: not if |R| |A| is small.
+    """Whether so many roundings of the entries of A may move a pole to the point: not if |R| |A| is small.
 
     R = (point - A)^-1, magnitudes by entries (Rump 1999, SIAM Review 41, "Ill-conditioned matrices are
     componentwise near to singularity").

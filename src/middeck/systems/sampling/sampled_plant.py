@@ -11,7 +11,7 @@ from middeck.systems.poles.stability import growth_rates
 from middeck.systems.sampling.delayed_sampling import is_sum, sample_delayed, tidy_samples
 
 KEPT = 8
-"""Sampled plants that are known: laws are judged one after the other on the same few."""
+"""Sampled plants that are known: compensators are judged one after the other on the same few."""
 TURNS = 4.0
 """How often the slowest mode turns within a period that is doubted: slow laws let a fast one turn twice."""
 AT_REST = 1e-6
@@ -36,7 +36,7 @@ def sample_plant(plant: Plant, period_s: float) -> Plant:
 
 
 def warnings_on_period(plant: Plant, period_s: float) -> None:
-    """Warn (`UserWarning`) of what looks like a rate in Hz given for the period."""
+    """Warn (`UserWarning`) of a period that looks like a rate in Hz."""
     if period_s**2 <= 2.0 * TURNS:  # no mode can be both too fast and too slow
         return
     hz = np.abs(growth_rates(remove_delays(plant).system)) / (2.0 * np.pi)

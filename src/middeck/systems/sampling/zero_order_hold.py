@@ -23,7 +23,7 @@ def hold_response(frequency_hz: Float[np.ndarray, " line"], period_s: float) -> 
 
 
 def release_hold(measured: FrequencyResponse) -> FrequencyResponse:
-    """The response with the hold of its inputs divided out: that of the plant behind it, but for aliasing.
+    """The response with the hold of its inputs divided out: that of the plant behind it, up to aliasing.
 
     A response without a hold, or with an unknown one, is returned unchanged.
     """

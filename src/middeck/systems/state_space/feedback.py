@@ -52,11 +52,11 @@ def _solve_direct(loop: Float[np.ndarray, "input input"]) -> Float[np.ndarray, "
 
 
 def feedback(plant: System, law: System, drives: Sequence[int], reads: Sequence[int]) -> System:
-    """``plant`` with ``law`` from its outputs ``reads``, added at its inputs ``drives``.
+    """``plant`` with the compensator ``law`` from its outputs ``reads``, added at its inputs ``drives``.
 
-    Inputs: the plant's, and what is added to the readings of the law; outputs: the plant's, then the law's.
-    States: the plant's, then the law's. Raises `ConfigError` where the loop through the direct terms has no
-    solution.
+    Inputs: the plant's, and what is added to the readings of the compensator; outputs: the plant's, then the
+    compensator's. States: the plant's, then the compensator's. Raises `ConfigError` where the loop through
+    the direct terms has no solution.
 
     >>> from middeck.systems.state_space.statespace import StateSpace, gain_system
     >>> integrator = StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]])

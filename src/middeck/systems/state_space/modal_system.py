@@ -85,7 +85,7 @@ def select_channels(modal: ModalSystem, inputs: Sequence[int], outputs: Sequence
 
 
 def output_rows(modal: ModalSystem) -> OutputRows:
-    """The outputs with q'' put in by the equation of motion; what is left of it on u is direct.
+    """The outputs with q'' replaced by the equation of motion; its part from u is direct.
 
     >>> spring = ModalSystem(omega=[2.0], zeta=[0.0], psi=[[3.0]], phi=[[0.0]], phi_rate=[[0.0]],
     ...     names=("bounce",), phi_acceleration=[[1.0]])

@@ -1,4 +1,4 @@
-"""States that others move, by which entries of A are zero."""
+"""States that others drive, by the zeros of A."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 def reached_states(
     A: Float[np.ndarray, "state state"], first: Bool[np.ndarray, " state"]
 ) -> Bool[np.ndarray, " state"]:
-    """The states ``first`` and all that they move; of A' those that move them.
+    """The states ``first`` and all that they drive; with A', those that drive them.
 
     >>> reached_states(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([True, False]))
     array([ True,  True])

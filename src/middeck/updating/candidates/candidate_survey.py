@@ -36,7 +36,7 @@ class CandidateSurvey:
         shape_std: Standard deviation over the rms of the mode's channels of that sort.
         channels: (node, direction) as of `MeasuredModes`; none for frequencies alone, None for every node's
             six directions and every joint.
-        count: How many of the lowest modes of the band that move, suspension modes among them.
+        count: Number of lowest moving modes of the band, suspension modes among them.
         band_hz: Between which frequencies it sees modes [Hz].
 
     Raises `ConfigError` for deviations, a count or a band that cannot be.
@@ -109,7 +109,7 @@ def measured_by(candidate: CandidateSurvey, modes: Modes) -> Seen:
 
 
 def _sees(modes: Modes, channels: Sequence[tuple[str, str]] | None, chosen: Sequence[int]) -> np.ndarray:
-    """Which modes move a channel by no small part of the most that they move any of its sort."""
+    """Whether each mode moves a channel by a considerable part of the largest motion of its sort."""
     if not channels:
         return np.ones(len(chosen), dtype=bool)
     every = measure_modes(modes, every_channel(modes.equilibrium.model), chosen=chosen)

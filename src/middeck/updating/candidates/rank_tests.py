@@ -33,7 +33,7 @@ class Promised:
     Attributes:
         where: The environment of a mode, the load case of a gauge.
         name: Name of the mode, or of the gauge.
-        value: In ``unit``.
+        value: Value in ``unit``.
         std: Standard deviation of the logarithm of a frequency; of a reading over the largest that is
             promised of its gauge.
     """

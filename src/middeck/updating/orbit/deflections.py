@@ -31,9 +31,9 @@ class Deflection:
     """Readings as predicted under one load case, in the units of the gauges.
 
     Attributes:
-        of_the_article: What the refined article reads.
+        of_the_article: Readings on the refined article.
         value: The most probable: with the errors of the model that the static tests showed.
-        std: Standard deviation of what a gauge will read, all told.
+        std: Total standard deviation of a gauge's predicted reading.
         by_unknowns, by_unseen, by_larger, by_own, by_gauge: What it is made of: the article's numbers
             together with the errors that the tests showed; errors of strains that no test had; changes of
             those errors where strains are larger than in any test; errors of each reading by itself; and the
@@ -121,7 +121,7 @@ def _predict(
 def _zeros_of(
     refined: Refined, gauges: Sequence[Gauge], since_unloaded: bool, series: str
 ) -> tuple[Float[np.ndarray, "gauge zero"], Bool[np.ndarray, " gauge"]]:
-    """How readings follow the errors of the tests' unloaded ones, and which of the gauges do.
+    """Slopes of readings by the errors of the tests' unloaded ones, and the gauges that depend on these.
 
     Raises `ConfigError` for a series that no static test has.
     """

@@ -59,7 +59,7 @@ class Measured:
         alone: Rms of the performance without a compensator.
         noise: Results under noise, by compensator.
         slipped: Results with friction, by compensator (None: without one); empty where the plan states none.
-        warned: What `noise_on` warned of.
+        warned: Warnings of `noise_on`.
     """
 
     drawn: DrawnPlants

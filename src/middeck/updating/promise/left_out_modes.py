@@ -25,7 +25,7 @@ class LeftOut:
     """Compensators for which the plants of the promise have too few modes.
 
     Attributes:
-        modes: How many were tried in place of the plan's.
+        modes: Number of modes tried in place of the plan's.
         shift_db: Shift of their decibels, by name, where it exceeds the standard deviation of the draws;
             infinite where the loop is then unstable.
     """

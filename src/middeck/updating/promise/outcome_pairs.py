@@ -1,7 +1,7 @@
 """Pairs of promised and measured modes: by shape, by name, or by number alone.
 
 A number is a place in the promise's order of frequencies. Two modes that change places are then both judged
-by what was said of the other: where this may be, it is said.
+by the statement on the other; where this is possible, a remark says so.
 """
 
 from __future__ import annotations

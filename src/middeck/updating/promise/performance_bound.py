@@ -43,7 +43,7 @@ class RobustBound:
     Decibels count from each plant's rms without control, over all frequencies.
 
     Attributes:
-        draws: How many plants.
+        draws: Number of plants.
         worst_db: Largest of the compensator over the plants; ``inf`` where it is unstable on one.
         no_linear_law_below_db: Lower bound of the largest over the plants, for any linear compensator between
             the same ports, of any order, whose effort is no more on each of them; ``nan`` where no plant has
@@ -72,9 +72,9 @@ def bound_db(
     """Decibels of ``law`` on each plant, and their lower bound for linear compensators of the same effort.
 
     Both relative to the plant without control; delays by Pade approximations that keep every mode's phase.
-    The bound is ``nan`` where the law is unstable or its effort infinite (white noise through a direct term):
-    without an effort there is no bound at it; where the plant has no rms without control; and on a plant that
-    has no optimum, for a mode that hardly decays and no sensor sees.
+    The bound is ``nan`` where the compensator is unstable or its effort infinite (white noise through a
+    direct term): without an effort there is no bound at it; where the plant has no rms without control; and
+    on a plant that has no optimum, for a mode that hardly decays and no sensor sees.
     """
     return np.array([_one(plant, law, weights) for plant in plants]).reshape(len(plants), 2)
 

@@ -51,17 +51,17 @@ class Plan:
     """Plan of the promise for a refined article.
 
     Attributes:
-        environments: Where, by name; the first is that of the designs.
+        environments: Environments by name; the first is that of the designs.
         performance: Sensors whose weighted rms is promised, and their weights.
         disturbances: Actuators at which white noise acts, and its two-sided intensity [unit/sqrt(Hz)].
-        band_hz: In which disturbances act and the rms counts; None for all frequencies.
+        band_hz: Band in which disturbances act and the rms counts; None for all frequencies.
         noise: Noise of readings, by their unit [unit/sqrt(Hz)].
         inner: Loops without delay that are closed on every plant before all else.
         modes: Kept in each plant.
         draws, seed: 299 draws that are all stable promise 99 %.
         probability: Probability of stability required of the highest authority.
         bounded: Draws on which the bound is computed.
-        joints: Those with dry friction; none are linear. Their viscous drag is in every plant.
+        joints: Joints with dry friction; the others are linear. Their viscous drag is in every plant.
         sweep: Shifts of the refined article's flexible modes on which every compensator is tried too.
     """
 

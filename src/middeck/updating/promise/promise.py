@@ -52,15 +52,15 @@ class Promise:
 
     Attributes:
         modes: Frequencies, with their intervals.
-        plants: Those drawn, inner loops closed and delays in.
-        outlooks: In the order of the plan: compensators given, then those of the ladder.
+        plants: The drawn plants, inner loops closed and delays in.
+        outlooks: Outlooks in the order of the plan: compensators given, then those of the ladder.
         rest_rms: Rms of the performance without any compensator, by draw.
         bound: Bound of each compensator, by name, over the first ``plan.bounded`` draws, without friction and
             over all frequencies.
         highest: The last of the ladder that is promised stable with every one before it; None for none.
         swept: Plants of the sweep of the plan, around the most probable one.
         sweeps: Result of each compensator on them, by name.
-        slip_time: How the friction of joints was simulated; None where the plan states none.
+        slip_time: Times of the simulation of joint friction; None where the plan states none.
         lost_to_cable: Compensators that a weak cable would make unstable; None where the article does not
             float, or the plan states a cable.
         left_out: Compensators for which the plants have too few modes.

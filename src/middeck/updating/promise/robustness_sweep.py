@@ -24,7 +24,7 @@ class SweptPlants:
     """Plants with shifted modes, inner loops closed and the plan's delay in.
 
     Attributes:
-        modes: Which modes are shifted.
+        modes: The shifted modes.
         cases: Name of each plant, as ``"second bending x-y -20 %"``.
     """
 

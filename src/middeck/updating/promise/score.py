@@ -17,7 +17,7 @@ class Statement:
     """A statement about one quantity before it was known.
 
     Attributes:
-        kind, name: Which quantity it is, both together: a compensator may be called as a mode is.
+        kind, name: The quantity, by both together: a compensator may have the name of a mode.
         low, high: Its 95 % interval, in its unit; ``inf`` where it may be lost altogether.
         probability: Probability that a loop is stable; None for other quantities.
         cautious: Decibels that a loop reaches with 99 % probability; None for other quantities.
@@ -80,7 +80,7 @@ class Score:
 def judge(statements: Sequence[Statement], outcomes: Sequence[Scored]) -> tuple[Verdict, ...]:
     """Each outcome beside the statement of its kind and name; statements without an outcome are left open.
 
-    Raises `DataError` for an outcome of which nothing was said, or two of one kind and name,
+    Raises `DataError` for an outcome without a statement, or two of one kind and name,
     and for two such statements.
     """
     known = {(s.kind, s.name): s for s in statements}

@@ -18,7 +18,7 @@ class JointSlip:
     Attributes:
         name: Name of the joint's motor and of the angle that is read there.
         slip_torque: Torque [N m] at which it slips; along a slide [N].
-        slip_angle: How far [rad] it gives way before; along a slide [m].
+        slip_angle: Presliding angle [rad]; along a slide [m].
         viscous: Viscous drag [N m s/rad] beside it; along a slide [N s/m].
         slip_torque_tolerance, slip_angle_tolerance: To both sides, relative, all values within as likely.
     """

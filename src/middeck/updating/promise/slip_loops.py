@@ -88,7 +88,7 @@ def pole_form(loop: StateSpace) -> SlipPoles | None:
     """The loop by its poles, negligible ones left out; None where one does not decay.
 
     Poles that coincide have no parts of their own: those of a loop that differs by one of `APART` stand for
-    them (Davies 2007, Approximate diagonalization), whichever answers most as this one does.
+    them (Davies 2007, Approximate diagonalization), whichever responds most as this one does.
     """
     if not len(loop.A):
         return SlipPoles(np.zeros(0, complex), loop.B.T.astype(complex), loop.C.astype(complex))
@@ -125,7 +125,7 @@ def _response(parts: Parts, at: Complex[np.ndarray, " point"]) -> Complex[np.nda
 
 
 def _whole(loop: StateSpace, at: Complex[np.ndarray, " point"]) -> Complex[np.ndarray, "point output joint"]:
-    """What the parts of the poles add up to but for rounding."""
+    """The sum of the parts of the poles, up to rounding."""
     return loop.C @ np.linalg.solve(at[:, None, None] * np.eye(len(loop.A)) - loop.A, loop.B)
 
 
@@ -146,7 +146,7 @@ def _closest(loop: StateSpace, found: Sequence[Parts]) -> Parts:
 
 
 def _adds_up(loop: StateSpace, parts: Parts) -> bool:
-    """Whether the parts have the loop's response where all answer: on the real axis, amid their sizes."""
+    """Whether the parts have the loop's response where all respond: on the real axis, amid their sizes."""
     amid = np.array([np.median(np.abs(parts[0]))], dtype=complex)
     whole = _whole(loop, amid)
     lost = np.abs(_response(parts, amid) - whole)

@@ -45,7 +45,7 @@ RECORDS, ALONE = 2, 16
 UNCERTAIN, TIMES = 0.02, 4
 """Variance of a draw's decibels without a compensator by the noise of its records [dB^2] from which there are
 more of them, and how many times as many at most. Articles differ by one or two tenths of a decibel: a spread
-told beside twice that noise comes out a quarter too wide, or by chance twice."""
+estimated beside twice that noise comes out a quarter too wide, or by chance twice."""
 TRIED = 400
 """Variances that are weighed, evenly up to four times what draws have."""
 MOST, HELD = 15_000_000, 70_000_000
@@ -112,7 +112,7 @@ class SlipRun:
         return {}
 
     def answer_of(self, name: str | None) -> Complex[np.ndarray, "line command read"] | None:
-        """What a compensator answers on the lines of the noise: found once for all draws, unless all that
+        """Response of a compensator on the lines of the noise: found once for all draws, unless all that
         are kept would be more than `MOST` numbers."""
         if name in self.answers:
             return self.answers[name]
@@ -299,8 +299,8 @@ def _lines(
 
 
 class _Came(NamedTuple):
-    """What came of one loop: torques that its sliders held, mean squares of the angles, and the states before
-    the record and behind it, summed."""
+    """Result of one loop: torques that its sliders held, mean squares of the angles, and the sums of states
+    before the record and behind it."""
 
     torque: Float[np.ndarray, "record joint sample"]
     square: Float[np.ndarray, "record joint"]
@@ -333,7 +333,7 @@ def _slide(
 def _mean_squares(
     asked: SlipRun, form: SlipPoles, lines: Complex[np.ndarray, "output record line"], came: _Came
 ) -> Float[np.ndarray, "2 record"]:
-    """Those of the weighted performance, with friction and without."""
+    """Mean squares of the weighted performance, with friction and without."""
     joints, weights = came.torque.shape[1], asked.plan.weights
     return mean_squares(
         asked.time,
@@ -380,7 +380,7 @@ def _spread_of_articles(db: Float[np.ndarray, " draw"], noise: Float[np.ndarray,
     """Expected variance of what articles differ by, all being as likely before: zero only where ``db`` agree.
 
     A difference of moments is zero, and all intervals with it, wherever chance makes the spread less than the
-    noise (Morris 1983, J. Am. Stat. Assoc. 78). A noise told from few records errs to either side: by
+    noise (Morris 1983, J. Am. Stat. Assoc. 78). A noise estimated from few records errs to either side: by
     simulation the spread comes out right where noise is small, and up to 1.8 times too wide where it is twice
     what articles differ by.
     """

@@ -66,7 +66,7 @@ class Outlook:
             unstable. With the friction of the joints where the plan states any.
         control_rms: Rms of the commands in each draw, without friction.
         unstable_mode: Mode that grows in most unstable draws; empty if none is unstable.
-        risk: What was drawn that goes most with a worse outcome, and its rank correlation with it.
+        risk: The drawn quantity of largest rank correlation with worse outcomes, and that correlation.
     """
 
     name: str
@@ -187,6 +187,6 @@ def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
 
 
 def _ranks(values: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:
-    """From one up; equal values share the mean of theirs."""
+    """Ranks from one up; equal values share their mean."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - 0.5 * (count - 1))[place]

@@ -43,11 +43,11 @@ class Linear:
         y: Residuals at the mean of the prior.
         std: Standard deviation of each by the noise of the test.
         J: Slopes by the unknowns, of which ``spread`` are the prior deviations.
-        S: What each row shares of each of the model's own errors.
-        rest: What each row has, in squares, of errors that no other row shares.
+        S: Share of each of the model's own errors in each row.
+        rest: Variance of each row by errors that no other row shares.
         sort, row_sort: Sort of each error, and of the rest of each row, from 0: one sort has one tau; `KNOWN`
             for an error whose size is known, and in S: its deviation is one.
-        sorts: How many sorts there are, with those that no row has.
+        sorts: Number of sorts, with those that no row has.
     """
 
     y: Float[np.ndarray, " row"]

@@ -17,7 +17,7 @@ from middeck.updating.residuals.surveys import Compared
 
 # Surveys whose frequencies, or ratios, are this many times farther from any one article than they state.
 CONTRADICT = 2.0
-# Prior deviations of an answer that is far out.
+# Prior deviations of an estimate that is far out.
 FAR = 3.0
 
 

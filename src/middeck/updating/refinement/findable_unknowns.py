@@ -2,7 +2,7 @@
 
 Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
 one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it
-away; columns that are aligned with one another cannot be told apart.
+away; columns that are aligned with one another cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Choice:
     """The unknowns before a refinement.
 
     Attributes:
-        strength: What one prior deviation of each does to all that was measured, in deviations of it.
+        strength: Effect of one prior deviation of each on all measured values, in deviations of these.
         alignment: Cosine with the first error: how much of it this unknown alone could take away, by sign.
         cosine: Between the columns of two unknowns, 1 where they move everything alike.
         weak: Unknowns that the surveys do not see, by their numbers.

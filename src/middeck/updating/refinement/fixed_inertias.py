@@ -18,7 +18,7 @@ from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 
 MASS, INERTIA = ".mass", ".inertia."
-# A deviation that is so many times larger where inertias move with their masses hangs on the inertias.
+# A deviation that is so many times larger where inertias move with their masses depends on the inertias.
 LARGER = 3.0
 # So many times likelier tests are no chance, nor are they often with other errors of a model.
 LIKELIER = 20.0
@@ -29,7 +29,7 @@ class FixedInertias:
     """Bodies whose masses alone ``unknowns`` move, and the unknown that their inertias determine most.
 
     Attributes:
-        larger: How many times its deviation is if the inertias are in proportion to the masses.
+        larger: Factor on its deviation if the inertias are in proportion to the masses.
         fits: Whether all tests are then likelier by more than chance.
     """
 
@@ -82,6 +82,6 @@ def _inertias(refined: Refined, compared: Compared) -> tuple[Bound, ...]:
 
 
 def _beside(bound: Bound, still: list[ModelParameter]) -> tuple[ModelParameter, ...]:
-    """Those of ``still`` whose bodies' masses ``bound`` multiplies."""
+    """Parameters of ``still`` on bodies whose masses ``bound`` multiplies."""
     own = () if bound.unknown.added else {p.name for p in bound.parameters}
     return tuple(p for p in still if p.name.split(INERTIA)[0] + MASS in own)

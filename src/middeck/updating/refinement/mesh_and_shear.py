@@ -2,7 +2,7 @@
 
 Members of a shear flexibility F yield under the shear forces V of the modes, to first order by
 phi_i'dK phi_j = - sum of L V_i'F V_j over the elements: an element's forces stay as they are where it gives
-way, since its ends are free to follow. Of the mesh it is the estimate of `estimate_mesh_error`.
+way, since its ends are free to follow. The error of the mesh is that of `estimate_mesh_error`.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class OwnErrors:
         """Share of the kinetic energy of each mode in each of the shapes: cross-orthogonality squared.
 
         For a small error of the model d ln f of a mode is the sum of those of the modes that it is made of,
-        each by its share, and of cross terms that nobody knows.
+        each by its share, and of unknown cross terms.
         """
         return self._shares(modes_as_drawn(others).shapes)
 

@@ -86,7 +86,7 @@ class _Rows:
         return out
 
     def drawn_along(self, taken: np.ndarray, row: int) -> Iterator[np.ndarray]:
-        """All rows that are likeliest by the unknowns that this one asks for, and again by those of all."""
+        """Likeliest rows with the unknowns that this one asks for, and again with those of all rows."""
         known, last = np.array([row]), taken
         for _ in range(SWEEPS):
             x, P = self.found(known, self.noise)

@@ -57,7 +57,7 @@ class Refined:
             see `OwnErrors`; of ``fields``; of the unloaded readings in the order of ``zeros``), and their
             covariance, linear about there.
         before_hz: Frequencies of the modes of the mean of the prior that each survey's pairs were then.
-        before: What gauges of each static test read of the mean of the prior.
+        before: Gauge readings of each static test at the mean of the prior.
         history: Largest move of an unknown in its own deviations, step by step.
         converged: Whether the last was small.
         fields: Strains of the static tests, which have errors of their own; None where there are no tests.

@@ -1,8 +1,8 @@
 """The search for the most probable unknowns of a refinement, repeated where its end is doubtful.
 
 Gauss-Newton on analytic slopes, the model's own errors found anew at every step (`bayesian_estimate`): far
-from the answer they are large, which keeps the steps small. Where they are so large that no step seems to
-help, or where modes are paired wrongly on the way, the search ends short of the answer. An end with errors
+from the optimum they are large, which keeps the steps small. Where they are so large that no step seems to
+help, or where modes are paired wrongly on the way, the search ends short of the optimum. An end with errors
 larger than anyone thought likely is compared, by its likelihood, with that of a search that first takes the
 model for right and, where frequencies alone say which mode is which, with those of others from elsewhere,
 until two of these come to the likeliest end.
@@ -56,7 +56,7 @@ SMALL = 0.2
 # No step moves an unknown by more than this many of its prior deviations.
 LARGEST = 2.0
 HALVINGS = 6
-# Steps back that are not this much smaller than the last swing about the answer.
+# Steps back that are not this much smaller than the last swing about the optimum.
 SHRINKS = 0.7
 # Deviations of the model's errors, of what was thought before, beyond which the end of a search is doubtful.
 DOUBTFUL = 3.0
@@ -203,7 +203,7 @@ def _starts(places: TestSetups, prior: Prior, at: SolvedSetups) -> Iterator[Solv
 def _search(
     places: TestSetups, statics: Sequence[StaticTest], prior: Prior, at: SolvedSetups
 ) -> RefinementEnd:
-    """From ``at``."""
+    """Search from ``at``."""
     mean, spread, usual = prior
     lossy = places.moves_damping
     x, history, pace, last, first = at.x, [], 1.0, np.zeros(len(mean)), None
@@ -381,7 +381,7 @@ def place_tests(
 def _pace(pace: float, step: np.ndarray, last: np.ndarray) -> float:
     """Half of it for steps that swing, twice of it, up to one, for others.
 
-    Both in deviations of the prior: those of the answer shrink with the model's errors on the way there.
+    Both in deviations of the prior: those of the optimum shrink with the model's errors on the way there.
     """
     swings = step @ last < 0.0 and np.linalg.norm(step) > SHRINKS * np.linalg.norm(last)
     return 0.5 * pace if swings else min(1.0, 2.0 * pace)

@@ -131,8 +131,8 @@ def _shapes(compared: Compared) -> _Shapes:
 
 
 def _by_a_factor(read: np.ndarray, moved: np.ndarray) -> bool:
-    """Whether the model's motion, times any number, is what is read, as nearly as right channels are; or
-    nothing is."""
+    """Whether the reading is the model's motion times some number, as accurately as in right channels, or
+    zero."""
     size, other = np.linalg.norm(read), np.linalg.norm(moved)
     return bool(
         size < NOTHING * other or (read @ moved) ** 2 >= (1.0 - (2.0 * RIGHT) ** 2) * (size * other) ** 2

@@ -1,8 +1,8 @@
 """A fitted record as a modal survey: frequencies, dampings and shapes with their deviations.
 
-A residue of rank one is c b: what the sensors read of the mode, and what the motors do to it. By reciprocity
-b is the shape too, at the motors. So a fit has as many channels as it has outputs and inputs, all of them
-ports of the article, and those at one place and axis on both sides tell how the two scale.
+A residue of rank one is c b: the readings of the mode by the sensors, and its excitation by the motors. By
+reciprocity b is the shape too, at the motors. So a fit has as many channels as it has outputs and inputs, all
+of them ports of the article, and those at one place and axis on both sides fix the scale between the two.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _part_std(deviation: np.ndarray, places: np.ndarray) -> np.ndarray:
 def _scale(
     c: np.ndarray, b: np.ndarray, sensors: list[tuple[Sensor, bool]], actuators: list[Actuator]
 ) -> complex:
-    """What makes b the shape that c is, by the places that have both; zero where none has."""
+    """Factor that makes b the shape c, by the places that both have; zero where they share none."""
     both = [(o, i) for o, (s, _) in enumerate(sensors) for i, a in enumerate(actuators) if _together(s, a)]
     if not both:
         return 0.0

@@ -49,7 +49,7 @@ class MeasuredResponse:
             together; ports are named as the article's.
         delay_s: Delay of every path, as far as it is known.
         band_hz: Lines that count; None for all of a measured response.
-        modal_error: What the model's modal constants are thought to be wrong by, one deviation, relative.
+        modal_error: Assumed relative standard deviation of the errors of the model's modal constants.
         line_error: Further error of each mode's part at each line.
 
     Raises `ConfigError` for nothing measured, a response without variance, a fitted one without a band, an

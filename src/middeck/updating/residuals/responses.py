@@ -55,7 +55,7 @@ class ComparedResponse:
         residual, slope: Divided by a root of the covariance that noise and stated errors give, and turned
             into few rows that say the same.
         std: One, or ``miss`` where that is more.
-        lines: How many lines of the response count.
+        lines: Number of lines of the response that count.
         magnitude_db, phase_deg: Rms of the errors of the response over these lines and all paths.
         miss: Rms of all rows, in the deviations that noise and stated errors give them.
         lost: Anti-resonances that the model does not have.

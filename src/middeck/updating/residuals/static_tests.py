@@ -204,7 +204,7 @@ def set_up_static(
 def set_up_statics(
     structure: Structure, tests: Sequence[StaticTest], unknowns: Sequence[Unknown]
 ) -> list[StaticSetUp]:
-    """The article as each test has it; what tests share without their loads is one. Raises as
+    """The article in each test; set-ups that tests share without their loads are one. Raises as
     `set_up_static`."""
 
     @functools.cache
@@ -243,8 +243,8 @@ class ComparedStatic:
     """A static test beside the model, each row in parts of the full scale of its gauge.
 
     Attributes:
-        value: What the model reads, in the units of the gauges.
-        scale: What rows are divided by, in these units, see `full_scales`; no less than a gauge's deviation.
+        value: Readings of the model, in the units of the gauges.
+        scale: Scale of the rows in these units, see `full_scales`; no less than a gauge's deviation.
         std: Standard deviation of each residual by its gauge.
     """
 

@@ -55,10 +55,10 @@ class Survey:
     Attributes:
         settings: Parameters that the test set, by name, with their values: the angle of a gimbal, an added
             mass.
-        load_case: What the article carried: one of its load cases by name, or one of the test's own.
+        load_case: Loads on the article: one of its load cases by name, or one of the test's own.
         frequency_std: Standard deviation of a frequency over the frequency where ``measured`` states none.
         damping_std: Standard deviation of a damping ratio over the ratio where ``measured`` states none.
-        response: What the same test measured beside its modes.
+        response: Response that the same test measured beside its modes.
         friction: Friction of the joints that had any, and how far they moved.
     """
 
@@ -139,7 +139,7 @@ class Compared:
     their frequencies alone leave open.
 
     Attributes:
-        paired: Which modes are compared; ``free`` are without the friction of joints, ``modes`` with it.
+        paired: The compared modes; ``free`` are without the friction of joints, ``modes`` with it.
         rows: (pair, mode) of each equation: first those of the pairs' own modes, then those of neighbours.
         std: Standard deviation of each residual by the noise of the test.
     """
@@ -307,7 +307,7 @@ def compare_measured_response(
 
 
 def neighbours(modes: Modes, column: np.ndarray) -> np.ndarray:
-    """Which paired modes are close to which others."""
+    """Whether paired modes are close to each other."""
     f = np.log(modes.frequency_hz[column])
     return (np.abs(np.diag(f)[:, None] - f) < NEIGHBOURS) & ~np.eye(len(f), dtype=bool)
 
@@ -319,7 +319,7 @@ def _mixtures(
 
     Of all modes where the channels tell them apart, else of neighbours alone; nothing of others, and no
     deviation, where they do not tell these apart either. Channels that stand still, or move as others do,
-    tell nothing, however many there are.
+    have no information, however many there are.
     """
     count, measured = len(pairs), survey.measured
     c, c_std = np.eye(count), np.zeros((count, count))
@@ -338,7 +338,7 @@ def _mixtures(
 
 
 def _parts(basis: np.ndarray, shape: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """What ``shape`` has of each column of ``basis``, of ``one`` of them 1, and the deviations of that.
+    """Part of each column of ``basis`` in ``shape``, 1 for that of ``one``, and their deviations.
 
     None where the rows of both, of unit deviation, do not tell the columns apart.
     """

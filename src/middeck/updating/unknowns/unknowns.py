@@ -170,7 +170,7 @@ def _loop_faults(parameters: Sequence[str], added: bool) -> Iterator[tuple[str, 
 
 @record
 class LoopSlopes:
-    """Which unknowns move the delay, and the gain of each output and input: one or zero."""
+    """Whether each unknown moves the delay, and the gain of each output and input: one or zero."""
 
     delay: Float[np.ndarray, " unknown"]
     output: Float[np.ndarray, "output unknown"]

@@ -37,8 +37,8 @@ At = Literal["inputs", "outputs", "both"]
 """Where a loop is broken or disturbed: at the plant's inputs, at the measurements, or at both at once."""
 
 AT_REST, ZERO = 1e-9, 1e-13
-"""Slowest pole, relative to A, of a law whose value at rest is known; and the part of its terms below which
-that value, or its slope, is rounding."""
+"""Slowest pole, relative to A, of a compensator whose value at rest is known; and the part of its terms below
+which that value, or its slope, is rounding."""
 KEPT = 16
 """Loops that are known: stability and margins are asked of the same few fades, one after the other."""
 WELL_APART = 1e3
@@ -50,7 +50,7 @@ class FeedbackLoop:
     """y = G u and u = K y, without uncontrollable and unobservable modes.
 
     Attributes:
-        plant: G, its ports those of the law: continuous with its delays, or sampled.
+        plant: G, its ports those of the compensator: continuous with its delays, or sampled.
         law: K, in the time domain of the plant.
     """
 
@@ -89,8 +89,8 @@ def split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray,
 
 
 def moved_part(loop: FeedbackLoop) -> FeedbackLoop:
-    """The loop without integrators that it does not move: rounding of mixed states would show them in its
-    return ratio. A plant in modal form has them apart already.
+    """The loop without integrators that it does not move: by rounding, mixed states would show them in its
+    return ratio. A plant in modal form has them separate already.
 
     Raises `NumericalError` where rounding hides whether the loop moves them.
     """

@@ -96,7 +96,7 @@ def _finite(rates: np.ndarray) -> np.ndarray:
 
 
 def _on_pole(features: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Which lines lie on a pole on the axis."""
+    """Whether each line lies on a pole on the axis."""
     centre = np.abs(np.imag(features))
     bare = np.sort(centre[(np.abs(np.real(features)) < UNDAMPED * centre) & (centre > 0.0)])
     if not len(bare):
@@ -208,7 +208,7 @@ def _finite_lines(omega: np.ndarray, value: np.ndarray) -> Curve:
 
 
 def _coarse(L: Complex[np.ndarray, "2 step channel"], finer: float) -> np.ndarray:
-    """Which steps, from the first of the two values to the second, are too long."""
+    """Whether each step, from the first of the two values to the second, is too long."""
     size = np.maximum(np.abs(L), 1e-300)
     level = np.log(size)
     inside = np.abs(level) < np.log(WIDEST)

@@ -38,7 +38,7 @@ class ReturnedWave:
 
 
 def returned_wave(loop: FeedbackLoop) -> ReturnedWave | None:
-    """The wave that returns through the direct terms of a loop; None without a delay, of different delays,
+    """The wave that returns through the direct terms of a loop; None without a delay, for different delays,
     and where nothing returns.
     """
     if loop.plant.period_s is not None or not loop.plant.delayed:

@@ -37,7 +37,7 @@ def sample_known(path: Plant, law: SampledStateSpace) -> Plant:
 
 
 def _beyond(plant: Plant, law: SampledStateSpace) -> float:
-    """How far the pole that grows fastest [rad/s] is beyond the limit; infinite for an overflow."""
+    """Excess of the fastest growing pole [rad/s] over the limit; infinite for an overflow."""
     held = plant.sampled
     loop = feedback(held, law, range(held.D.shape[1]), range(len(held.D)))
     if not np.isfinite(loop.A).all():

@@ -58,7 +58,7 @@ class LoopMargins:
     """Margins of one loop, the others closed.
 
     Attributes:
-        channel: Where the loop is broken.
+        channel: Channel at which the loop is broken.
         gain: Factors on the loop gain, above and below one, that put a pole on the axis, ascending.
         gain_hz: Frequency [Hz] of that pole.
         phase_rad: Lag (positive) or lead (negative) that does so at each frequency of unit gain, the smaller

@@ -148,7 +148,7 @@ def _rounding(P: np.ndarray, S: np.ndarray, own: np.ndarray, L: np.ndarray) -> n
 
 
 def _inverse(matrices: np.ndarray) -> np.ndarray | None:
-    """None where one of them is singular."""
+    """The inverses; None where one of the matrices is singular."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:

@@ -44,8 +44,8 @@ def find_inversion(plant: Plant, law: Compensator, *, within: float = 0.1) -> tu
     first.
 
     Pairs further apart than ``within``, relative to the pole, are left out. A pole counts as inverted where
-    the distance is of the order of its damping ratio or less: at the resonance the law is then as small as
-    the plant is large.
+    the distance is of the order of its damping ratio or less: at the resonance the compensator is then as
+    small as the plant is large.
 
     Raises `ConfigError` for halves that do not fit (`form_loop`).
     """

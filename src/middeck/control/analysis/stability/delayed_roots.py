@@ -26,7 +26,7 @@ ONE_ROOT, TWO_STARTS = 1e-8, 1e-6
 RESTS = 1e-7
 """Relative distance below which the root beside an open pole counts as one already known."""
 ROUNDINGS = 10.0
-"""Uncertainties of a pole by rounding within which f is not told from f without that pole."""
+"""Uncertainties of a pole by rounding within which f is not distinguished from f without that pole."""
 NEAREST_AXIS = 12
 """Roots followed to the exact delay beside those that are counted."""
 
@@ -135,12 +135,12 @@ def _beside_pole(
 ) -> tuple[Complex[np.ndarray, " root"], np.ndarray]:
     """The root of f = r / (s - p) + c + d (s - p) beside each pole p that is ``near``; and whether it is one.
 
-    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. A law that
-    moves neither a mode nor its estimate has two roots beside the pole, which an eigenvalue splits by the
-    root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are too close, or
-    so close that the pole may lie beside the circle, f then being that of a mode no port observes; and where
-    a single root is further than ``most`` of the pole and belongs to another: a copy of the mode that no port
-    observes stays on the pole.
+    More exact than an eigenvalue of the whole loop, whose rounding may exceed the mode's damping. A
+    compensator that moves neither a mode nor its estimate has two roots beside the pole, which an eigenvalue
+    splits by the root of its rounding: the nearer is taken. Returns ``near`` unchanged where other poles are
+    too close, or so close that the pole may lie beside the circle, f then being that of a mode no port
+    observes; and where a single root is further than ``most`` of the pole and belongs to another: a copy of
+    the mode that no port observes stays on the pole.
     """
     if not len(near):
         return near, np.zeros(0, dtype=bool)

@@ -52,7 +52,7 @@ class LoopStability:
         frequency_hz: Its imaginary part.
         margin: Minus its real part [rad/s]: the least decay, negative for growth.
         damping: Its damping ratio.
-        growing: How many roots grow, conjugates counted.
+        growing: Number of roots that grow, conjugates counted.
         decays: All roots decay by more than rounding: none stays on the axis.
     """
 
@@ -66,7 +66,7 @@ class LoopStability:
 
 
 def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
-    """Stability with exact delays, with the modes that the compensator does not move.
+    """Stability with exact delays, including modes that the compensator does not move.
 
     Loops without delays and sampled loops are decided by eigenvalues. With delays, the poles of an
     approximation valid for all light modes start Newton's method on det(1 - K G); roots right of a line left

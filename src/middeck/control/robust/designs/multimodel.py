@@ -1,8 +1,8 @@
 """One compensator of any order for several plants: fixed-order H2 (MacMartin, Hall and Bernstein 1991).
 
-The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the law's matrices,
-with analytic gradients. The domain is the set of laws that stabilise all models; the cost grows without bound
-at its edge, so that a descent begun inside stays inside. How to begin inside is in
+The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the compensator's
+matrices, with analytic gradients. The domain is the set of compensators that stabilise all models; the cost
+grows without bound at its edge, so that a descent begun inside stays inside. How to begin inside is in
 `middeck.control.robust.search.continuation`.
 """
 
@@ -74,13 +74,13 @@ def design_multimodel(
         form: Order, stations and fixed filters; as many states as the nominal model unless given.
         shaping: Filters at ports, integral action and correlated noise, as for `design_lqg`. Integrals come
             as last states, beside those of ``form``; they go with no stations and no fixed filters.
-        start: A law to begin with, e.g. of a lower authority: strictly proper, of ``form`` without its
-            filters, integrals last; found if not given.
+        start: A compensator to begin with, e.g. of a lower authority: strictly proper, of ``form`` without
+            its filters, integrals last; found if not given.
         tolerance: The descent ends when ten steps gain less than this fraction of the cost.
 
     Raises `NotStabilisableError` naming the modes of a plant that nothing can hold; `NumericalError` where no
-    law of that form was found that stabilises all models; how far it came is in its data; `ConfigError` for
-    weights, ports, modes or forms that do not fit.
+    compensator of that form was found that stabilises all models; how far it came is in its data;
+    `ConfigError` for weights, ports, modes or forms that do not fit.
     """
     if over not in POWERS:
         raise ConfigError(f"over is {over!r}", hint="mean or maximum")

@@ -1,9 +1,9 @@
 """A sampled plant in the w-plane, where a compensator sampled by Tustin's rule becomes continuous.
 
 The inverse of Tustin's rule s = (2/T) (z - 1)/(z + 1) maps the exactly sampled plant to a continuous one
-(Franklin, Powell and Workman 1998, section 7.4). Its loop with the continuous law has the mapped poles of the
-sampled loop at any rate, so that a sampling rate is one more model of a design. The factor 1 + (w T/2)^2 on
-spectra, which matters beyond half the rate only, is left out.
+(Franklin, Powell and Workman 1998, section 7.4). Its loop with the continuous compensator has the mapped
+poles of the sampled loop at any rate, so that a sampling rate is one more model of a design. The factor 1 +
+(w T/2)^2 on spectra, which matters beyond half the rate only, is left out.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Popov/H2: a compensator with guaranteed cost over a box of modal frequencies (How and others 1994).
 
-The bound of `middeck.control.robust.designs.popov_bound` is minimised over the law and the multipliers
-together, by quasi-Newton descent with analytic gradients.
+The bound of `middeck.control.robust.designs.popov_bound` is minimised over the compensator and the
+multipliers together, by quasi-Newton descent with analytic gradients.
 """
 
 import itertools
@@ -81,12 +81,12 @@ def design_popov(
     """The compensator that minimises a bound on the cost over all frequencies in a box.
 
     Every mode of ``uncertainty.shifts`` moves independently within its width, also within a group, with
-    constant damping ratio; uncertain damping, gain and delay do not enter the bound. The law has as many
-    states as the nominal model. Other arguments are those of `design_multimodel`; ``costs`` are those at the
-    ends of the box.
+    constant damping ratio; uncertain damping, gain and delay do not enter the bound. The compensator has as
+    many states as the nominal model. Other arguments are those of `design_multimodel`; ``costs`` are those at
+    the ends of the box.
 
-    Raises `NumericalError` where no law was found whose bound covers the box; `ConfigError` where z or y
-    reads the acceleration of an uncertain mode, which a shift changes too; and as `design_multimodel`;
+    Raises `NumericalError` where no compensator was found whose bound covers the box; `ConfigError` where z
+    or y reads the acceleration of an uncertain mode, which a shift changes too; and as `design_multimodel`;
     `NotStabilisableError` as `design_multimodel`.
     """
     problem = pose_problem(plant, weights, authority, uncertainty, None, LawForm(), shaping)
@@ -125,10 +125,10 @@ def _covering_starts(
     model: GeneralizedPlant,
     directions: Directions,
 ) -> Iterator[_Place]:
-    """Laws whose bound covers the box: multi-model laws for boxes of increasing width.
+    """Compensators whose bound covers the box: multi-model compensators for boxes of increasing width.
 
-    The optimal law of a smaller box is a poor start: its bound is finite only up to the edge of that box,
-    which could then grow by less than a per cent.
+    The optimal compensator of a smaller box is a poor start: its bound is finite only up to the edge of that
+    box, which could then grow by less than a per cent.
     """
     law, history = None, ()
     for widening in WIDENINGS:

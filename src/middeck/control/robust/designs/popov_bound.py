@@ -42,7 +42,7 @@ class Multipliers:
 
 @record
 class PopovBound:
-    """The bound, its gradient with respect to the law, and with respect to log H and log N."""
+    """The bound, its gradient with respect to the compensator, and with respect to log H and log N."""
 
     law: LawCost
     log_H: Float[np.ndarray, " delta"]

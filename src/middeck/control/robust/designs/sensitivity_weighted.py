@@ -111,7 +111,7 @@ def _best_strength(models: Sequence[GeneralizedPlant], directions: Directions, t
 def _solve(
     model: GeneralizedPlant, directions: Directions, strength: float
 ) -> tuple[Law, RiccatiSolution, RiccatiSolution, float]:
-    """The law, both Riccati solutions, and the weighted cost."""
+    """The compensator, both Riccati solutions, and the weighted cost."""
     return solve_lqg(_weighted(model, directions, strength))
 
 

@@ -1,8 +1,8 @@
 """Minimax compensator for many plants by exchange: the worst plants are added to the models.
 
-The exchange method of semi-infinite programming (Hettich and Kortanek 1993, SIAM Review 35): a minimax law
-for few plants, the worst of all plants under it, a minimax law for these too. It ends when no plant costs
-more than the worst of the design's own, which is then the minimax law for all.
+The exchange method of semi-infinite programming (Hettich and Kortanek 1993, SIAM Review 35): a minimax
+compensator for few plants, the worst of all plants under it, a minimax compensator for these too. It ends
+when no plant costs more than the worst of the design's own, which is then the minimax compensator for all.
 """
 
 from collections.abc import Sequence
@@ -32,11 +32,10 @@ def design_for_worst(
     candidates: Sequence[Plant],
     tolerance: float = 1e-5,
 ) -> tuple[MultiModelCompensator, tuple[int, ...]]:
-    """The minimax law over ``plant`` and thousands of ``candidates``, and the indices of those used as
-    models.
+    """The minimax compensator over ``plant`` and thousands of ``candidates``, and the indices of its models.
 
     Other arguments are as in `design_multimodel` with ``over="maximum"``. No candidate costs more than 1 %
-    above the law's ``cost``.
+    above the compensator's ``cost``.
 
     Raises `NumericalError` where some candidate is still worse after thirty rounds, or as
     `design_multimodel`.

@@ -177,7 +177,7 @@ def _same_groups(plants: tuple[Plant, ...]) -> None:
 
 
 def _require_a_cost(weights: LQGWeights, shaping: Shaping) -> None:
-    """Refuse zero noise or zero output weights: the optimal law would be zero."""
+    """Refuse zero noise or zero output weights: the optimal compensator would be zero."""
     if not np.any(weights.process):
         raise ConfigError(
             "the process intensity is zero: nothing disturbs the plant",

@@ -22,7 +22,7 @@ PATIENCE = 10
 
 @record(kw_only=True)
 class Descent:
-    """Where a descent ended.
+    """End of a descent.
 
     Attributes:
         gradient: Norm of the gradient over the value, in the coordinates given.

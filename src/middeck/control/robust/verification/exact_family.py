@@ -1,7 +1,7 @@
 """One compensator on many modal plants with exact delays: verified phase count, rms by quadrature.
 
-If all modes decay, the unstable poles of the open loop are the P unstable poles of the law, the same for all
-plants. With f = det(I - K G), which tends to one,
+If all modes decay, the unstable poles of the open loop are the P unstable poles of the compensator, the same
+for all plants. With f = det(I - K G), which tends to one,
 
     Z = P - (change of the phase of f from rest to infinity) / pi
 

@@ -32,7 +32,7 @@ class ManyLoops:
     """Outcomes of many loops.
 
     Attributes:
-        stable: As `middeck.systems.poles.stability.is_stable` decides each.
+        stable: Stability of each, as `middeck.systems.poles.stability.is_stable` decides.
         rms: Rms of outputs under white noise of unit intensity on each input, (C X C')^1/2; ``inf`` where a
             pole does not decay.
         error: Relative error of each rms, about |A X + X A' + B B'| trace(O) / (2 rms^2) with the

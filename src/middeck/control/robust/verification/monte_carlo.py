@@ -48,7 +48,7 @@ class PlantOutcomes:
         setting: ``"continuous"``, or the sampling rate, as ``"500 Hz"``.
         stable: Stability by the roots. A loop of infinite rms is not stable: a root on the axis drifts.
         rms: Rms of the weighted outputs, (E[z' W^2 z])^1/2 under process and sensor noise; ``inf`` where
-            unstable. Of a sampled loop at the sampling instants.
+            unstable. That of a sampled loop is at the sampling instants.
         db: 20 log10 of it over the same plant's without control; improvement is negative. ``-inf`` where the
             plant is unstable without control and stable with it.
         control_rms: (E[u' R u])^1/2.
@@ -84,9 +84,9 @@ def verify_robustness(
     exp(-s tau) (`exact_family`). Other delays are approximated with an order that keeps every mode's phase to
     1e-9 (`pade_order`); the rightmost poles are then corrected for the exact delay, and the rms is that of
     the approximation. Where the order would exceed 40, the leading pole lies outside the range of the
-    approximation, approximation and roots disagree, or rounding of plant or law moves poles (`is_vague`), the
-    plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of ``rates_hz`` the compensator
-    is sampled by Tustin's rule and held, in addition to the plant's delay.
+    approximation, approximation and roots disagree, or rounding of plant or compensator moves poles
+    (`is_vague`), the plant is evaluated singly and exactly (`measure_noise_rms`). At each rate of
+    ``rates_hz`` the compensator is sampled by Tustin's rule and held, in addition to the plant's delay.
 
     A plant whose stability cannot be decided counts as unstable, and a warning gives its position.
 
@@ -283,7 +283,7 @@ def _model(plant: Plant, order: int, weights: LQGWeights) -> GeneralizedPlant:
 
 
 def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> list[bool]:
-    """Which loops have so small a gain above their plant's modes that no phase there decides stability."""
+    """Loops whose gain above their plant's modes is so small that no phase there decides stability."""
     late = [p for p in plants if p.delayed]
     low = min((_top(p) for p in late), default=turning)
     if turning <= low:
@@ -298,7 +298,7 @@ def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> li
 
 
 def _order(plant: Plant, turning: float) -> int:
-    """Order of the delays' approximation under a law with poles of up to ``turning`` [rad/s]."""
+    """Order of the delays' approximation under a compensator with poles of up to ``turning`` [rad/s]."""
     return pade_order(max(_phase(plant), turning * float(plant.delay_s.max(initial=0.0))))
 
 

@@ -1,5 +1,5 @@
-"""(A - p I)^-1 of many loops, from what they share: a last block, such as a compensator's, a narrow coupling
-to it, and where the own block of each has zeros.
+"""(A - p I)^-1 of many loops, from their shared parts: a last block, such as a compensator's, a narrow
+coupling to it, and the zeros in the own block of each.
 
 With A - p I = [[S, B K], [L C, R]], R, K and L shared, the inverse is diag(S^-1, R^-1) and a correction of
 the rank of K and L (Woodbury 1950, Statistical Research Group, Princeton, Memorandum 42). S falls apart into
@@ -21,7 +21,7 @@ NONE = 1e-12
 
 
 class SharedFactors(NamedTuple):
-    """What the inverses of all loops share; the names are those of the module's text.
+    """Shared parts of the inverses of all loops; the names are those of the module's text.
 
     ``blocks`` has for each size the states of every block of S, ``last`` is R^-1, ``right`` K, ``left`` L.
     """

@@ -105,7 +105,7 @@ def convert_deck(
 
 
 def _settle(basis: Basis, parts: DeckParts, components: list[Component]) -> StandingDeck:
-    """What stands, and what the ground holds; raises `ConfigError` if that is not one structure."""
+    """The converted parts, and the held grids; raises `ConfigError` if they are not one structure."""
     left_out: list[LeftOut] = []
     standing = find_standing(basis, parts, components, left_out)
     idle = idle_springs(basis, parts, standing)

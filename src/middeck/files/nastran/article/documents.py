@@ -121,5 +121,5 @@ def _tables(standing: Standing, kind: str) -> list[dict[str, Any]]:
 
 
 def _filled(document: dict[str, Any]) -> dict[str, Any]:
-    """Without tables that have no rows, and keys without a value."""
+    """The document without empty tables, and without keys that have no value."""
     return {key: value for key, value in document.items() if value not in ([], {})}

@@ -1,4 +1,4 @@
-"""What holds grids: the ground, and the environment in motions that nothing in the deck holds."""
+"""Supports of grids: the ground, and the environment in motions that nothing in the deck holds."""
 
 from collections.abc import Container
 

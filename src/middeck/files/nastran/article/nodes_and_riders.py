@@ -1,4 +1,4 @@
-"""Which grids of a deck become nodes, which ride on others, and which constraints have an effect there."""
+"""Grids of a deck that become nodes, those that ride on others, and the constraints with an effect."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class Standing:
-    """Which of a deck's grids become nodes of the article, and which ride on others.
+    """Grids of a deck that become nodes of the article, and those that ride on others.
 
     Attributes:
         kept: Grids that are nodes.
@@ -47,7 +47,7 @@ class Standing:
 def find_standing(
     basis: Basis, parts: DeckParts, components: Sequence[Component], left_out: list[LeftOut]
 ) -> Standing:
-    """Which grids are nodes; raises `ConfigError` for dependents given twice or held, fills ``left_out``."""
+    """The nodes; raises `ConfigError` for dependents given twice or held, and fills ``left_out``."""
     grids = basis.places.grids
     joined = [tuple(int(frame[1:]) for frame in part.frames) for part in components]
     on_components = set().union(*joined)

@@ -31,7 +31,7 @@ ELSEWHERE = {
     ("CDAMP", "PDAMP", "CVISC", "PVISC"): DAMPS,
     ("NSM", "BGSET", "BCTABLE", "BCONP"): NOT_SELECTED,
 }
-# Commands whose sets an article has no part for: one that lacks is told.
+# Commands whose sets an article has no part for: a missing set is reported.
 HINTS = {**dict.fromkeys(("METHOD", "METH"), ("EIGR", "EIGRL")), "SUPORT1": ("SUPORT1",)}
 DIVIDES = "which superelement something is in: the article is not divided"
 
@@ -141,7 +141,7 @@ def note_warnings(basis: Basis, parts: DeckParts, coordinates: int) -> list[str]
 
 
 def _modes_asked(deck: Deck, every: int) -> Iterator[str]:
-    """What the selected EIGR or EIGRL, or any where none is selected, asks for, as `modes` is told it.
+    """Request of the selected EIGR or EIGRL (any where none is selected), as options of `modes`.
 
     There are no more than ``every`` one.
     """

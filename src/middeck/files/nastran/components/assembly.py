@@ -54,7 +54,7 @@ def has_superelements(path: str | Path) -> bool:
 def read_assembly(
     path: str | Path, units: Units, name: str, subcase: int | None = None
 ) -> tuple[Deck, dict[str, Component]]:
-    """What stands beside the superelements of a deck, for `convert_deck`, and these by files to be written.
+    """Parts beside the superelements of a deck, for `convert_deck`, and these by files to be written.
 
     Matrices come from the OUTPUT4 files that ASSIGN INPUTT4 names (SEBULK EXTOP4), or from DMIG (EXTERNAL).
     Raises `ConfigError` or `DataError` for superelements of other types, reflected or moved ones, and grids

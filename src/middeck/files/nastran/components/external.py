@@ -239,7 +239,7 @@ def geometry_of(cards: Iterable[Card]) -> GridPlaces:
 
 
 def _op4_matrices(path: str | Path) -> dict[str, np.ndarray]:
-    """All of its square matrices: not every program says which are symmetric."""
+    """All square matrices of the file: not every program states which are symmetric."""
     from middeck.files.nastran.output4.matrices import op4_by_name  # needs scipy, which few decks do
 
     full = {name: matrix.value.toarray() for name, matrix in op4_by_name(path).items()}

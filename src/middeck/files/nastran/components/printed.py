@@ -1,4 +1,4 @@
-"""What printed digits take from a reduced component: stiffness that is rounding, places of its grids."""
+"""Errors of printed digits in a reduced component: rounded stiffness, places of its grids."""
 
 import dataclasses
 

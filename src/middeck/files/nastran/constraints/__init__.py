@@ -1,1 +1,1 @@
-"""What holds grids or ties them to others: rigid links, averages, equations, restraints."""
+"""Constraints of grids, to the ground or to others: rigid links, averages, equations, restraints."""

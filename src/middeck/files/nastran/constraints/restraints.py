@@ -1,4 +1,4 @@
-"""What the ground holds of a deck's grids: the selected SPC and SPC1, and PS of the grids."""
+"""Restraints of a deck's grids by the ground: the selected SPC and SPC1, and PS of the grids."""
 
 from collections.abc import Container
 from typing import Any

@@ -107,7 +107,7 @@ def _is_param(line: Line) -> bool:
 
 
 def _choices(lines: Iterable[Line], faults: list[DocumentFault]) -> dict[str, _Choice]:
-    """What some lines select, by command."""
+    """Selections of some lines, by command."""
     out: dict[str, _Choice] = {}
     for line in lines:
         found = None if _is_param(line) else _COMMAND.match(line[0].upper())

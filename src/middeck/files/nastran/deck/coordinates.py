@@ -80,7 +80,7 @@ def place_grids(entries: Entries) -> GridPlaces:
 
 
 def grid_default(entries: Entries, field: str) -> Any:
-    """What GRDSET, if any, says of a field of grids (CP, CD, PS) that leave it blank; else 0."""
+    """Default by GRDSET, if any, for a field of grids (CP, CD, PS) that is left blank; else 0."""
     return next((entry[field] for entry in entries.of("GRDSET")), 0)
 
 

@@ -79,7 +79,7 @@ class Lines:
     """All lines of a deck with what it includes, up to ENDDATA.
 
     Includes are sought beside the file that names them, then beside the deck. Raises `ConfigError` for a file
-    that cannot be read, a deck that ends within a line (what is lost there cannot be told), and an include
+    that cannot be read, a deck that ends within a line (what is lost there is unknown), and an include
     that includes itself, or is missing in bulk data.
 
     Attributes:

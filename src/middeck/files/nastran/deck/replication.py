@@ -60,7 +60,7 @@ def replicated(groups: Sequence[list[Row]], faults: list[DocumentFault]) -> list
 
 
 def _count(head: str) -> int:
-    """How many cards a row makes."""
+    """Number of cards of a row."""
     if head[0] != "=":
         return 1
     found = _COUNT.match(head)
@@ -74,7 +74,7 @@ def _count(head: str) -> int:
 
 
 def _pattern(group: list[Row], fields: tuple[str, ...], last: tuple[str, ...] | None) -> tuple[str, ...]:
-    """What a row does to each field: its own, or for a count that stands alone that of the row before."""
+    """Change of each field by a row: its own, or for a count that stands alone that of the row before."""
     if len(group) > 1 or group[0][2] or group[0][3]:
         raise ValueError("replication with a continuation or large fields is not read")
     if any(fields):

@@ -1,1 +1,1 @@
-"""What stands on grids or between them: masses, springs, bushings, scalar points."""
+"""Elements on grids or between them: masses, springs, bushings, scalar points."""

@@ -20,7 +20,7 @@ from middeck.files.toml.faults import DocumentFault
 
 # Largest asymmetry over the roots of two diagonals: the printed digits of assembled matrices.
 UNEQUAL = 1e-6
-# The same of what digits leave and may be nothing: a spring of more must be told from it.
+# The same for what digits leave and may be zero: a larger spring must be distinguished from it.
 LEFT = 1e-7
 # What is left below zero comes of digits too, as those of the grids' places: so many times that is noise.
 NOISE = 10.0

@@ -144,7 +144,7 @@ def read_elements(
         points: Its scalar points.
         places: Its grids.
         values: Values of the properties by number: ``PELAS`` stiffness, ``PMASS`` mass.
-        held: What the ground holds: components of grids, and scalar points.
+        held: Components of grids, and scalar points, that the ground holds.
         faults: Faults of the deck so far.
     """
     found: list[Element] = []
@@ -210,7 +210,7 @@ class ScalarNodes:
 def scalar_nodes(
     elements: list[Element], places: GridPlaces, length: float, mass: float, stiffness: float
 ) -> ScalarNodes:
-    """What ``elements`` become, but for the equations of `tie_terms`; the units are those of the deck."""
+    """Tables for ``elements``, without the equations of `tie_terms`; the units are those of the deck."""
     where = _whereabouts(elements, places)
     inertia = {f"s{point}": 0.0 for point in where}
     made = ScalarNodes(nodes=[], attach=[], bushings=[], grounds=[], clamps=[])

@@ -1,4 +1,4 @@
-"""What text and binary OUTPUT4 files have in common: their headers."""
+"""Common part of text and binary OUTPUT4 files: their headers."""
 
 from collections.abc import Callable
 from typing import NoReturn

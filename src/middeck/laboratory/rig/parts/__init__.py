@@ -1,1 +1,1 @@
-"""Parts of a rig: motors, sensors with their filters, and the computer with its law."""
+"""Parts of a rig: motors, sensors with their filters, and the computer with its compensator."""

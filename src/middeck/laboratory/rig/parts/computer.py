@@ -18,7 +18,7 @@ from middeck.values import record
 
 @record
 class Computer:
-    """From what the converters give to measured outputs and the compensator's commands, once a tick.
+    """From converter readings to measured outputs and the compensator's commands, once a tick.
 
     ``step`` takes (states, readings) to (states of the next tick, measured outputs, commands). The states are
     one sum for each gyro, then the compensator's.
@@ -31,7 +31,7 @@ class Computer:
 
 
 def build_computer(sensors: Sequence[Sensor], law: SampledStateSpace) -> Computer:
-    """The computer of a rig with ``sensors``, from all of whose outputs ``law`` goes to all inputs.
+    """The computer of a rig with ``sensors``; ``law`` goes from all its outputs to all inputs.
 
     A gyro's samples r are added up by the trapezoidal rule, which turns no phase.
     """

@@ -70,7 +70,7 @@ def converter_ends(readout: Readout) -> list[ConverterEnds]:
 
 
 def as_counts(counts: float, ends: ConverterEnds) -> float:
-    """What one converter gives: kept within its range, then the nearest whole count (`whole` in ticks.c)."""
+    """Counts of one converter: limited to its range, then rounded to whole (`whole` in ticks.c)."""
     lower, upper, whole = ends
     counts = lower if counts < lower else upper if counts > upper else counts
     return round(counts) if -whole < counts < whole else counts

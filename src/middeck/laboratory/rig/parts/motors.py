@@ -1,4 +1,4 @@
-"""Motors as they are: a converter of finite steps, limits of torque and slew, and a rotor that runs full.
+"""Real motors: a converter of finite steps, limits of torque and slew, and a rotor that saturates.
 
 Disturbance and control reach a motor as one command and share its limits. What a gimbal's motor gives to hold
 its payload up in 1-g is taken from its range.
@@ -24,7 +24,7 @@ WHOLE = 2.0**53
 
 @record
 class Rotor:
-    """The rotor of a reaction wheel: inertia [kg m^2] about its spin axis, and the fastest it turns [rad/s].
+    """The rotor of a reaction wheel: inertia [kg m^2] about its spin axis, and its largest rate [rad/s].
 
     The torque on the bus is minus inertia times acceleration. The speed counts from where the wheel stands
     when the experiment begins; that of the bus is small beside it and left out.
@@ -115,7 +115,7 @@ class _Limits(NamedTuple):
 
 
 class LimitedMotors:
-    """The motors from tick to tick: what each gave last, and the momentum stored in its rotor."""
+    """The motors from tick to tick: the last torque of each, and the momentum of its rotor."""
 
     def __init__(
         self, motors: MotorBank, previous: Float[np.ndarray, " input"], momentum: Float[np.ndarray, " input"]
@@ -128,7 +128,7 @@ class LimitedMotors:
         self.previous, self.momentum = previous.tolist(), momentum.tolist()
 
     def drive(self, law: list[float], excitation: list[float], torque: np.ndarray) -> None:
-        """What the motors give for law and excitation together: rounded, then limited."""
+        """Torques of the motors for the sum of compensator and excitation: rounded, then limited."""
         for i, (step, per_step, whole, slew, lower, upper, room) in enumerate(self.limits):
             wanted, last, stored = law[i] + excitation[i], self.previous[i], self.momentum[i]
             counts = wanted * per_step

@@ -1,4 +1,4 @@
-"""Sensors as they are: integrated rate gyros, encoders that count, and samplers that only add noise."""
+"""Real sensors: integrated rate gyros, encoders that count, and samplers that only add noise."""
 
 import math
 
@@ -91,7 +91,7 @@ def _refuse_gain(where: str, gain: float) -> None:
 
 
 def is_summed(sensor: Sensor) -> bool:
-    """Whether the computer adds up what it samples."""
+    """Whether the computer sums its samples."""
     return isinstance(sensor, Gyro) and sensor.summed
 
 

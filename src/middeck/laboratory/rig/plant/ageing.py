@@ -1,4 +1,4 @@
-"""A plant that goes on drifting while it runs: held for some ticks, then renewed, its motion going on.
+"""A plant that drifts while it runs: constant for some ticks, then renewed, its motion continued.
 
 A mode obeys q'' + 2 zeta w(t) q' + w(t)^2 q = psi u. Over a piece w is held at that of the piece's middle,
 and q and q' go on into the next: the exponential midpoint rule (Magnus 1954, Comm. Pure Appl. Math. 7). Held
@@ -33,12 +33,12 @@ MOVES = ("step", "drive", "push", "read")
 
 @record(kw_only=True)
 class Ageing:
-    """How the plant of a rig drifts from where it is switched on.
+    """Drift of a rig's plant from the time when it is switched on.
 
     Attributes:
         plant: The plant as new.
-        drifts, age_s: What moves its modes, and how old it is when it is switched on.
-        wiring: What stands between it and the computer.
+        drifts, age_s: Drifts of its modes, and its age when it is switched on.
+        wiring: Elements between it and the computer.
         ticks, pieces: Ticks for which it is held, and how many such pieces lie between two knots.
     """
 
@@ -68,7 +68,7 @@ def plan_ageing(plant: Plant, drifts: Sequence[Drift], age_s: float, wiring: Wir
 
 
 def follow_ageing(ageing: Ageing) -> Callable[[int], tuple[HybridPlant, int]]:
-    """A function of the tick that gives the plant held there, and for how many ticks."""
+    """A function of the tick that returns the plant there, and the number of ticks for which it holds."""
     knot = functools.lru_cache(maxsize=2)(functools.partial(_build_knot, ageing))
 
     def held_at(tick: int) -> tuple[HybridPlant, int]:

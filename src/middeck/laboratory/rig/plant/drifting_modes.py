@@ -14,7 +14,7 @@ from middeck.values import record
 
 @record
 class Drift:
-    """Named modes whose frequencies have moved by ``percent`` when the article is ``age_s`` old, evenly."""
+    """Named modes whose frequencies drift linearly, by ``percent`` at the age ``age_s`` [s]."""
 
     modes: tuple[str, ...]
     percent: float
@@ -38,7 +38,7 @@ class Drift:
 
 
 def age_plant(plant: Plant, drifts: Sequence[Drift], age_s: float) -> Plant:
-    """The plant as it is at ``age_s``; damping ratios and shapes stay. Without drifts it is ``plant``.
+    """The plant at ``age_s``; damping ratios and shapes are unchanged. Without drifts it is ``plant``.
 
     Raises `ConfigError` for a plant that is not modal, an unknown mode, or a frequency that would not be
     positive.

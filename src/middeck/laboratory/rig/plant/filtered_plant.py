@@ -1,4 +1,4 @@
-"""A plant behind its sensors' filters, and the noise that white noise leaves in them."""
+"""A plant behind its sensors' filters, and the filtered white noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from middeck.systems.state_space.statespace import StateSpace, gain_system, sele
 
 
 def sensor_filter(sensor: Sensor) -> StateSpace:
-    """From what is read (for a gyro the rate) to what is sampled; states of the lag, then of the filter."""
+    """From the quantity read (for a gyro the rate) to the sampled one; states of the lag, then the filter."""
     gain = gain_system(np.array([[1.0 if isinstance(sensor, Sampler) else sensor.gain]]))
     if not isinstance(sensor, Gyro):
         return gain
@@ -34,7 +34,7 @@ def low_pass(frequency_hz: float, order: int) -> StateSpace:
 
 
 class FilteredPlant(NamedTuple):
-    """From the torques of the motors, then of the joints, to what is sampled; and the noise in the filters.
+    """From the torques of the motors, then of the joints, to sampled outputs; and the noise in the filters.
 
     ``noise`` is the root of its intensity on the states, one column for each sensor; ``moved`` are the states
     of the filters behind it.
@@ -51,7 +51,7 @@ def filter_outputs(
     sensors: Sequence[tuple[str, Sensor]],
     joints: Sequence[JointElements],
 ) -> FilteredPlant:
-    """``plant`` with the torques of motors and joints as inputs and what ``sensors`` sample as outputs."""
+    """``plant`` with the torques of motors and joints as inputs and the samples of ``sensors`` as outputs."""
     dynamics = add_viscous(plant, joints)
     system = select_paths(
         modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics,
@@ -94,7 +94,7 @@ def _reading(system: StateSpace, output: int, rate: bool) -> tuple[np.ndarray, n
     if not rate:
         return c, d, 0.0 * d
     at_once = c @ system.B
-    # Rounding of an angle's rows is no answer.
+    # Rounding of an angle's rows is no response.
     rounding = 1e-12 * (np.abs(c) @ np.abs(system.B))
     return c @ system.A, np.where(np.abs(at_once) > rounding, at_once, 0.0), d
 
@@ -102,7 +102,7 @@ def _reading(system: StateSpace, output: int, rate: bool) -> tuple[np.ndarray, n
 def sample_noise(
     filtered: FilteredPlant, period_s: float, looks: Mapping[int, float]
 ) -> Float[np.ndarray, "row white"]:
-    """Square root of the covariance that white noise leaves in a tick.
+    """Square root of the covariance of white noise filtered over a tick.
 
     Of the filters' states at its end, and below them of the outputs that are sampled within it: ``looks`` has
     the instant [s] of each. Sample and state share the noise until then. Filters share none: what the states

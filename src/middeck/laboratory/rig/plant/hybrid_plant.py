@@ -38,10 +38,10 @@ class HybridPlant:
         drive: What two commands in a row add to that: the one issued ``delay_ticks`` + 1 ticks ago, then the
             next.
         push: States after a step of a unit torque held at each joint.
-        answer: What samples taken in a step answer at once: to the joints' torques at its beginning, then at
+        answer: Immediate response of samples in a step: to the joints' torques at its beginning, then at
             its end.
         angle: Angle of each joint per state.
-        read: What is sampled at a tick, per state.
+        read: Sampled outputs at a tick, per state.
         delay_ticks: Ticks before the later of the two commands begins to act, at the tick's end at the
             latest.
         noise: White normal numbers to what they add at a tick: to the filters' states, and to samples that
@@ -60,14 +60,14 @@ class HybridPlant:
 
 @record(kw_only=True)
 class Wiring:
-    """What stands between a computer and a plant, and when.
+    """Elements between a computer and a plant, and their times.
 
     Attributes:
         inputs, sensors: The plant's inputs that motors drive, and its outputs with what reads each.
         joints: Friction and gaps.
         period_s, substeps: A tick, and the number of substeps in it.
         command_delay_s: Delay of the commands.
-        wait_s: How long ago each sample was taken.
+        wait_s: Age of each sample [s].
     """
 
     inputs: tuple[str, ...]
@@ -80,9 +80,9 @@ class Wiring:
 
 
 def build_hybrid_plant(plant: Plant, wiring: Wiring) -> HybridPlant:
-    """``plant`` from held commands to samples, as ``wiring`` has them.
+    """``plant`` from held commands to samples, wired by ``wiring``.
 
-    Raises `ConfigError` for unknown ports, an output that answers within the tick of its command, or a joint
+    Raises `ConfigError` for unknown ports, an output that responds within the tick of its command, or a joint
     whose ports are not its own.
     """
     joints, period_s, substeps, m = wiring.joints, wiring.period_s, wiring.substeps, len(wiring.inputs)
@@ -168,7 +168,7 @@ class _Tick:
         return over, np.hstack([old[:, : self.m], new[:, : self.m]]), pushed[:, self.m :]
 
     def answers(self, output: int, instant: float) -> np.ndarray:
-        """What ``output`` answers at once to two commands in a row."""
+        """Immediate response of ``output`` to two commands in a row."""
         direct = self.system.D[output, : self.m]
         acts = instant > self.takes_over - WHOLE
         return np.concatenate([0.0 * direct, direct] if acts else [direct, 0.0 * direct])

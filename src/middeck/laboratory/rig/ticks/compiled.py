@@ -30,14 +30,14 @@ MOVED = "x angles sliders torques stands previous momentum digital rows issued w
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TickRows:
-    """What a block of ticks is given, and the rows that it fills.
+    """Inputs of a block of ticks, and the rows that it fills.
 
     Attributes:
         compute, shift: The computer's matrix, from its states and the counts, and what it subtracts.
         kept: Number of the computer's states.
         excitation, offset, noise: At each tick: commands added, errors of the counts, noise on the states.
         digital: The computer's states and the counts of each tick; the first states are set.
-        rows: What the computer makes of them: states of the next tick, measured outputs, commands.
+        rows: Results of the computer: states of the next tick, measured outputs, commands.
         issued: The torques; those on their way when the block begins are set.
     """
 
@@ -140,7 +140,7 @@ def run_compiled(
 
 @functools.cache
 def _library() -> ctypes.CDLL | None:
-    """The compiled loop; None without a compiler, and where its work fails, which is said once."""
+    """The compiled loop; None without a compiler, and where compiling fails, with one warning."""
     text = (
         resources.files("middeck.laboratory.rig.ticks")
         .joinpath("source", "ticks.c")

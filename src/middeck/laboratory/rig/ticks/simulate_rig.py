@@ -33,7 +33,7 @@ Array = np.ndarray
 
 
 class DivergedError(NumericalError):
-    """The simulated state has left the range of numbers: the loop, or the law in it, grows without end."""
+    """The simulated state has overflowed: the loop, or the compensator in it, grows without bound."""
 
 
 def simulate_rig(
@@ -43,14 +43,14 @@ def simulate_rig(
     rng: np.random.Generator,
     start: RigState | None = None,
 ) -> Iterator[RigBlock]:
-    """Run ``excitation`` as it comes, in constant memory; each block goes on where the last one ended.
+    """Run ``excitation`` block by block in constant memory; each block continues the one before.
 
-    In each tick the outputs are sampled, the computer answers, and law and excitation together are issued to
-    the motors. Blocks cut elsewhere change the numbers by rounding, which a chaotic loop amplifies. The run
-    begins at ``start``, or where the rig is switched on without a rest; a plant that drifts is renewed as
-    `Ageing` says, and blocks end there too.
+    In each tick the outputs are sampled, the computer answers, and compensator and excitation together are
+    issued to the motors. Blocks cut elsewhere change the numbers by rounding, which a chaotic loop amplifies.
+    The run begins at ``start``, or where the rig is switched on without a rest; a plant that drifts is
+    renewed as `Ageing` says, and blocks end there too.
 
-    Raises `ConfigError` for a law as `place_law`, a start of another rig or law, an excitation of other
+    Raises `ConfigError` as `place_law`, for a start of another rig or compensator, an excitation of other
     channels, or drifts that bring a frequency to zero on the way; `DataError` for an excitation that is not
     finite; `DivergedError` where the state overflows; `NumericalError` where joints' torques do not settle.
     """
@@ -64,7 +64,7 @@ def simulate_rig(
         while len(left):
             plant, ticks = (rig.plant, len(left)) if held_at is None else held_at(state.tick)
             e, left = left[:ticks], left[ticks:]
-            with np.errstate(over="ignore", invalid="ignore"):  # told as an error below
+            with np.errstate(over="ignore", invalid="ignore"):  # raised as an error below
                 done = (
                     _run_ticks(rig, plant, computer, e, rng, state)
                     if loop is None
@@ -80,10 +80,11 @@ def simulate_rig(
 
 
 def switch_on(rig: Rig, law: Compensator | None, rest_s: float, rng: np.random.Generator) -> RigState:
-    """Switch on and rest for ``rest_s``: where a run with ``law`` begins, gyro biases drawn and measured.
+    """Switch on and rest for ``rest_s``: start of a run with ``law``, gyro biases drawn and measured.
 
-    The law is off while it rests. The mean of the readings is taken for the bias and will be subtracted
-    before the computer adds them up. Raises `ConfigError` for a rest that is negative or has no end.
+    The compensator is off while it rests. The mean of the readings is taken for the bias and will be
+    subtracted before the computer adds them up. Raises `ConfigError` for a rest that is negative or has no
+    end.
     """
     if not 0.0 <= rest_s < np.inf:
         raise ConfigError(f"a rest of {rest_s} s", hint="finite, from zero")

@@ -1,4 +1,4 @@
-"""Where the simulation of a rig stands, and what a piece of it gives."""
+"""State of the simulation of a rig, and the results of a piece of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from middeck.values import record
 
 @record(kw_only=True)
 class RigState:
-    """Where a simulation stands.
+    """State of a simulation.
 
     Attributes:
         x, computer: States of the continuous part and of the computer: the gyros' sums, then the
@@ -24,7 +24,7 @@ class RigState:
         momentum: Momentum of each rotor, in units of a torque over one tick; minus what it has given.
         joints: State of every joint element in order.
         bias: Error of each reading now.
-        trim: What the computer takes for it and subtracts.
+        trim: Estimate of it that the computer subtracts.
         tick: Ticks since it was switched on.
     """
 
@@ -56,7 +56,7 @@ class RigBlock:
 
 
 def cut_block(block: RigBlock, ticks: int) -> RigBlock:
-    """Its first ``ticks``; the state stays that of its end."""
+    """The first ``ticks`` of a block; the state stays that of its end."""
     return RigBlock(
         measured=block.measured[:ticks],
         readings=block.readings[:ticks],
@@ -68,7 +68,7 @@ def cut_block(block: RigBlock, ticks: int) -> RigBlock:
 
 
 def check_start(rig: Rig, law: SampledStateSpace, start: RigState) -> None:
-    """Raise `ConfigError` for a state of another rig, or of another law."""
+    """Raise `ConfigError` for a state of another rig, or of another compensator."""
     rest = start_at_rest(rig, law, np.zeros(len(rig.outputs)))
     for name in ("x", "computer", "issued", "momentum", "joints", "bias", "trim"):
         given, asked = np.shape(getattr(start, name)), np.shape(getattr(rest, name))
@@ -81,7 +81,7 @@ def check_start(rig: Rig, law: SampledStateSpace, start: RigState) -> None:
 
 
 def start_at_rest(rig: Rig, law: SampledStateSpace, bias: Float[np.ndarray, " output"]) -> RigState:
-    """Everything at rest and at zero, but for the error of the readings."""
+    """All at rest and at zero, except for the error of the readings."""
     m, p = len(rig.inputs), len(rig.outputs)
     return RigState(
         x=np.zeros(rig.plant.angle.shape[1]),

@@ -26,7 +26,7 @@ class SteppedRig(EngineRig):
         rig: Motors with their limits, sensors with their errors, the sums of gyro samples, joints, drifts.
         rng: Errors and noise, in the order in which `simulate_rig` draws them.
         rest_s: Rest, before the first sample, in which the gyros' biases are measured; see `switch_on`.
-        start: Where it stands instead; a state without a compensator's.
+        start: Another state to start from, without a compensator's.
 
     A state that grows beyond the numbers is read as NaN or infinite, which an engine sees.
     """

@@ -66,7 +66,7 @@ class Tick:
         return np.array([s for row in self.inner for s in row], dtype=float)
 
     def read(self, offset: list[float], reading: Array) -> None:
-        """What the sensors give now, in counts; and the states after the first substep."""
+        """Readings of the sensors now, in counts; and the states after the first substep."""
         self.look(0.0, self.x, self.ahead)
         read = self.sampled.tolist()
         for i, converter in enumerate(self.converters):

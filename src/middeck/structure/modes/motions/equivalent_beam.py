@@ -149,7 +149,7 @@ def turned_bodies(equilibrium: Equilibrium) -> Float[np.ndarray, "body 3 3"]:
 def _turns(
     s: np.ndarray, at: np.ndarray, turns: Sequence[np.ndarray], terms: int, turning: np.ndarray
 ) -> list[np.ndarray]:
-    """What each family turns the bodies ``at`` their places by; bending has the shifts first."""
+    """Turns of the bodies ``at`` their places in each family; bending has the shifts first."""
     P = _polynomials(s, at, terms)
     out = [np.einsum("bij,j,bt->bit", turning, turn, P).reshape(3 * len(at), terms) for turn in turns]
     return [*out[:2], *(np.hstack([0.0 * turned, turned]) for turned in out[2:])]

@@ -24,7 +24,7 @@ def rigid_motions(
 ) -> tuple[Float[np.ndarray, "coordinate motion"], tuple[str, ...]]:
     """Unit translations along and rotations about the world axes, then a unit move of every moving joint.
 
-    Rotations are about the centre of mass; a joint moves relative to its carrier, what hangs on it follows.
+    Rotations are about the centre of mass; a joint moves relative to its carrier, with all that it carries.
     """
     model = equilibrium.model
     roots = model.tree.roots
@@ -124,7 +124,7 @@ def rigid_basis(
 
 
 def _amounts(motions: np.ndarray, mode: np.ndarray, M: sp.csr_array) -> Float[np.ndarray, " motion"]:
-    """How much of each motion is in the combination of all that is nearest to ``mode``, by its inertia.
+    """Part of each motion in the combination of all that is nearest to ``mode``, by its inertia.
 
     That of rotations is their largest: about axes across each other, the larger angle counts.
     """

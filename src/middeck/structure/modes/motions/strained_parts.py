@@ -50,7 +50,7 @@ def strained_parts(
 def leading_parts(parts: tuple[str, ...], share: Float[np.ndarray, " part"]) -> tuple[str, float]:
     """The part with the largest share, together with those that have nearly as much, and their share.
 
-    Names are in the order of the alphabet: that of the shares may hang on rounding.
+    Names are in the order of the alphabet: that of the shares may depend on rounding.
 
     >>> leading_parts(("hub", "left", "right"), np.array([0.1, 0.45, 0.45]))
     ('left and right', 0.9)
@@ -67,8 +67,8 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
     """The part of each member: its name without its number, or the name of its section, else its line.
 
     Where the section changes along a member it is that of its start, without the number of the station. A
-    name that is made of its nodes' has no number of its own. Of names and sections those are taken that make
-    more parts, if they tell members apart: more than one part, fewer than members, and none with `MOST` of
+    name that is made of its nodes' has no number of its own. Names or sections are taken, whichever make
+    more parts, if they distinguish members: more than one part, fewer than members, and none with `MOST` of
     them. A line is of members of one section that run on straight.
     """
     names = [member.name for member in structure.members]

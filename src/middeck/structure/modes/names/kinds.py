@@ -6,9 +6,9 @@ and 0 for one that only bends; over all modes the rigid shares add up to n. It d
 that space nor on frequencies. A suspension mode moves so, and something else than strain holds it: the first
 bending of a beam on a stiff bushing to the ground moves like a rigid body by 99 %, but its energy is strain.
 
-Of a clamped article only motions that its clamps allow count: none, of one that is built in. A mode that
-consists of them is one of the suspension where devices or springs of the environment hold it, and a pendulum
-where its weight does.
+For a clamped article only motions that its clamps allow count: none, if it is built in. A mode that consists
+of them is one of the suspension where devices or springs of the environment hold it, and a pendulum where its
+weight does.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def find_kinds(
 def _holders(
     equilibrium: Equilibrium, lam: np.ndarray, shapes: np.ndarray, strained: np.ndarray
 ) -> np.ndarray:
-    """What holds each mode if strain does not: the environment's devices or, if clamped, the weight."""
+    """Support of each mode other than strain: the environment's devices or, if clamped, the weight."""
     if equilibrium.model.held is None:
         return np.full(len(lam), "suspension")
     by_weight = 0.5 * lam * (1.0 - strained) - device_energy(equilibrium, shapes)

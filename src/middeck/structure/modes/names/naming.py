@@ -88,8 +88,8 @@ def deformation_names(
 ) -> list[Wording]:
     """Words for the deformation of each mode, not numbered.
 
-    Of an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
-    strain energy is in a mast (see `BeamMotion`). Of any other that is slender, or is strained axially, it is
+    In an article along one line it is the deformation with most strain energy, and so where `WHOLE` of the
+    strain energy is in a mast (see `BeamMotion`). In any other that is slender, or is strained axially, it is
     the motion of the whole as one beam, if `WHOLE` of the kinetic energy is that; else "local: PART" where
     parts with half of the strain energy can be named or "local: turn of BODY" where that has half of the
     kinetic energy; or "overall", with the deformation of the members. Two that are nearly equal are both

@@ -90,7 +90,7 @@ def points_inside(model: Model) -> dict[str, tuple[int, InnerPoint]]:
 
 
 def drawn_inside(model: Model, k: int, point: InnerPoint) -> Float[np.ndarray, "3"]:
-    """Where a point inside component ``k`` was drawn [m]."""
+    """Place [m] of a point inside component ``k``, as drawn."""
     part, drawn = model.structure.components[k], points_in_world(model.points, model.drawn)
     arm = part.axes @ (point.place - part.positions.mean(axis=0))
     return np.asarray(drawn[model.components[k].point].mean(axis=0) + arm)

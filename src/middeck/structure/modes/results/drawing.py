@@ -78,10 +78,10 @@ class Drawing:
 
     Attributes:
         title, environment: Titles of the article and of its environment.
-        gravity: In W [m/s^2].
+        gravity: Gravity in W [m/s^2].
         up: Unit vector in W that is upwards; None where neither environment nor article tells one.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
-        lines, marks: What is drawn of them.
+        lines, marks: Lines and marks between the points.
         motion: Motion of every point in each shape, about rest, in the scale of `Modes.shapes`.
         strain: Share of every line's member or component in the elastic energy of each shape; zero for the
             other lines.

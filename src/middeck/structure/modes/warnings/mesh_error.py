@@ -66,7 +66,7 @@ def estimate_mesh_error(modes: Modes, count: int | None = None) -> Float[np.ndar
 
 
 def _element_errors(modes: Modes, count: int | None) -> Float[np.ndarray, "element mode"]:
-    """What each element adds to the relative error of each of the lowest ``count`` frequencies."""
+    """Part of each element in the relative error of each of the lowest ``count`` frequencies."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     rest, omega = modes.equilibrium, modes.omega[:count]
     lost = np.zeros((len(rest.model.element_ends), count))
@@ -194,7 +194,7 @@ class _Part:
     """One way for elements to deform.
 
     Attributes:
-        ends: How their ends move in each mode.
+        ends: Motion of their ends in each mode.
         inertia, pulled: Root of the energy that their inertia at omega = 1, and their axial force, give them.
         own, critical: Their lowest omega^2 with clamped ends, and the axial force at which they buckle so.
     """

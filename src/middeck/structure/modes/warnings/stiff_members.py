@@ -23,8 +23,8 @@ class Stiffest:
 
     Attributes:
         where: Its kind and name.
-        held: What holds the article [N/m].
-        ratio: How many times as stiff it is.
+        held: Stiffness that holds the article [N/m].
+        ratio: Ratio of both stiffnesses.
     """
 
     where: str

@@ -1,1 +1,1 @@
-"""What gravity and suspension do to shape and modes (Figures 3, 4 and 5)."""
+"""Effects of gravity and suspension on shape and modes (Figures 3, 4 and 5)."""

@@ -1,4 +1,4 @@
-"""Figures 3, 4 and 5: what gravity and suspension do to shape and modes."""
+"""Figures 3, 4 and 5: effects of gravity and suspension on shape and modes."""
 
 from typing import Any
 

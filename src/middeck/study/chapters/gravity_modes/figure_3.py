@@ -70,7 +70,7 @@ def figure_3(comparison: ModeComparison) -> Figure:
 
 
 def _looks(environment: Environment, extent: np.ndarray) -> tuple[ViewAxes, ViewAxes]:
-    """From the side, with the longest level axis to the right; and along that axis."""
+    """Views from the side, with the longest level axis to the right, and along that axis."""
     up = environment.upwards
     vertical = 1 if up is None else int(np.argmax(np.abs(up)))
     falls = up is not None and float(up[vertical]) < 0.0

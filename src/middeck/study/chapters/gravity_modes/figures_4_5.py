@@ -11,7 +11,7 @@ from middeck.structure.gravity.compare_modes import ModeComparison
 
 @styled
 def figure_4(comparison: ModeComparison) -> Figure:
-    """Left: what rigid-body modes become on a suspension. Right: 1-g over 0-g frequency of each pair."""
+    """Left: suspension modes, rigid-body modes in 0-g. Right: 1-g over 0-g frequency of each pair."""
     figure = new_figure(4.1)
     if "suspension" not in comparison.lab.kind[: comparison.count]:
         draw_ratios(figure.subplots(), comparison)

@@ -4,7 +4,7 @@ import numpy as np
 
 from middeck.study.words import Line, Numbers, Table, fixed
 
-COUPLED = 0.1  # cross-orthogonality from which on two modes are said to mix
+COUPLED = 0.1  # cross-orthogonality from which two modes are called coupled
 PAIRED = 0.9  # and above which a flexible mode has kept its pair
 
 

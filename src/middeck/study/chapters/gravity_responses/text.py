@@ -12,7 +12,7 @@ def title(figures: Numbers, output: int) -> str:
 
 
 def sentence(figures: Numbers, output: int) -> str:
-    """How closely each model follows the rig."""
+    """Agreement of each model with the rig."""
     numbers = figures["figure_6"]
     name, band = port_words(numbers["outputs"][output]), numbers["magnitude_error_band_hz"]
     if band is None:

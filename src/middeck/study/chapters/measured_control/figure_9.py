@@ -25,7 +25,7 @@ LOOKS = {
 
 @styled
 def figure_9a(control: MeasuredControl) -> Figure:
-    """Magnitude and phase; the band of the fit is shaded, what lies below it is named."""
+    """Magnitude and phase; the band of the fit is shaded, modes below it are named."""
     f, data, fit = control.open_loop.frequency_hz, control.open_loop.H[:, 0, 0], control.fitted.H[:, 0, 0]
     figure, magnitude, phase = bode_figure(4.6, f)
     for axes in (magnitude, phase):

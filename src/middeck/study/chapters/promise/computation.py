@@ -46,8 +46,8 @@ MEASURED = "{}, measured"
 
 @record(kw_only=True)
 class GroundLaw:
-    """A compensator for all motors and sensors, designed on the ground test alone; is it stable there, and in
-    orbit?"""
+    """A compensator for all motors and sensors, designed on the ground test alone, and its stability there
+    and in orbit."""
 
     log10_authority: float
     lab: LoopStability
@@ -68,7 +68,7 @@ class PromiseKept:
     """The promise before flight, and its outcome.
 
     Attributes:
-        there: What the promise's document says of orbit.
+        there: The part of the promise's document on orbit.
         outcomes, verdicts, score: Frequencies of the article, decibels measured on the rig.
         flown: Compensators of the sheet, of the refined article, and of a record taken in orbit.
         measured: The fit to that record.

@@ -15,7 +15,7 @@ WAYS = {"sheet": ("rig", "s"), "refined": ("orbit", "o")}
 
 
 def promised_and_came(kept: PromiseKept) -> Figure:
-    """Intervals promised before flight, and what the rig in orbit then showed."""
+    """Intervals promised before flight, and results of the rig in orbit."""
     came: dict[tuple[str, str], Any] = {
         (v.kind, v.name): {"value": o.value, "stable": o.stable, "inside": v.inside}
         for v, o in zip(kept.verdicts, kept.outcomes, strict=True)
@@ -25,7 +25,7 @@ def promised_and_came(kept: PromiseKept) -> Figure:
 
 @styled
 def routes(kept: PromiseKept) -> Figure:
-    """How far two ways are behind a compensator that was designed on a record from orbit, over authority."""
+    """Loss of two designs against one on a record from orbit, over authority."""
     figure = new_figure(3.0)
     axes = figure.subplots()
     said = numbers_and_claims.promise(kept)

@@ -36,14 +36,14 @@ class GroundTest:
 
 @record(kw_only=True)
 class KnownBefore:
-    """All that is known before flight."""
+    """Knowledge before flight: ground tests and the refined article."""
 
     tests: tuple[GroundTest, ...]
     refined: Refined
 
 
 def run_ground_tests(study: Study, settings: RigSettings, rng: np.random.Generator) -> KnownBefore:
-    """Every set-up tested on the rig in the laboratory; the article refined by what was found."""
+    """Test every set-up on the rig in the laboratory, and refine the article by the results."""
     form = study.promise
     article, _ = study.case(form.article, form.environment)
     tests = tuple(_tested(study, one.name, tuple(one.set.items()), settings, rng) for one in form.test)
@@ -83,7 +83,7 @@ def _placed(
 
 
 def _fit(response: FrequencyResponse, states: Sequence[int]) -> FitResult:
-    """The first that is sure of a mode, or the last: one that misses a mode doubts them all."""
+    """The first fit that is sure of a mode, or the last: one that misses a mode makes all uncertain."""
     fit = _without_poles_beyond(response, states[0])
     if fit.standing.count("sound") or len(states) == 1:
         return fit

@@ -18,7 +18,7 @@ NEAR_REST_HZ = 0.1
 
 
 def promise(kept: PromiseKept) -> Numbers:
-    """Ground tests, promise, and what came."""
+    """Ground tests, promise and outcome."""
     f, law = kept.frequencies, kept.ground_law
     return {
         "tests": [_test(one) for one in kept.ground.tests],
@@ -145,7 +145,7 @@ def median_error_db(numbers: Numbers) -> float | None:
 
 
 def route_gap_db(numbers: Numbers) -> float | None:
-    """Largest loss of a refined design against the one on the record, where both are good."""
+    """Largest loss of a refined design against the design on the record, where both are good."""
     came = _came_db(numbers)
     pairs = [(came[name], came[MEASURED.format(name)]) for name in came if MEASURED.format(name) in came]
     gaps = [a - b for a, b in pairs if a is not None and b is not None and max(a, b) <= ENOUGH_DB]
@@ -153,7 +153,7 @@ def route_gap_db(numbers: Numbers) -> float | None:
 
 
 def routes(numbers: Numbers) -> dict[str, list[float | None]]:
-    """Decibels on the rig by way of design, over the authorities."""
+    """Decibels on the rig by kind of design, over the authorities."""
     came = _came_db(numbers)
     plain = [name for name in came if SHEET.format(name) in came]
     return {

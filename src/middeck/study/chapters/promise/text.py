@@ -14,7 +14,7 @@ ROUTES = {
 
 
 def promise(figures: Numbers) -> str:
-    """How good the promise was."""
+    """Accuracy of the promise."""
     numbers = figures["promise"]
     score, apart = numbers["score"], median_error_db(numbers)
     decibels = (
@@ -34,7 +34,7 @@ def promise(figures: Numbers) -> str:
 
 
 def routes(figures: Numbers) -> str:
-    """Which way led where."""
+    """Results of the three designs."""
     numbers = figures["promise"]
     law, top = numbers["ground_law"], {key: values[-1] for key, values in by_route(numbers).items()}
     reached = ", ".join(f"{ROUTES[key]} {_decibel(db)}" for key, db in top.items())
@@ -54,7 +54,7 @@ def _decibel(db: float | None) -> str:
 
 
 def result(figures: Numbers) -> Line:
-    """Frequencies and decibels, promised and come."""
+    """Frequencies and decibels, promised and measured."""
     numbers = figures["promise"]
     apart = median_error_db(numbers)
     loops = "" if apart is None else f"; rms of the loops {fixed(apart, 2)} dB in the median"
@@ -77,7 +77,7 @@ def shortfalls(figures: Numbers) -> list[Line]:
 
 
 def promise_tables(figures: Numbers) -> list[Table]:
-    """Ground tests, compensators, and what the promise is not valid for."""
+    """Ground tests, compensators, and limits of the promise."""
     numbers = figures["promise"]
     tests = [
         [t["name"], str(t["modes"]), *(
@@ -127,7 +127,7 @@ def _level(db: float | None) -> str:
 
 
 def route_tables(figures: Numbers) -> list[Table]:
-    """Decibels on the rig by way of design."""
+    """Decibels on the rig by kind of design."""
     numbers = figures["promise"]
     by = by_route(numbers)
     rows = [

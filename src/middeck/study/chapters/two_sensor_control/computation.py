@@ -52,7 +52,7 @@ class TwoSensorControl:
         smaller: Reach of designs on fits of fewer states.
         without_lead, with_lead: Reach of the payload's design on the fit.
         payload, both: The loops of Figure 11 (payload penalty, with the lead) and Figure 12 (payload and
-            bus); what is said of the run without the penalty on the bus is among the warnings of the latter.
+            bus); warnings of the run without the penalty on the bus are among those of the latter.
         bus_db: Measured bus angle of both loops in 7-9 Hz over that of the open loop.
         above_db: The payload above 10 Hz, likewise.
         above_without_bus_db: The same of the loop that differs from Figure 12's only in the penalty on the

@@ -79,7 +79,7 @@ def figure_11(control: TwoSensorControl) -> Figure:
 
 @styled
 def figure_12(control: TwoSensorControl, output: int) -> Figure:
-    """The payload or the bus; shaded where the bus's penalty is meant to act."""
+    """The payload or the bus; shaded where the penalty on the bus acts."""
     measured = control.sensors.measured
     torque, angle = measured.inputs[0].name, measured.outputs[output].name
     title = f"{port_words(torque)} torque to {port_words(angle)} angle"

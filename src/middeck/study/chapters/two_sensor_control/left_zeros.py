@@ -1,4 +1,4 @@
-"""Fit of a path with all its zeros in the left half-plane: whether its phase needs others."""
+"""Fit of a path with all its zeros in the left half-plane, to show whether its phase needs others."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def refit_left(
     """Relative error of the best path found whose zeros all lie in the left half-plane.
 
     The zeros [rad/s] of ``fitted`` (one of each pair) are mirrored, then they and the gain, of either sign,
-    are fitted anew to ``data`` by least squares; poles and delay stay. Of a pair s^2 + a s + b the logarithms
-    of a and b are free, so that it may also become two real zeros. Zeros at the origin stay.
+    are fitted anew to ``data`` by least squares; poles and delay stay. A pair s^2 + a s + b has free
+    logarithms of a and b, so that it may also become two real zeros. Zeros at the origin stay.
 
     >>> f = np.linspace(0.1, 10.0, 50)
     >>> s = 2j * np.pi * f

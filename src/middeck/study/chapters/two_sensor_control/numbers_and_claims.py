@@ -19,7 +19,7 @@ def figure_10a(control: TwoSensorControl) -> Numbers:
 
 
 def figure_10b(control: TwoSensorControl) -> Numbers:
-    """The bus's path, and what is claimed of the three."""
+    """The bus's path, and the claims on the three paths."""
     return {**_path(control.sensors, 2), "claims": figure_10_claims(control.sensors)}
 
 
@@ -50,7 +50,7 @@ def _zeros(sensor: SensorZeros) -> list[Numbers]:
 
 
 def figure_11(control: TwoSensorControl) -> Numbers:
-    """The payload held by encoder and bus: how far each design reaches, and the loop with the lead."""
+    """The payload held by encoder and bus: the limit of each design, and the loop with the lead."""
     designs = (*control.smaller, control.without_lead, control.with_lead)
     return {
         "open_loop": response_numbers(control.sensors.measured),
@@ -61,7 +61,7 @@ def figure_11(control: TwoSensorControl) -> Numbers:
 
 
 def figure_12(control: TwoSensorControl) -> Numbers:
-    """Payload and bus held together: both closed-loop responses, and what the bus costs and gains."""
+    """Payload and bus held together: both closed-loop responses, and cost and gain of the penalty."""
     sensors = control.sensors
     measured = control.both.measured
     bus = {
@@ -118,7 +118,7 @@ def figure_10_claims(sensors: MeasuredSensors) -> list[Claim]:
 
 
 def figure_11_claims(control: TwoSensorControl) -> list[Claim]:
-    """Which orders fail and where, the limit with and without the lead, and the measured loop."""
+    """Claims: orders that fail and where, the limit with and without the lead, and the measured loop."""
     bare, lead, loop = control.without_lead, control.with_lead, control.payload
     moves = ", ".join(f"{r.percent:+g}" if r.percent else "0" for r in loop.on_rig)
     design = f"a design on {bare.states} states without lead filter"

@@ -24,8 +24,8 @@ class LoopReach:
         log10_authority, predicted_db: Those of the last level that is stable on all; None where the lowest is
             not.
         least_db: The least improvement among them at that level, by the rig's own linear loop.
-        stopped_hz, stopped_percent: What grows fastest at the next level, and with which shift; None where no
-            level is stopped.
+        stopped_hz, stopped_percent: Frequency of the fastest growing pole at the next level, and the shift
+            there; None where no level is stopped.
     """
 
     what: str

@@ -49,7 +49,7 @@ def half_plane(zero: Numbers) -> str:
 
 
 def _on_the_right(zeros: list[Numbers]) -> str:
-    """Those of the right half-plane, and those that may lie there."""
+    """Zeros in the right half-plane, and those that may lie there."""
     said: list[str] = []
     for side, words in (
         ("right", "non-minimum-phase zeros"),
@@ -134,7 +134,7 @@ def shortfalls(figures: Numbers) -> list[Line]:
 
 
 def encoder_tables(figures: Numbers) -> list[Table]:
-    """Common poles, then what is the encoder's own."""
+    """Common poles, then the encoder's own zeros and delay."""
     numbers = figures["figure_10a"]
     return [poles_table("Poles common to the three sensors", numbers), *_path_tables(numbers)]
 
@@ -166,7 +166,7 @@ def _path_tables(numbers: Numbers) -> list[Table]:
 
 
 def reach_tables(figures: Numbers) -> list[Table]:
-    """How far each design goes, then the loop that was measured."""
+    """Limit of each design, then the loop that was measured."""
     numbers = figures["figure_11"]
     digits = {"log10_authority": 2, "predicted_db": 2, "least_db": 2, "stopped_hz": 2, "stopped_percent": 0}
     rows = [[reach["what"], *cells(reach, digits)] for reach in numbers["reach"]]

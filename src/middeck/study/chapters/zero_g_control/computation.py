@@ -41,7 +41,7 @@ class SubModelSweep:
 
     Attributes:
         reference_db_lab_pd: The lab metric under PD alone, over the orbit one.
-        first_instability: In the lab, searched beyond the plotted range; None if there is none.
+        first_instability: First instability in the lab, searched beyond the plotted range; None for none.
         mode_frequency_hz, mode_kind: Those of the leading mode in the lab without any control.
         unstable_pairs, unstable_real: Numbers of complex pairs and of real poles, which diverge, past the
             stability limit there.

@@ -56,7 +56,7 @@ figure_7b = partial(figure_7, curves=FIGURE_7B, title="0-g controllers on the fl
 
 
 def _swept(control: ZeroGControl, curves: tuple[Curve, ...]) -> tuple[Curve, ...]:
-    """Those of sub-models that the article has."""
+    """Curves of sub-models that the article has."""
     swept = dict(control.sweeps)
     return tuple(curve for curve in curves if curve.which in swept)
 

@@ -49,7 +49,7 @@ LEADS = 0.5  # share of all structural states from which on one mode leads an in
 
 
 def figure_7_claims(control: ZeroGControl) -> list[Claim]:
-    """Which of the paper's observations on 0-g controllers in 1-g come out."""
+    """Claims: the paper's observations on 0-g controllers in 1-g."""
     sweeps = dict(control.sweeps)
     return [*_level_claims(sweeps["all"]), *_instability_claims(sweeps, control.log10_authority[0])]
 
@@ -73,7 +73,7 @@ def _level_claims(whole: SubModelSweep) -> list[Claim]:
 
 
 def _instability_claims(sweeps: dict[str, SubModelSweep], lowest: float) -> list[Claim]:
-    """What goes unstable first in 1-g, and whether the sub-models repeat it.
+    """Claims: the first instability in 1-g, and whether the sub-models repeat it.
 
     A loop already unstable at the ``lowest`` level has its onset somewhere below: two such are not compared.
     """
