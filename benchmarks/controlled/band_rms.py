@@ -9,7 +9,7 @@ import numpy as np
 
 from measured.rows import row
 from middeck.systems.norms.band_rms import band_rms
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 
 CASE = "band_rms"
@@ -20,7 +20,7 @@ def rows(options: Any) -> list[dict]:
     del options
     modal = _free_body()
     true = _in_extended_precision(modal)
-    plain = modal_to_statespace(modal)
+    plain = modal.as_statespace()
     made = []
     for name, system in (("modal states", plain), ("states turned", _turned(plain))):
         times = []

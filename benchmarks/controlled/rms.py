@@ -17,7 +17,7 @@ from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.norms.band_rms import band_rms
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem
 
 CASE, REPEATS = "rms", 5
 UNIT = 2.0 * np.pi * 3.0  # the reference case's time runs in 1/(2 pi 3 Hz)
@@ -48,11 +48,9 @@ def _free_body() -> Any:
     omega, ones = np.append(0.0, OMEGA), np.ones((6, 1))
     shape = np.append(0.5, PHI)[None]
     zeta = np.append(0.0, np.full(5, ZETA))
-    return modal_to_statespace(
-        ModalSystem(
-            omega=omega, zeta=zeta, psi=ones, phi=shape, phi_rate=0.0 * shape, names=("rigid", *"abcde")
-        )
-    )
+    return ModalSystem(
+        omega=omega, zeta=zeta, psi=ones, phi=shape, phi_rate=0.0 * shape, names=("rigid", *"abcde")
+    ).as_statespace()
 
 
 def _reference() -> tuple[Plant, Any]:

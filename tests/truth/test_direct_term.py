@@ -20,13 +20,7 @@ from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.sampling.sampling import sample_dynamics
 from middeck.systems.sampling.simulation import simulate
-from middeck.systems.state_space.modal_system import (
-    ModalSystem,
-    modal_response,
-    modal_to_statespace,
-    output_rows,
-    select_modes,
-)
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response, output_rows, select_modes
 from plant_builders import sum_of_modes, unit_weights
 from rig_checks import run_through
 
@@ -74,7 +68,7 @@ def test_state_space_has_the_same_response():
     modal = system()
     expected = modal_response(modal, OMEGA)
     # a q'' is a psi u less a w^2 q: cancels by (45 / 0.3)^2 at the lowest line, 2e4 of rounding.
-    got = statespace_response(modal_to_statespace(modal), OMEGA)
+    got = statespace_response(modal.as_statespace(), OMEGA)
     np.testing.assert_allclose(got, expected, atol=1e-11 * np.abs(expected).max())
 
 
@@ -120,7 +114,7 @@ def test_an_accelerometer_alone_sees_its_modes():
 
 def test_band_rms_counts_the_direct_term():
     modal = system(hz=(0.3, 7.0, 45.0))
-    continuous = modal_to_statespace(modal)
+    continuous = modal.as_statespace()
     for band in ((0.1, 60.0), (50.0, 500.0)):
         closed, slow = (f(continuous, np.eye(2), band) for f in (band_rms, band_rms_by_quadrature))
         np.testing.assert_allclose(closed, slow, rtol=1e-9)  # the quadrature's own tolerance
@@ -132,7 +126,7 @@ def test_band_rms_counts_the_direct_term():
 
 def test_a_band_without_end_is_refused():
     with pytest.raises(ConfigError, match="finite"):
-        band_rms(modal_to_statespace(system(hz=(0.3, 7.0))), np.eye(2), (0.1, np.inf))
+        band_rms(system(hz=(0.3, 7.0)).as_statespace(), np.eye(2), (0.1, np.inf))
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.003, 0.0045])

@@ -11,7 +11,6 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.robust.verification.gain_above_modes import gain_above
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.systems.plants.plant import delay_plant
-from middeck.systems.state_space.modal_system import modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import FORCE, WAY, grouped_plant, sum_of_modes, unit_weights
 from repeats import repeats
@@ -63,7 +62,7 @@ def test_of_poles_that_coincide_no_bound_is_known():
 def _late_plant():
     """A damped mode, and a light one that hardly moves."""
     modes = sum_of_modes([1.0, 0.5], [0.5, 0.01], [[1.0], [1e-3]], [[1.0, 1e-3]])
-    return delay_plant(grouped_plant(modal_to_statespace(modes), (FORCE,), (WAY,)), LATE_S)
+    return delay_plant(grouped_plant(modes.as_statespace(), (FORCE,), (WAY,)), LATE_S)
 
 
 def _law(gain, turn, sign):

@@ -21,7 +21,7 @@ from middeck.laboratory.rig.parts.computer import place_law
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import evaluate_plant
-from middeck.systems.state_space.statespace import StateSpace, select_paths
+from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import sum_of_modes
 
 INPUTS = Port("u0", "N m"), Port("u1", "N m")
@@ -71,8 +71,8 @@ JUDGES = {
 
 @pytest.mark.parametrize("judge", JUDGES.values(), ids=JUDGES)
 def test_the_order_of_ports_changes_nothing(plant, law, judge):
-    turned = Compensator(select_paths(law.dynamics, (1, 0), (1, 0)), law.inputs[::-1], law.outputs[::-1])
-    half = Compensator(select_paths(law.dynamics, (0, 1), (1, 0)), law.inputs, law.outputs[::-1])
+    turned = Compensator(law.dynamics.select((1, 0), (1, 0)), law.inputs[::-1], law.outputs[::-1])
+    half = Compensator(law.dynamics.select((0, 1), (1, 0)), law.inputs, law.outputs[::-1])
     first, *others = (judge(plant, each) for each in (law, turned, half))
     for other in others:
         if isinstance(first, Plant):

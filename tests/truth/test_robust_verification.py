@@ -52,7 +52,6 @@ from middeck.systems.plants.plant import Plant, delay_plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.sampling.delayed_sampling import sample_delayed
 from middeck.systems.sampling.sampling import tustin
-from middeck.systems.state_space.modal_system import modal_to_statespace
 from middeck.systems.state_space.statespace import StateSpace
 from plant_builders import grouped_plant, sum_of_modes, unit_weights
 from repeats import repeats
@@ -67,7 +66,7 @@ def two_modes(rates=0.0):
 
 def as_blocks(plant, seed):
     """The same plant in other coordinates of each mode's two states, as a fit of data would give it."""
-    system, rng = modal_to_statespace(plant.dynamics), np.random.default_rng(seed)
+    system, rng = plant.dynamics.as_statespace(), np.random.default_rng(seed)
     T = sla.block_diag(*(rng.standard_normal((2, 2)) + 2.0 * np.eye(2) for _ in plant.dynamics.names))
     turned = StateSpace(
         np.linalg.solve(T, system.A @ T), np.linalg.solve(T, system.B), system.C @ T, system.D

@@ -17,7 +17,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.sampling.sampled_plant import sample_plant
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, gain_system
 from plant_builders import sum_of_modes
 from repeats import repeats
@@ -62,7 +62,7 @@ def radius(modal, gain, late_s):
 
     u[k] = gain y[k - 1], late by n whole periods and a part.
     """
-    s = modal_to_statespace(modal)
+    s = modal.as_statespace()
     n, part = divmod(late_s, PERIOD)
     whole = scipy.linalg.expm(np.block([[s.A, s.B], [np.zeros((1, 3))]]) * PERIOD)
     rest = scipy.linalg.expm(np.block([[s.A, s.B], [np.zeros((1, 3))]]) * (PERIOD - part))

@@ -19,7 +19,7 @@ from middeck.systems.poles.verdict import is_stable
 from middeck.systems.sampling.sampled_plant import sample_plant
 from middeck.systems.sampling.sampling import sample_dynamics, tustin
 from middeck.systems.sampling.simulation import find_periodic_state, simulate
-from middeck.systems.state_space.modal_system import ModalSystem, modal_response, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 from plant_builders import FORCE, WAY, grouped_plant, unit_weights
 
@@ -56,7 +56,7 @@ def test_modal_and_dense_holds_agree():
     for delay in (0.0, 0.4 * T, 4.5 * T):
         blocks, dense = (
             sample_dynamics(modal, T, delay),
-            sample_dynamics(modal_to_statespace(modal), T, delay),
+            sample_dynamics(modal.as_statespace(), T, delay),
         )
         for name in ("A", "B", "C", "D"):
             # Two matrix exponentials of norm up to 3.
@@ -66,7 +66,7 @@ def test_modal_and_dense_holds_agree():
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 4.5])
 def test_against_an_adaptive_integrator(samples):
     modal = modes((0.3, 7.0, 45.0))
-    system, delay = modal_to_statespace(modal), samples * T
+    system, delay = modal.as_statespace(), samples * T
     u = np.random.default_rng(1).standard_normal((12, 2))
     y, _ = simulate(sample_dynamics(modal, T, delay), u)
     state, time = np.zeros(6), 0.0
@@ -176,7 +176,7 @@ def test_growth_rates_of_a_sampled_system_are_those_of_the_continuous():
     held = sample_dynamics(modal, T)
     np.testing.assert_allclose(
         np.sort_complex(growth_rates(held)),
-        np.sort_complex(poles(modal_to_statespace(modal))),
+        np.sort_complex(poles(modal.as_statespace())),
         rtol=1e-9,  # log of a pole within 1e-4 of one
     )
     assert growth_rates(SampledStateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], period_s=T)).real == -np.inf
@@ -211,7 +211,7 @@ def test_simulation_is_the_power_of_the_transition():
     _, end = simulate(held, np.zeros((37, 2)), start)
     np.testing.assert_allclose(end, np.linalg.matrix_power(held.A, 37) @ start, rtol=1e-12)
     np.testing.assert_allclose(
-        end, sla.expm(modal_to_statespace(modes((0.3, 7.0))).A * 37 * T) @ start, rtol=1e-11
+        end, sla.expm(modes((0.3, 7.0)).as_statespace().A * 37 * T) @ start, rtol=1e-11
     )
 
 

@@ -29,7 +29,6 @@ from middeck.structure.sensitivity.parameters import ModelParameter, find_parame
 from middeck.structure.sensitivity.plants import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.sensitivity.shapes import differentiate_modes
-from middeck.systems.state_space.modal_system import modal_to_statespace
 from repeats import LONG
 
 ROOT = Path(__file__).parents[2]
@@ -367,7 +366,7 @@ def test_shapes_and_plant_of_an_article():
     def values(moved: np.ndarray) -> np.ndarray:
         at = solve(*all_moved(article, lab, parameters, moved))
         modal = build_plant(at, count=17, **ports).dynamics
-        system = modal_to_statespace(modal)
+        system = modal.as_statespace()
         parts = [at.shapes[:, apart], modal.zeta[apart], *_apart(system.A, system.B, system.C, apart)]
         return np.concatenate([x.ravel() for x in parts])
 

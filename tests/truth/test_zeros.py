@@ -20,7 +20,7 @@ from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.signals.ports import Port
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
+from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 
 HZ = 2.0 * np.pi
@@ -140,16 +140,14 @@ def test_more_outputs_than_inputs_have_no_zeros_unless_all_share_one():
     assert len(matrix_zeros(gimbal_model()).value) == 0
     rng = np.random.default_rng(2)
     omega = HZ * np.array([1.0, 2.5, 4.0])
-    rates = modal_to_statespace(
-        ModalSystem(
-            omega=omega,
-            zeta=0.02 * np.ones(3),
-            psi=rng.standard_normal((3, 1)),
-            phi=np.zeros((2, 3)),
-            phi_rate=rng.standard_normal((2, 3)),
-            names=("a", "b", "c"),
-        )
-    )
+    rates = ModalSystem(
+        omega=omega,
+        zeta=0.02 * np.ones(3),
+        psi=rng.standard_normal((3, 1)),
+        phi=np.zeros((2, 3)),
+        phi_rate=rng.standard_normal((2, 3)),
+        names=("a", "b", "c"),
+    ).as_statespace()
     # Rates of positions: a zero at the origin in every path.
     np.testing.assert_allclose(transmission_zeros(rates), [0.0], atol=1e-12)
 

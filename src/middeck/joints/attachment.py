@@ -15,7 +15,6 @@ from middeck.errors import ConfigError
 from middeck.joints.element import JointElement
 from middeck.joints.friction import Friction
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
@@ -36,12 +35,12 @@ def only_friction(joints: Sequence[JointElements]) -> list[Friction] | None:
     return found if alone else None
 
 
-def add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace | ModalSystem:
+def add_viscous(plant: Plant, joints: Sequence[JointElements]) -> StateSpace:
     """The plant with each joint's viscous torque on the rate of its angle fed back, exactly."""
     damping = np.array([sum(e.viscous for e in j.elements) for j in joints])
-    if not np.any(damping):
-        return plant.rational
     system = plant.system
+    if not np.any(damping):
+        return system
     columns = plant.input_indices([j.torque for j in joints])
     rates = system.C[plant.output_indices([j.angle for j in joints])] @ system.A
     drag = damping[:, None] * rates

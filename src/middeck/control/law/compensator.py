@@ -12,13 +12,7 @@ from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, require_plant
 from middeck.systems.plants.response import FrequencyResponse, statespace_response
-from middeck.systems.state_space.statespace import (
-    LinearSystem,
-    SampledStateSpace,
-    StateSpace,
-    gain_system,
-    select_paths,
-)
+from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace, StateSpace, gain_system
 from middeck.values import record, require_kind
 
 
@@ -156,7 +150,7 @@ def arrange_ports(compensator: Compensator, y: Sequence[Port], u: Sequence[Port]
     columns, rows = [reads.index(name) for name in measured], [drives.index(name) for name in driven]
     return dataclasses.replace(
         compensator,
-        dynamics=select_paths(compensator.dynamics, columns, rows),
+        dynamics=compensator.dynamics.select(columns, rows),
         applied=None if compensator.applied is None else compensator.applied[:, rows],
         inputs=tuple(compensator.inputs[i] for i in columns),
         outputs=tuple(compensator.outputs[i] for i in rows),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
@@ -21,7 +21,6 @@ from middeck.systems.plants.plant import Dynamics, Plant
 from middeck.systems.poles.rounding import EPS, ROUNDINGS, VAGUE, is_vague
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.modal_system import ModalSystem
-from middeck.systems.state_space.statespace import System
 
 DRAWS = 3
 """How often every entry is moved by `ROUNDINGS` roundings of random sign."""
@@ -36,16 +35,14 @@ loop that multiplies what a pole does by a thousand."""
 
 
 Half = TypeVar("Half", bound=Plant | Compensator)
+Moved = TypeVar("Moved", bound=Dynamics)
 
 
-def moved_entries(system: System, rng: np.random.Generator) -> System:
-    """The system with every entry of A, B and C moved by `ROUNDINGS` roundings of random sign."""
-    return dataclasses.replace(system, **_moved(system, "ABC", rng))
-
-
-def _moved(dynamics: Dynamics, names: Sequence[str], rng: np.random.Generator) -> dict[str, np.ndarray]:
-    each = [(name, getattr(dynamics, name)) for name in names]
-    return {name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape)) for name, M in each}
+def moved_entries(system: Moved, rng: np.random.Generator) -> Moved:
+    """The system with every entry that is ``rounded`` moved by `ROUNDINGS` roundings of random sign."""
+    each = [(name, getattr(system, name)) for name in system.rounded]
+    moved = {name: M * (1.0 + ROUNDINGS * EPS * rng.choice([-1.0, 1.0], M.shape)) for name, M in each}
+    return dataclasses.replace(system, **moved)
 
 
 def is_vague_half(half: Plant | Compensator, share: float = VAGUE) -> bool:
@@ -61,11 +58,7 @@ def is_doubtful(half: Plant | Compensator) -> bool:
 
 def move_half(half: Half, rng: np.random.Generator) -> Half:
     """The plant or compensator with its entries moved (`moved_entries`)."""
-    dynamics = half.dynamics
-    if isinstance(dynamics, ModalSystem):
-        moved = _moved(dynamics, ("omega", "zeta", "psi", "phi"), rng)
-        return dataclasses.replace(half, dynamics=dataclasses.replace(dynamics, **moved))
-    return dataclasses.replace(half, dynamics=moved_entries(dynamics, rng))
+    return dataclasses.replace(half, dynamics=moved_entries(half.dynamics, rng))
 
 
 Found = TypeVar("Found")

@@ -14,7 +14,7 @@ from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.poles.stability import growth_rates, none_grows
 from middeck.systems.poles.verdict import warn_if_open
 from middeck.systems.state_space.feedback import feedback
-from middeck.systems.state_space.statespace import StateSpace, select_paths
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 
@@ -53,7 +53,7 @@ def close_loop(plant: Plant, compensator: Compensator) -> ClosedLoop:
     active, law = part.active, compensator.system
     w, z = active.input_indices(active.w), active.output_indices(active.z)
     u, y = locate_ports(compensator, active.inputs, active.outputs)
-    joined = select_paths(feedback(active.system, law, u, y), w, z)
+    joined = feedback(active.system, law, u, y).select(w, z)
     values = growth_rates(joined)
     stable = not warn_if_open(joined, active.system, law) and none_grows(values)
     return ClosedLoop(

@@ -22,14 +22,8 @@ from middeck.errors import ConfigError
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant
 from middeck.systems.poles.resolvent import evaluate_transfer
-from middeck.systems.state_space.modal_system import (
-    ModalSystem,
-    modal_response,
-    modal_to_statespace,
-    select_channels,
-    select_modes,
-)
-from middeck.systems.state_space.statespace import StateSpace, select_paths
+from middeck.systems.state_space.modal_system import ModalSystem, modal_response, select_modes
+from middeck.systems.state_space.statespace import StateSpace
 from middeck.values import record
 
 ACROSS = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
@@ -95,7 +89,7 @@ def _of_modal(
     ports: tuple[list[int], list[int]],
     static: bool,
 ) -> ReducedPlant:
-    seen = select_channels(modal, *ports)
+    seen = modal.select(*ports)
     keep = _most(_contributions(seen, band), modal.zeta * modal.omega <= 0.0, modes)
     smaller = select_modes(modal, keep)
     gone = dataclasses.replace(select_modes(modal, ~keep), direct=None)
@@ -103,12 +97,12 @@ def _of_modal(
     if static:
         direct = limit if modal.direct is None else modal.direct + limit
         smaller = dataclasses.replace(smaller, direct=direct)
-    left = modal_to_statespace(select_channels(gone, *ports))
+    left = gone.select(*ports).as_statespace()
     if static:
         left = dataclasses.replace(left, D=left.D - limit[np.ix_(ports[1], ports[0])])
     return ReducedPlant(
         plant=dataclasses.replace(plant, dynamics=smaller),
-        order=2 * len(smaller.omega),
+        order=smaller.order,
         kept=smaller.names,
         dropped=gone.names,
         error=peak_gain(left, band).gain,
@@ -175,13 +169,13 @@ def _of_statespace(
     ports: tuple[list[int], list[int]],
     static: bool,
 ) -> ReducedPlant:
-    values, grows, share = _pole_shares(select_paths(system, *ports), band)
+    values, grows, share = _pole_shares(system.select(*ports), band)
     keep = _most(share, grows, modes)
     parts = separate_poles(system, with_conjugates(values[keep]))
     gone = parts.rest
     limit = _static_limit(gone, values[~keep & (np.abs(values) >= band[0])]) if static else gone.D
     smaller = dataclasses.replace(parts.kept, D=limit)
-    left = select_paths(dataclasses.replace(gone, D=gone.D - limit), *ports)
+    left = dataclasses.replace(gone, D=gone.D - limit).select(*ports)
     states = tuple(f"modal {i}" for i in range(len(smaller.A)))
     return ReducedPlant(
         plant=dataclasses.replace(plant, dynamics=smaller, state_names=states),

@@ -23,7 +23,7 @@ from middeck.systems.poles.state_units import settle_states
 from middeck.systems.poles.verdict import may_cross
 from middeck.systems.state_space.feedback import feedback
 from middeck.systems.state_space.reached_states import reached_states
-from middeck.systems.state_space.statespace import SampledStateSpace, poles, same_period, select_paths
+from middeck.systems.state_space.statespace import SampledStateSpace, poles, same_period
 from middeck.values import record
 
 
@@ -137,7 +137,7 @@ def _close(held: HeldPlant, law: SampledStateSpace) -> SampledStateSpace:
     """From sensor noise to the inputs u; states: the held plant's, then the compensator's."""
     nu, ny = law.D.shape
     closed = feedback(held.system, law, range(nu), range(ny))
-    return select_paths(closed, range(nu, nu + ny), range(ny, ny + nu))
+    return closed.select(range(nu, nu + ny), range(ny, ny + nu))
 
 
 def _covariance(

@@ -17,12 +17,7 @@ from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.poles.rigid_alignment import align_rigid
 from middeck.systems.sampling.delayed_sampling import is_sum, split_delays
 from middeck.systems.state_space.feedback import beside
-from middeck.systems.state_space.modal_system import (
-    ModalSystem,
-    modal_to_statespace,
-    output_rows,
-    select_modes,
-)
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows, select_modes
 from middeck.systems.state_space.reached_states import reached_states
 from middeck.systems.state_space.statespace import StateSpace, add, gain_system, series
 from middeck.values import record
@@ -55,7 +50,7 @@ def approximate_delays(plant: Plant, order: int) -> Plant:
     if plant.modal is not None:
         modal = silence_inert(align_rigid(plant.modal))
         on_time = dataclasses.replace(on_time, dynamics=modal)
-    whole = on_time.system if modal is None else modal_to_statespace(modal)
+    whole = on_time.system if modal is None else modal.as_statespace()
     system, names = _approximate(whole, modal, name_states(on_time), plant.delay_s, order)
     return dataclasses.replace(on_time, dynamics=system, state_names=names)
 
@@ -145,8 +140,8 @@ def _part_modes(modal: ModalSystem) -> _Parts:
     moving, still = (select_modes(modal, which) for which in (~rigid, rigid))
     rows = output_rows(still)
     residues = np.array([rows.rate @ still.psi, rows.position @ still.psi])[: 2 * bool(rigid.any())]
-    rest = modal_to_statespace(dataclasses.replace(moving, direct=None))
-    chains = modal_to_statespace(dataclasses.replace(still, phi_acceleration=None, direct=None))
+    rest = dataclasses.replace(moving, direct=None).as_statespace()
+    chains = dataclasses.replace(still, phi_acceleration=None, direct=None).as_statespace()
     return _Parts(
         residues=residues,
         still=chains,

@@ -198,13 +198,4 @@ def scale_inputs(plant: Plant, inputs: tuple[str, ...], factor: float) -> Plant:
     """The plant with another gain of some inputs."""
     scale = np.ones(len(plant.inputs))
     scale[plant.input_indices(inputs)] = factor
-    return dataclasses.replace(plant, dynamics=_scaled(plant.continuous, scale))
-
-
-def _scaled(
-    dynamics: ModalSystem | StateSpace, scale: Float[np.ndarray, " input"]
-) -> ModalSystem | StateSpace:
-    if isinstance(dynamics, ModalSystem):
-        direct = None if dynamics.direct is None else dynamics.direct * scale
-        return dataclasses.replace(dynamics, psi=dynamics.psi * scale, direct=direct)
-    return dataclasses.replace(dynamics, B=dynamics.B * scale, D=dynamics.D * scale)
+    return dataclasses.replace(plant, dynamics=plant.continuous.scale_inputs(scale))

@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port, port_indices, require_names
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, select_channels
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, select_paths
+from middeck.systems.state_space.modal_system import ModalSystem
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from middeck.values import record, require_kind
 
 Dynamics = ModalSystem | StateSpace | SampledStateSpace
@@ -54,7 +54,7 @@ class Plant:
         for group in ("w", "u", "z", "y"):
             require_names(getattr(self, group), group)
         ports = len(self.outputs), len(self.inputs)
-        states, sizes = _states(self.dynamics), _ports(self.dynamics)
+        states, sizes = self.dynamics.order, self.dynamics.shape
         if sizes != ports:
             raise ConfigError(
                 f"{ports[0]} outputs and {ports[1]} inputs named, the dynamics has {sizes[0]} and {sizes[1]}",
@@ -113,8 +113,7 @@ class Plant:
 
         Raises `ConfigError` for a sampled plant and for one with delays, which no finite state space has.
         """
-        dynamics = self.rational
-        return modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
+        return self.rational.as_statespace()
 
     @property
     def sampled(self) -> SampledStateSpace:
@@ -134,17 +133,6 @@ class Plant:
         return port_indices(self.outputs, names, "output")
 
 
-def _ports(dynamics: Dynamics) -> tuple[int, int]:
-    if isinstance(dynamics, ModalSystem):
-        return len(dynamics.phi), dynamics.psi.shape[1]
-    rows, columns = dynamics.D.shape
-    return rows, columns
-
-
-def _states(dynamics: Dynamics) -> int:
-    return 2 * len(dynamics.omega) if isinstance(dynamics, ModalSystem) else len(dynamics.A)
-
-
 def _check_delays(delay_s: np.ndarray, ports: tuple[int, int], period_s: float | None) -> None:
     if delay_s.shape != ports or not np.all((delay_s >= 0.0) & np.isfinite(delay_s)):
         raise ConfigError(
@@ -160,9 +148,8 @@ def _check_delays(delay_s: np.ndarray, ports: tuple[int, int], period_s: float |
 
 def name_states(plant: Plant) -> tuple[str, ...]:
     """The mode (or other part) that each state belongs to; ``"state 3"`` where nothing is known."""
-    if isinstance(plant.dynamics, ModalSystem):
-        return tuple(name for name in plant.dynamics.names for _ in range(2))
-    return plant.state_names or tuple(f"state {i}" for i in range(len(plant.dynamics.A)))
+    dynamics = plant.dynamics
+    return dynamics.state_names or plant.state_names or tuple(f"state {i}" for i in range(dynamics.order))
 
 
 def require_modal(plant: Plant) -> ModalSystem:
@@ -194,18 +181,12 @@ def select_ports(plant: Plant, inputs: Sequence[str], outputs: Sequence[str]) ->
     """The plant from ``inputs`` to ``outputs``, by name, in the form of the whole; groups are dropped."""
     columns, rows = plant.input_indices(inputs), plant.output_indices(outputs)
     return Plant(
-        dynamics=_select(plant.dynamics, columns, rows),
+        dynamics=plant.dynamics.select(columns, rows),
         inputs=tuple(plant.inputs[i] for i in columns),
         outputs=tuple(plant.outputs[i] for i in rows),
         state_names=plant.state_names,
         delay_s=plant.delay_s[np.ix_(rows, columns)],
     )
-
-
-def _select(dynamics: Dynamics, columns: list[int], rows: list[int]) -> Dynamics:
-    if isinstance(dynamics, ModalSystem):
-        return select_channels(dynamics, columns, rows)
-    return select_paths(dynamics, columns, rows)
 
 
 def group_ports(

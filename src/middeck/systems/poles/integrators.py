@@ -13,16 +13,16 @@ from jaxtyping import Float, Int
 
 from middeck.systems.poles.integrator_chains import integrating_chains, strictly_upper
 from middeck.systems.poles.state_units import in_units, state_units
-from middeck.systems.state_space.modal_system import (
-    ModalSystem,
-    modal_to_statespace,
-    output_rows,
-    select_modes,
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows, select_modes
+from middeck.systems.state_space.statespace import (
+    LinearSystem,
+    SampledStateSpace,
+    StateSpace,
+    add,
+    gain_system,
 )
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, add, gain_system
 from middeck.values import record
 
-Dynamics = ModalSystem | StateSpace | SampledStateSpace
 KNOWN = 1e3
 """Roundings of each entry by which residues may err: those of a plant whose states a matrix of condition 1e3
 has mixed."""
@@ -133,38 +133,41 @@ def _roundings(system: StateSpace, turn: np.ndarray, n: int, mix: np.ndarray) ->
     )
 
 
-def rest_once(dynamics: Dynamics) -> tuple[Dynamics, int]:
-    """The dynamics with the fewest integrators for its responses, and the number of poles dropped.
+def rest_once(system: LinearSystem) -> tuple[LinearSystem, int]:
+    """The system with the fewest integrators for its responses, and the number of poles dropped.
 
     Those of a sampled system are its poles at z = 1.
 
-    One force moves only one combination of several rigid modes. Unchanged where nothing is dropped; otherwise
-    a state space has its integrators first, with eigenvalues exactly zero (or one).
+    One force moves only one combination of several rigid bodies. Unchanged without integrators, and a sampled
+    system where nothing is dropped; otherwise integrators come first, with eigenvalues exactly zero (or one).
     """
-    if isinstance(dynamics, ModalSystem):
-        rigid = dynamics.omega == 0.0
-        rows = output_rows(still := select_modes(dynamics, rigid))
-        chain = realise_residues(np.array([rows.rate @ still.psi, rows.position @ still.psi]))
-        dropped = 2 * int(rigid.sum()) - len(chain.A)
+    if isinstance(system, SampledStateSpace):
+        one = np.eye(len(system.A))
+        fewer, dropped = rest_once(StateSpace(system.A - one, system.B, system.C, system.D))
         if not dropped:
-            return dynamics, 0
-        moving = modal_to_statespace(select_modes(dynamics, ~rigid))
-        through = np.zeros_like(moving.D)
-        if dynamics.phi_acceleration is not None:
-            through = dynamics.phi_acceleration[:, rigid] @ still.psi
-        return add(dataclasses.replace(chain, D=through), moving), dropped
-    if isinstance(dynamics, SampledStateSpace):
-        one = np.eye(len(dynamics.A))
-        fewer, dropped = rest_once(StateSpace(dynamics.A - one, dynamics.B, dynamics.C, dynamics.D))
-        if not dropped or isinstance(fewer, ModalSystem):
-            return dynamics, 0
-        return dataclasses.replace(dynamics, A=fewer.A + np.eye(len(fewer.A)), B=fewer.B, C=fewer.C), dropped
-    parted = part_integrators(dynamics)
+            return system, 0
+        return dataclasses.replace(system, A=fewer.A + np.eye(len(fewer.A)), B=fewer.B, C=fewer.C), dropped
+    parted = part_integrators(system)
     chain = realise_residues(parted.residues, parted.errors)
     count = parted.states.shape[1]
     if len(chain.A) >= count:
         chain = parted.still
-    return (add(chain, parted.moving), count - len(chain.A)) if count else (dynamics, 0)
+    return (add(chain, parted.moving), count - len(chain.A)) if count else (system, 0)
+
+
+def rest_modes_once(modal: ModalSystem) -> tuple[ModalSystem | StateSpace, int]:
+    """`rest_once` of modes; modal unless poles are dropped."""
+    rigid = modal.omega == 0.0
+    rows = output_rows(still := select_modes(modal, rigid))
+    chain = realise_residues(np.array([rows.rate @ still.psi, rows.position @ still.psi]))
+    dropped = 2 * int(rigid.sum()) - len(chain.A)
+    if not dropped:
+        return modal, 0
+    moving = select_modes(modal, ~rigid).as_statespace()
+    through = np.zeros_like(moving.D)
+    if modal.phi_acceleration is not None:
+        through = modal.phi_acceleration[:, rigid] @ still.psi
+    return add(dataclasses.replace(chain, D=through), moving), dropped
 
 
 def realise_residues(

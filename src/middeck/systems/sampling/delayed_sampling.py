@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.systems.sampling.sampling import WHOLE, hold_inputs
-from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, select_paths
+from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from middeck.values import record
 
 LONGEST = 2000
@@ -144,7 +144,7 @@ def _look_ahead(system: StateSpace, period_s: float, alpha: np.ndarray, eta: flo
         for age in range(int(np.ceil(late)) + 1):
             start, end = max(0.0, late - age), min(eta, late - age + 1.0)
             if end > start:
-                held = hold_inputs(select_paths(system, [i], []), (end - start) * period_s)[1]
+                held = hold_inputs(system.select([i], []), (end - start) * period_s)[1]
                 after = np.asarray(scipy.linalg.expm(system.A * ((eta - end) * period_s)))
                 gain[age, :, [i]] = (after @ held).T
     return _Ahead(np.asarray(scipy.linalg.expm(system.A * (eta * period_s))), gain)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.systems.state_space.balancing import balance
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace, rate_scale
+from middeck.systems.state_space.modal_system import ModalSystem, rate_scale
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace, poles
 
 WHOLE = 1e-9
@@ -44,7 +44,7 @@ def sample_dynamics(
     transition, _ = hold_inputs(dynamics, period_s)
     propagate, gain_new = hold_inputs(dynamics, rest)
     gain_old = propagate @ hold_inputs(dynamics, early)[1] if part else np.zeros_like(gain_new)
-    system = modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics
+    system = dynamics.as_statespace()
     return _append_delay(transition, gain_new, gain_old, system, whole, part > 0.0, period_s)
 
 

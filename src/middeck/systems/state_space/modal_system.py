@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -34,6 +34,7 @@ class ModalSystem:
     """
 
     period_s: ClassVar[None] = None
+    rounded: ClassVar[tuple[str, ...]] = ("omega", "zeta", "psi", "phi")
     omega: Float[np.ndarray, " mode"]
     zeta: Float[np.ndarray, " mode"]
     psi: Float[np.ndarray, "mode input"]
@@ -42,6 +43,56 @@ class ModalSystem:
     names: tuple[str, ...]
     phi_acceleration: Float[np.ndarray, "output mode"] | None = None
     direct: Float[np.ndarray, "output input"] | None = None
+
+    @property
+    def order(self) -> int:
+        """Number of states: two for each mode."""
+        return 2 * len(self.omega)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of outputs and inputs."""
+        return len(self.phi), self.psi.shape[1]
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """The mode of each state."""
+        return tuple(name for name in self.names for _ in range(2))
+
+    def select(self, inputs: Sequence[int], outputs: Sequence[int]) -> Self:
+        """The system from some of its inputs to some of its outputs, by their numbers."""
+        columns, rows = list(inputs), list(outputs)
+        acceleration, direct = self.phi_acceleration, self.direct
+        return dataclasses.replace(
+            self,
+            psi=self.psi[:, columns],
+            phi=self.phi[rows],
+            phi_rate=self.phi_rate[rows],
+            phi_acceleration=None if acceleration is None else acceleration[rows],
+            direct=None if direct is None else direct[np.ix_(rows, columns)],
+        )
+
+    def scale_inputs(self, scale: Float[np.ndarray, " input"]) -> Self:
+        """The system with each input multiplied by its ``scale``."""
+        direct = None if self.direct is None else self.direct * scale
+        return dataclasses.replace(self, psi=self.psi * scale, direct=direct)
+
+    def as_statespace(self) -> StateSpace:
+        """State space with states (q, q'/omega) or, for a rigid mode, (q, q'), interleaved."""
+        n = len(self.omega)
+        scale = rate_scale(self)
+        even, odd = 2 * np.arange(n), 2 * np.arange(n) + 1
+        A = np.zeros((2 * n, 2 * n))
+        A[even, odd] = scale
+        A[odd, even] = -(self.omega**2) / scale
+        A[odd, odd] = -2.0 * self.zeta * self.omega
+        B = np.zeros((2 * n, self.psi.shape[1]))
+        B[odd] = self.psi / scale[:, None]
+        C = np.zeros((len(self.phi), 2 * n))
+        rows = output_rows(self)
+        C[:, even] = rows.position
+        C[:, odd] = rows.rate * scale
+        return StateSpace(A, B, C, rows.direct)
 
 
 @record
@@ -71,19 +122,6 @@ def select_modes(modal: ModalSystem, keep: np.ndarray) -> ModalSystem:
     )
 
 
-def select_channels(modal: ModalSystem, inputs: Sequence[int], outputs: Sequence[int]) -> ModalSystem:
-    """The system from some of its inputs to some of its outputs."""
-    acceleration, direct = modal.phi_acceleration, modal.direct
-    return dataclasses.replace(
-        modal,
-        psi=modal.psi[:, inputs],
-        phi=modal.phi[outputs],
-        phi_rate=modal.phi_rate[outputs],
-        phi_acceleration=None if acceleration is None else acceleration[outputs],
-        direct=None if direct is None else direct[np.ix_(outputs, inputs)],
-    )
-
-
 def output_rows(modal: ModalSystem) -> OutputRows:
     """The outputs with q'' replaced by the equation of motion; its part from u is direct.
 
@@ -102,26 +140,8 @@ def output_rows(modal: ModalSystem) -> OutputRows:
     return OutputRows(modal.phi - a * modal.omega**2, modal.phi_rate - a * damping, direct + a @ modal.psi)
 
 
-def modal_to_statespace(modal: ModalSystem) -> StateSpace:
-    """State space with states (q, q'/omega) or, for a rigid mode, (q, q'), interleaved."""
-    n = len(modal.omega)
-    scale = rate_scale(modal)
-    even, odd = 2 * np.arange(n), 2 * np.arange(n) + 1
-    A = np.zeros((2 * n, 2 * n))
-    A[even, odd] = scale
-    A[odd, even] = -(modal.omega**2) / scale
-    A[odd, odd] = -2.0 * modal.zeta * modal.omega
-    B = np.zeros((2 * n, modal.psi.shape[1]))
-    B[odd] = modal.psi / scale[:, None]
-    C = np.zeros((len(modal.phi), 2 * n))
-    rows = output_rows(modal)
-    C[:, even] = rows.position
-    C[:, odd] = rows.rate * scale
-    return StateSpace(A, B, C, rows.direct)
-
-
 def couple_rates(modal: ModalSystem, coupling: Float[np.ndarray, "mode mode"]) -> StateSpace:
-    """`modal_to_statespace` of modes with the forces -coupling q' between them, skew if wheels make them.
+    """The state space of modes with the forces -coupling q' between them, skew if wheels make them.
 
     >>> free = ModalSystem(omega=[0.0, 0.0], zeta=[0.0, 0.0], psi=np.eye(2), phi=np.eye(2),
     ...     phi_rate=np.zeros((2, 2)), names=("x", "y"))
@@ -129,7 +149,7 @@ def couple_rates(modal: ModalSystem, coupling: Float[np.ndarray, "mode mode"]) -
     >>> np.abs(np.linalg.eigvals(A)).max().round(9)
     np.float64(3.0)
     """
-    plain, scale = modal_to_statespace(modal), rate_scale(modal)
+    plain, scale = modal.as_statespace(), rate_scale(modal)
     A, C = plain.A.copy(), plain.C.copy()
     A[1::2, 1::2] -= coupling * scale / scale[:, None]
     if modal.phi_acceleration is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -14,24 +14,58 @@ from middeck.values import record
 
 
 @record
-class StateSpace:
-    """Continuous system x' = A x + B u, y = C x + D u."""
+class _Matrices:
+    """Four real matrices, and what they answer in continuous as in sampled time."""
 
-    period_s: ClassVar[None] = None
+    # Fields whose rounding may move what is computed from the system.
+    rounded: ClassVar[tuple[str, ...]] = ("A", "B", "C")
+    # Matrices know none; modes do.
+    state_names: ClassVar[tuple[str, ...]] = ()
     A: Float[np.ndarray, "state state"]
     B: Float[np.ndarray, "state input"]
     C: Float[np.ndarray, "output state"]
     D: Float[np.ndarray, "output input"]
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of outputs and inputs."""
+        return len(self.C), self.B.shape[1]
+
+    def select(self, inputs: Sequence[int], outputs: Sequence[int]) -> Self:
+        """The system from some of its inputs to some of its outputs, by their numbers.
+
+        >>> gain_system(np.array([[1.0, 2.0], [3.0, 4.0]])).select((1,), (1, 0)).D.tolist()
+        [[4.0], [2.0]]
+        """
+        columns, rows = list(inputs), list(outputs)  # a tuple would be taken for one row and one column
+        D = self.D[np.ix_(rows, columns)]
+        return dataclasses.replace(self, B=self.B[:, columns], C=self.C[rows], D=D)
+
+    def scale_inputs(self, scale: Float[np.ndarray, " input"]) -> Self:
+        """The system with each input multiplied by its ``scale``."""
+        return dataclasses.replace(self, B=self.B * scale, D=self.D * scale)
 
 
 @record
-class SampledStateSpace:
+class StateSpace(_Matrices):
+    """Continuous system x' = A x + B u, y = C x + D u."""
+
+    period_s: ClassVar[None] = None
+
+    def as_statespace(self) -> StateSpace:
+        """The system itself, as of a `ModalSystem` its state space."""
+        return self
+
+
+@record
+class SampledStateSpace(_Matrices):
     """Sampled system x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], at ``period_s``."""
 
-    A: Float[np.ndarray, "state state"]
-    B: Float[np.ndarray, "state input"]
-    C: Float[np.ndarray, "output state"]
-    D: Float[np.ndarray, "output input"]
     period_s: float = dataclasses.field(kw_only=True)
 
 
@@ -49,18 +83,6 @@ def gain_system(D: Float[np.ndarray, "output input"]) -> StateSpace:
     """A system without states: y = D u."""
     outputs, inputs = np.shape(D)
     return StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D)
-
-
-def select_paths(system: System, inputs: Sequence[int], outputs: Sequence[int]) -> System:
-    """The system from some of its inputs to some of its outputs, by their numbers.
-
-    >>> system = gain_system(np.array([[1.0, 2.0], [3.0, 4.0]]))
-    >>> select_paths(system, (1,), (1, 0)).D.tolist()
-    [[4.0], [2.0]]
-    """
-    columns, rows = list(inputs), list(outputs)  # a tuple would be taken for one row and one column
-    D = system.D[np.ix_(rows, columns)]
-    return dataclasses.replace(system, B=system.B[:, columns], C=system.C[rows], D=D)
 
 
 def series(first: System, second: System) -> System:

@@ -15,7 +15,7 @@ from middeck.systems.delay.pade import pade
 from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.plants.response import evaluate_plant, statespace_response
 from middeck.systems.state_space.feedback import feedback
-from middeck.systems.state_space.statespace import StateSpace, select_paths, series
+from middeck.systems.state_space.statespace import StateSpace, series
 from middeck.values import record
 
 LINES_AT_ONCE = 1024
@@ -62,7 +62,7 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: SlipPorts, ord
     columns, rows = _rows(plant, wiring)
     system = remove_delays(plant).system
     if law is None:
-        return select_paths(system, columns, rows)
+        return system.select(columns, rows)
     late_s = float(plant.delay_s.max(initial=0.0))
     delayed = law.system
     if late_s > 0.0:
@@ -70,7 +70,7 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: SlipPorts, ord
         each = (np.asarray(sla.block_diag(*[getattr(one, k)] * len(law.outputs))) for k in "ABCD")
         delayed = series(delayed, StateSpace(*each))
     u, y = locate_ports(law, plant.inputs, plant.outputs)
-    return select_paths(feedback(system, delayed, u, y), columns, rows)
+    return feedback(system, delayed, u, y).select(columns, rows)
 
 
 def hold_while_sticking(

@@ -18,19 +18,14 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.poles.inert_modes import observed_modes, reached_modes
-from middeck.systems.poles.integrators import part_integrators, rest_once
+from middeck.systems.poles.integrators import part_integrators, rest_modes_once, rest_once
 from middeck.systems.poles.resolvent import Resolvent, by_schur_form
 from middeck.systems.poles.same_response import responds_otherwise
 from middeck.systems.poles.state_units import balance_states, settle_states
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.feedback import beside, close_static
-from middeck.systems.state_space.modal_system import (
-    ModalSystem,
-    modal_to_statespace,
-    output_rows,
-    select_modes,
-)
-from middeck.systems.state_space.statespace import LinearSystem, StateSpace, poles, same_period, select_paths
+from middeck.systems.state_space.modal_system import ModalSystem, output_rows, select_modes
+from middeck.systems.state_space.statespace import LinearSystem, StateSpace, poles, same_period
 from middeck.values import record
 
 At = Literal["inputs", "outputs", "both"]
@@ -81,9 +76,10 @@ def split_unmoved(loop: FeedbackLoop) -> tuple[FeedbackLoop, Complex[np.ndarray,
     dynamics, alone = loop.plant.dynamics, np.zeros(0, dtype=complex)
     if isinstance(dynamics, ModalSystem):
         moved = reached_modes(dynamics) & observed_modes(dynamics)
-        alone = poles(modal_to_statespace(select_modes(dynamics, ~moved)))
-        dynamics = select_modes(dynamics, moved)
-    dynamics, resting = rest_once(dynamics)
+        alone = poles(select_modes(dynamics, ~moved).as_statespace())
+        dynamics, resting = rest_modes_once(select_modes(dynamics, moved))
+    else:
+        dynamics, resting = rest_once(dynamics)
     plant = dataclasses.replace(loop.plant, dynamics=dynamics, state_names=())
     return dataclasses.replace(loop, plant=plant), np.concatenate([alone, np.zeros(resting)])
 
@@ -97,11 +93,10 @@ def moved_part(loop: FeedbackLoop) -> FeedbackLoop:
     given = loop.plant.dynamics
     if isinstance(given, ModalSystem):
         return loop
-    moved, unmoved = split_unmoved(loop)
-    fewer = moved.plant.dynamics
-    if len(unmoved) and not isinstance(fewer, ModalSystem) and responds_otherwise(fewer, given):
+    fewer, resting = rest_once(given)
+    if resting and responds_otherwise(fewer, given):
         raise NumericalError("rounding of the matrices hides which integrators the loop moves", hint=CURE)
-    return moved
+    return dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, dynamics=fewer, state_names=()))
 
 
 Halves = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -313,7 +308,7 @@ def approximate_halves(loop: FeedbackLoop, order: int | None = None) -> LinearSy
         plant = approximate_delays(loop.plant, order).system
     nu, ny = len(law.D), len(plant.C)
     rows = [*range(ny, ny + nu), *range(ny)]
-    return select_paths(beside(plant, law), range(nu + ny), rows)
+    return beside(plant, law).select(range(nu + ny), rows)
 
 
 def close_channels(halves: LinearSystem, left_open: Sequence[int] = ()) -> LinearSystem:
@@ -328,4 +323,4 @@ def close_channels(halves: LinearSystem, left_open: Sequence[int] = ()) -> Linea
 
 def open_channel(halves: LinearSystem, i: int) -> LinearSystem:
     """Transfer of channel ``i`` around the loop, the others closed: minus its return ratio."""
-    return select_paths(close_channels(halves, [i]), [i], [i])
+    return close_channels(halves, [i]).select([i], [i])

@@ -30,13 +30,7 @@ from middeck.systems.plants.plant import Plant, remove_delays
 from middeck.systems.poles.resolvent import Resolvent
 from middeck.systems.sampling.delayed_sampling import tidy_samples
 from middeck.systems.sampling.sampling import hold_inputs
-from middeck.systems.state_space.statespace import (
-    LinearSystem,
-    SampledStateSpace,
-    StateSpace,
-    dual,
-    select_paths,
-)
+from middeck.systems.state_space.statespace import LinearSystem, SampledStateSpace, StateSpace, dual
 
 DelayedChannel = Callable[[float], Callable[[np.ndarray], np.ndarray]]
 """L [line, 1] as a function of s, of a channel delayed by a part of a period more."""
@@ -61,11 +55,11 @@ def delayed_channels(
         )
 
     for i in range(nu) if at != "outputs" else ():
-        closed = select_paths(close_channels(halves, [i]), range(nu, nu + ny), [i])
-        add(select_paths(system, [i], range(ny)), late[:, i], closed)
+        closed = close_channels(halves, [i]).select(range(nu, nu + ny), [i])
+        add(system.select([i], range(ny)), late[:, i], closed)
     for o in range(ny) if at != "inputs" else ():
-        closed = select_paths(close_channels(halves, [nu + o]), [nu + o], range(nu))
-        add(dual(select_paths(system, range(nu), [o])), late[o], closed)
+        closed = close_channels(halves, [nu + o]).select([nu + o], range(nu))
+        add(dual(system.select(range(nu), [o])), late[o], closed)
     return found
 
 

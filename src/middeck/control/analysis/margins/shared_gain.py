@@ -23,7 +23,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     resolve,
 )
 from middeck.systems.poles.resolvent import Resolvent
-from middeck.systems.state_space.statespace import LinearSystem, select_paths
+from middeck.systems.state_space.statespace import LinearSystem
 
 TRUSTED = 1e-8
 """Largest error from rounding, relative to one or to the value."""
@@ -61,7 +61,7 @@ def closed_round(loop: FeedbackLoop, at: At) -> Callable[[np.ndarray], np.ndarra
     @functools.cache
     def closed() -> Resolvent:
         channels = channels_at(loop, at)
-        return _over_s(loop, select_paths(close_channels(approximate_halves(loop)), channels, channels))
+        return _over_s(loop, close_channels(approximate_halves(loop)).select(channels, channels))
 
     return lambda s: closed()(s)
 

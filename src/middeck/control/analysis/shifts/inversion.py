@@ -13,7 +13,6 @@ from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, form_loop
 from middeck.control.law.compensator import Compensator
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.systems.state_space.statespace import select_paths
 from middeck.values import record
 
 CANCELLED = 1e-8
@@ -68,7 +67,7 @@ def _pair(mode: str, reads: str, drives: str, pole: complex, zeros: np.ndarray) 
 
 
 def _path_zeros(loop: FeedbackLoop, row: int, column: int) -> Complex[np.ndarray, " zero"]:
-    zeros = transmission_zeros(select_paths(loop.law, [column], [row]))
+    zeros = transmission_zeros(loop.law.select([column], [row]))
     poles = np.linalg.eigvals(loop.law.A)
     away = np.abs(zeros[:, None] - poles).min(axis=1, initial=np.inf)
     return _as_rates(loop, zeros[away > CANCELLED * np.abs(zeros)])

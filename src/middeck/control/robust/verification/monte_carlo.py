@@ -16,6 +16,7 @@ from middeck.control.h2.generalized_plant import GeneralizedPlant, generalize
 from middeck.control.h2.noise_rms import NoiseOutcome, integrate_band_noise, integrate_noise
 from middeck.control.law.compensator import Compensator, idle_compensator, locate_ports
 from middeck.control.law.delay_order import LEAST_PADE, MOST_PADE, is_within, pade_order, phase_of_modes
+from middeck.control.law.rounding_of_results import is_vague_half
 from middeck.control.law.uncertainty import Uncertainty, finished_plants
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.batch import same_shapes, warn_of_lost
@@ -28,7 +29,6 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.norms.peak_gain import peak_gain
 from middeck.systems.plants.plant import Plant, remove_delays
-from middeck.systems.poles.rounding import is_vague
 from middeck.systems.poles.stability import all_decay
 from middeck.systems.state_space.statespace import StateSpace, poles
 from middeck.values import record
@@ -217,7 +217,7 @@ def _approximated(
     plants: Sequence[Plant], compensator: Compensator, weights: LQGWeights, *, measured: bool
 ) -> list[NoiseOutcome | None]:
     """All plants together with approximated delays, but exactly where that is needed; None if undecided."""
-    of_law = is_vague(compensator.system)
+    of_law = is_vague_half(compensator)
     vague = [of_law or _is_mixed(p) for p in plants]
     known = [p for p, its in zip(plants, vague, strict=True) if not its]
     together = iter(_together(known, compensator, weights, measured=measured))
@@ -254,12 +254,7 @@ def _together(
 
 # What no law changes: the compensators of a promise are tried on the same plants one after the other.
 _once = functools.lru_cache(maxsize=KEPT)
-
-
-@_once
-def _is_mixed(plant: Plant) -> bool:
-    """Modal plants have no mixed states."""
-    return plant.modal is None and is_vague(remove_delays(plant).system)
+_is_mixed = _once(is_vague_half)
 
 
 @_once

@@ -16,8 +16,7 @@ from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements, add_viscous
 from middeck.laboratory.rig.parts.sensors import Gyro, Sampler, Sensor, is_summed
 from middeck.systems.plants.plant import Plant
-from middeck.systems.state_space.modal_system import ModalSystem, modal_to_statespace
-from middeck.systems.state_space.statespace import StateSpace, gain_system, select_paths, series
+from middeck.systems.state_space.statespace import StateSpace, gain_system, series
 
 
 def sensor_filter(sensor: Sensor) -> StateSpace:
@@ -52,12 +51,9 @@ def filter_outputs(
     joints: Sequence[JointElements],
 ) -> FilteredPlant:
     """``plant`` with the torques of motors and joints as inputs and the samples of ``sensors`` as outputs."""
-    dynamics = add_viscous(plant, joints)
-    system = select_paths(
-        modal_to_statespace(dynamics) if isinstance(dynamics, ModalSystem) else dynamics,
-        plant.input_indices([*inputs, *(j.torque for j in joints)]),
-        plant.output_indices([name for name, _ in sensors]),
-    )
+    columns = plant.input_indices([*inputs, *(j.torque for j in joints)])
+    rows = plant.output_indices([name for name, _ in sensors])
+    system = add_viscous(plant, joints).select(columns, rows)
     filters = [sensor_filter(sensor) for _, sensor in sensors]
     n, extra = len(system.A), sum(len(f.A) for f in filters)
     A, C = np.zeros((n + extra, n + extra)), np.zeros((len(filters), n + extra))
