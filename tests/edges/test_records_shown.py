@@ -115,3 +115,14 @@ def test_lists_given_for_tuples_become_tuples() -> None:
     assert listed == plant
     assert not listed.delay_s.flags.writeable  # what changed would go by the loop that is known
     assert md.decide_stability(listed, law).stable
+
+
+def test_records_that_hold_tuples_of_arrays_are_compared_by_their_numbers() -> None:
+    @record
+    class Held:
+        parts: tuple[np.ndarray, ...]
+
+    one, same, other = (Held((np.array([1.0, last]), np.zeros(2))) for last in (2.0, 2.0, 3.0))
+    assert one == same
+    assert one != other
+    assert one != Held((np.array([1.0, 2.0]),))

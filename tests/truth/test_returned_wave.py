@@ -133,7 +133,7 @@ def test_lines_reach_a_gain_that_falls_through_one_far_above_all_poles() -> None
 
 
 def _two_loops(seed: int, delay_s: np.ndarray) -> tuple[Plant, Compensator]:
-    """Three modes whose rates two loops read beside direct terms, whose moduli have a spectral radius of 0.7."""
+    """Three modes whose rates two loops read beside direct terms, of spectral radius 0.7 in moduli."""
     rng = np.random.default_rng(seed)
     A = sla.block_diag(*([[0.0, 1.0], [-w * w, -0.02 * w]] for w in (6.0, 25.0, 57.0)))
     B = np.zeros((6, 2))

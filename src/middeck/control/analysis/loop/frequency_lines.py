@@ -42,7 +42,8 @@ which two cancelling loops leave rounding only."""
 SAME = 0.05
 MOST_DELAY_LINES = 20_000
 PHASES = 16
-"""Phases of each turn of the longest delay at which the ratio is compared with that at twice the frequency."""
+"""Phases of each turn of the longest delay at which the ratio is compared with that at twice the
+frequency."""
 SETTLED, NEAREST = 0.1, 1e-3
 """Change of the ratio over the distance of its gain from one, or over `NEAREST`, within which it counts as
 repeated by each turn of the delay. Its limit is known (`returned_wave`)."""

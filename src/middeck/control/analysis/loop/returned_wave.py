@@ -19,8 +19,8 @@ from middeck.values import record
 STEPS = 360
 """Phases of each turn of the longest delay."""
 MOST = 200
-"""The largest multiple of their common time that delays may be, and into how many times of its own the longest
-is cut where there is none."""
+"""The largest multiple of their common time that delays may be; and the parts of the longest to which they
+are rounded where there is none."""
 COMMON = 1e-9
 """Distance from a multiple, relative to the common time, within which a delay is one."""
 

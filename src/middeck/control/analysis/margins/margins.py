@@ -174,10 +174,10 @@ def measure_margins(
     Crossings are bracketed on lines around every pole and zero and solved to rounding; those that need a
     change of gain beyond 80 dB are left out, and of thousands that a delay makes all but the 300 nearest to a
     gain of one on each side. Real poles through the origin, z = -1 or infinity (direct terms, no delay) count
-    among the gains. Where the delays of direct terms are multiples of one time (200 at most), the limits to which crossings and peaks tend at
-    infinite frequency count too, at ``inf`` Hz. Delays of the plant stay in the loop. The poles of an
-    undamped loop are on the axis: its phase margin is zero, and its limits of gain are where two poles meet
-    and leave the axis.
+    among the gains. Where the delays of direct terms are multiples of one time (200 at most), the limits to
+    which crossings and peaks tend at infinite frequency count too, at ``inf`` Hz. Delays of the plant stay in
+    the loop. The poles of an undamped loop are on the axis: its phase margin is zero, and its limits of gain
+    are where two poles meet and leave the axis.
 
     For a sampled compensator L(exp(j w T)) includes hold and delays. Its delay margin is the least additional
     delay of a channel with which the plant, sampled anew, gives an unstable loop
