@@ -226,6 +226,8 @@ def _same(a: Any, b: Any) -> bool:
         )
     if hasattr(a, "nnz") or hasattr(b, "nnz"):  # sparse; a scipy that nobody needs is not imported
         return type(a) is type(b) and a.shape == b.shape and (a != b).nnz == 0
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
     return bool(a == b)
 
 

@@ -84,6 +84,14 @@ def test_a_large_pattern_is_not_kept(dm, monkeypatch):
     np.testing.assert_array_equal(alone.indices, kept.indices)
 
 
+def test_a_large_layout_of_points_is_not_kept(dm, monkeypatch):
+    kept = mesh_structure(dm).pose_map
+    monkeypatch.setattr(offset_points, "LARGEST", len(kept.points.frame) - 1)
+    alone = mesh_structure(dm).pose_map
+    assert alone.indices is not kept.indices
+    np.testing.assert_array_equal(alone.indices, kept.indices)
+
+
 def test_what_articles_share_cannot_be_written_to(dm):
     """Matrices keep the places unchecked: one that sorted its own in place would sort those of all."""
     model = mesh_structure(dm)
@@ -99,3 +107,9 @@ def test_a_schur_form_is_that_of_scipy(states):
     A = np.random.default_rng(states).standard_normal((states, states))
     for ours, theirs in zip(real_schur(A), scipy.linalg.schur(A), strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_complex_matrix_has_no_real_schur_form():
+    """LAPACK would take its real parts, and say so in a warning of NumPy at most."""
+    with pytest.raises(TypeError, match="complex"):
+        real_schur(np.array([[1.0j]]))

@@ -130,3 +130,53 @@ def test_lines_reach_a_gain_that_falls_through_one_far_above_all_poles() -> None
     found = circle_crossings(ratio, *refine_lines(ratio, place_lines(loop, "inputs", ratio)))
     at = np.sqrt(((3.0 * direct) ** 2 - 1.0) / (1.0 - direct**2))
     assert found.omega == pytest.approx([at])
+
+
+def _two_loops(seed: int, delay_s: np.ndarray) -> tuple[Plant, Compensator]:
+    """Three modes whose rates two loops read beside direct terms, of spectral radius 0.7 in moduli."""
+    rng = np.random.default_rng(seed)
+    A = sla.block_diag(*([[0.0, 1.0], [-w * w, -0.02 * w]] for w in (6.0, 25.0, 57.0)))
+    B = np.zeros((6, 2))
+    B[1::2] = 0.3 * rng.standard_normal((3, 2))
+    through = rng.standard_normal((2, 2))
+    through *= 0.7 / np.abs(np.linalg.eigvals(np.abs(through))).max()
+    ports = (FORCE, Port("torque", "N m")), (WAY, Port("turn", "rad"))
+    plant = Plant(dynamics=StateSpace(A, B, B.T, through), inputs=ports[0], outputs=ports[1])
+    return delay_plant(plant, delay_s), Compensator(gain_system(-np.eye(2)), ports[1], ports[0])
+
+
+def _scaled_norms(P: np.ndarray) -> np.ndarray:
+    """Least norm of D (S - 1/2) D^-1, D = diag(d, 1), over a grid of d."""
+    skewed = 0.5 * np.linalg.solve(np.eye(2) + P, np.eye(2) - P)
+    d = np.geomspace(0.1, 10.0, 61)[:, None, None, None] ** np.array([[0.0, 1.0], [-1.0, 0.0]])
+    return np.linalg.norm(d * skewed, 2, axis=(2, 3)).min(axis=0)
+
+
+@pytest.mark.parametrize(
+    "delay_s",
+    [
+        [[0.010, 0.017], [0.010, 0.017]],
+        [[0.010, 0.013], [0.013, 0.016]],
+        [[0.01, 0.01 * np.sqrt(3.0)], [0.01, 0.01 * np.sqrt(3.0)]],  # no common time
+    ],
+)
+@pytest.mark.parametrize("seed", [0, 4])
+def test_unlike_delays_turn_together_as_far_as_they_have_a_common_time(
+    seed: int, delay_s: list[list[float]]
+) -> None:
+    """Took 27 to 50 s; and where delays have no common time, phases that no line met were left out."""
+    plant, law = _two_loops(seed, np.array(delay_s))
+    with cpu_limit(2.0):
+        alpha = measure_disk_margin(plant, law, at="inputs").alpha
+    through, system = plant.continuous.D, plant.continuous
+    if delay_s[0][1] in (0.017, 0.013):
+        lag = np.linspace(0.0, 2.0 * np.pi, 1001)[:, None, None] * np.round(1e3 * np.array(delay_s))
+    else:
+        first, second = np.meshgrid(*[np.linspace(0.0, 2.0 * np.pi, 41)] * 2)
+        lag = np.stack([first.ravel(), second.ravel()], axis=1)[:, None, :]
+    at_infinity = _scaled_norms(np.exp(-1j * lag) * through).max()
+    s = 1j * np.linspace(0.5, 600.0, 1201)
+    G = system.C @ np.linalg.solve(s[:, None, None] * np.eye(6) - system.A, system.B.astype(complex)[None])
+    below = _scaled_norms((G + through) * np.exp(-s[:, None, None] * np.array(delay_s))).max()
+    assert 1.0 / alpha == pytest.approx(max(at_infinity, below), rel=3e-3)
+    assert 1.0 / alpha > at_infinity * (1.0 - 1e-3)

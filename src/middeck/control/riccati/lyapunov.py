@@ -32,11 +32,14 @@ def real_schur(
     A: Float[np.ndarray, "state state"],
 ) -> tuple[Float[np.ndarray, "state state"], Float[np.ndarray, "state state"]]:
     """T and U of A = U T U', T quasi upper triangular: `scipy.linalg.schur` of finite numbers, less its
-    searches, which take as long as the form of few states. Raises `LinAlgError` where there is none.
+    searches, which take as long as the form of few states. Raises `LinAlgError` where there is none, and
+    `TypeError` for a complex matrix.
 
     >>> real_schur(np.array([[2.0, 1.0], [0.0, 3.0]]))[0].tolist()
     [[2.0, 1.0], [0.0, 3.0]]
     """
+    if np.iscomplexobj(A):
+        raise TypeError("a complex matrix has no real Schur form")
     if not len(A):
         return A, A
     T, *_, U, _, info = cast("Any", lapack).dgees(_no_order, A, lwork=_schur_room(len(A)), sort_t=0)

@@ -21,8 +21,9 @@ from middeck.values import record
 
 # Places of the off-diagonal entries of a matrix, by rows.
 OFF_DIAGONAL = np.array([1, 2, 3, 5, 6, 7])
-KEPT = 16
-"""Layouts that are kept: a refinement or a promise meshes one article hundreds of times."""
+KEPT, LARGEST = 16, 5_000
+"""Layouts that are kept: a refinement or a promise meshes one article hundreds of times. And the points of
+the largest of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,11 +143,10 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
         if jointed[point]:
             root[point], joints = chains[int(frame[point])]
             joint[k, : len(joints)] = joints
-    of = Special(
-        point=special, frame=frame[special], offset=points.offset[special], root=root[special], joint=joint
-    )
-    movers = _Movers(roots=tree.roots, root=root, special=special, joint=joint)
-    return PoseMap(tree, points, of, _lay_out(movers))
+    lay_out = _lay_out if len(root) <= LARGEST else _lay_out.__wrapped__
+    moves, *entries = lay_out(_Movers(roots=tree.roots, root=root, special=special, joint=joint))
+    of = Special(special, frame[special], points.offset[special], root[special], joint, moves)
+    return PoseMap(tree, points, of, *entries)
 
 
 @functools.lru_cache(maxsize=KEPT)

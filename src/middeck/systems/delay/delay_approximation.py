@@ -13,8 +13,8 @@ from middeck.systems.delay.delayed_integrators import approximate_delayed_integr
 from middeck.systems.delay.pade import evaluate_pade, pade
 from middeck.systems.plants.plant import Plant, name_states, remove_delays
 from middeck.systems.poles.inert_modes import inert_modes, silence_inert
-from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.poles.rigid_alignment import align_rigid
+from middeck.systems.poles.same_response import part_known
 from middeck.systems.sampling.delayed_sampling import is_sum, split_delays
 from middeck.systems.state_space.feedback import beside
 from middeck.systems.state_space.modal_system import ModalSystem, output_rows, select_modes
@@ -154,7 +154,7 @@ def _part_modes(modal: ModalSystem) -> _Parts:
 
 def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
     none = np.zeros_like(system.D)
-    parted = part_integrators(system)
+    parted = part_known(system)
     share = np.sum(parted.states**2, axis=1)
     # A tenth: traces of rounding name nothing.
     at_rest = ", ".join(dict.fromkeys(names[i] for i in np.flatnonzero(share > 0.1)))

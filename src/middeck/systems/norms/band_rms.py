@@ -22,7 +22,6 @@ from middeck.errors import ConfigError
 from middeck.systems.norms.axis_poles import on_axis, unbounded_outputs
 from middeck.systems.norms.pole_crowds import find_crowds
 from middeck.systems.norms.quadrature import integrate
-from middeck.systems.poles.integrators import part_integrators
 from middeck.systems.poles.refined_poles import refine_poles
 from middeck.systems.poles.resolvent import (
     Resolvent,
@@ -30,6 +29,7 @@ from middeck.systems.poles.resolvent import (
     by_solving,
     entry_sensitivity,
 )
+from middeck.systems.poles.same_response import part_known, resolve_parts
 from middeck.systems.poles.stability import GROWTH_LIMIT, none_grows
 from middeck.systems.poles.state_units import balance_states
 from middeck.systems.state_space.statespace import StateSpace, poles
@@ -101,21 +101,9 @@ def _rms_on_axis(
     if band[0] > 0.0 or np.isfinite(rms).all():
         return rms
     # In mixed states rounding shows integrators to outputs that do not see them.
-    return np.where(np.isfinite(rms), rms, _rms_of_bounded(_on_axis(_at_rest_apart(system)), values, band))
-
-
-def _at_rest_apart(system: StateSpace) -> Resolvent:
-    """The transfer function over s, its integrators kept apart."""
-    parted = part_integrators(system)
-    moving = by_solving(parted.moving)
-
-    def evaluate(points: np.ndarray) -> np.ndarray:
-        total = np.array(moving(points))
-        for k, residue in enumerate(parted.residues, start=1):
-            total += residue / points[:, None, None] ** k
-        return total
-
-    return evaluate
+    return np.where(
+        np.isfinite(rms), rms, _rms_of_bounded(_on_axis(resolve_parts(part_known(system))), values, band)
+    )
 
 
 def _rms_of_bounded(

@@ -6,36 +6,111 @@ count as moved by nothing.
 
 from __future__ import annotations
 
-import numpy as np
+import dataclasses
+import functools
 
-from middeck.systems.poles.resolvent import by_solving
-from middeck.systems.state_space.statespace import LinearSystem, poles
+import numpy as np
+from jaxtyping import Complex
+
+from middeck.errors import NumericalError
+from middeck.systems.poles.integrators import PartedSystem, part_integrators
+from middeck.systems.poles.resolvent import Resolvent, by_solving
+from middeck.systems.poles.rounding import EPS, ROUNDINGS
+from middeck.systems.poles.state_units import balance_states
+from middeck.systems.poles.verdict import CURE
+from middeck.systems.state_space.statespace import LinearSystem, StateSpace, System, poles
 
 SAME = 1e-3
-"""Relative change from which on a response is another: it is far below where rounding mistook nothing."""
+"""Change of a path from which on its response is another, relative to the path about that line."""
 ABOUT = np.array([0.9, 1.0, 1.1])
 """Lines about each one between two poles, which may lie on a zero."""
 AT_REST = 1e-5
 """Poles slower than this part of the fastest count as at rest: their rounding does not count."""
+DRAWS, BEYOND = 2, 3.0
+"""How often entries are moved by `ROUNDINGS`; and by how much more a path must change to be another."""
+KEPT = 32
+"""Systems whose parts are kept: many results are asked of one loop."""
 
 
 def responds_otherwise(found: LinearSystem, given: LinearSystem) -> bool:
-    """Whether the responses differ between the poles of ``found``; without poles, nothing is compared.
+    """Whether any path responds otherwise between the poles of ``found`` by more than rounding of
+    ``given`` can.
+
+    Each path is compared with itself: one of 1e-6 of the others counts as much.
 
     >>> from middeck.systems.state_space.statespace import StateSpace
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> responds_otherwise(lag, StateSpace([[-1.0]], [[1.0]], [[2.0]], [[0.0]]))
     True
     """
-    most = np.inf if found.period_s is None else np.pi / found.period_s
+    return len(found.A) + len(given.A) > 0 and _differs(by_solving(found), given, _lines(found, given))
+
+
+@functools.lru_cache(maxsize=KEPT)
+def part_known(system: StateSpace) -> PartedSystem:
+    """`part_integrators` whose parts respond as the system does.
+
+    Raises `NumericalError` where they do not: rounding of mixed states then hides what an integrator drives.
+    """
+    parted = part_integrators(system)
+    if len(parted.residues) and _differs(resolve_parts(parted), system, _lines(parted.moving, system)):
+        raise NumericalError(
+            "rounding of the matrices hides what is driven or seen of integrators", hint=CURE
+        )
+    return parted
+
+
+def resolve_parts(parted: PartedSystem) -> Resolvent:
+    """The transfer function over s, integrators apart."""
+    moving = by_solving(parted.moving)
+
+    def evaluate(points: np.ndarray) -> np.ndarray:
+        total = np.array(moving(points))
+        for k, residue in enumerate(parted.residues, start=1):
+            total += residue / points[:, None, None] ** k
+        return total
+
+    return evaluate
+
+
+def _lines(found: LinearSystem, given: LinearSystem) -> Complex[np.ndarray, "centre line"]:
+    """Points about a line between each two poles, below and above them all."""
+    period_s = found.period_s
+    most = np.inf if period_s is None else np.pi / period_s
     rates = np.abs(np.asarray(poles(found)))
     rates = rates[rates < most]
     size = np.unique(rates[rates > AT_REST * rates.max(initial=0.0)])
     if not len(size):
-        return False
+        size = np.array([min(float(np.linalg.norm(balance_states(given).A)) or 1.0, most)])
     between = np.sqrt(size[1:] * size[:-1])
     centre = np.concatenate([[0.5 * size[0]], between, [min(2.0 * size[-1], 0.9 * most)]])
     lines = 1j * centre[:, None] * ABOUT
-    points = lines if found.period_s is None else np.exp(lines * found.period_s)
-    G, H = (by_solving(one)(points.ravel()).reshape(len(lines), -1) for one in (given, found))
-    return bool(np.any(np.linalg.norm(G - H, axis=1) > SAME * np.linalg.norm(G, axis=1)))
+    return lines if period_s is None else np.exp(lines * period_s)
+
+
+def _differs(found: Resolvent, given: LinearSystem, points: Complex[np.ndarray, "centre line"]) -> bool:
+    shape = (*points.shape, *given.D.shape)
+    G = by_solving(given)(points.ravel()).reshape(shape)
+    gap = np.abs(found(points.ravel()).reshape(shape) - G)
+    if not np.any(other := gap > SAME * np.abs(G).max(axis=1, keepdims=True)):
+        return False
+    rng, rounding, even = np.random.default_rng(0), np.zeros(shape), balance_states(given)
+    for _ in range(DRAWS):
+        moved = by_solving(_moved_as_a_whole(even, rng))(points.ravel()).reshape(shape)
+        rounding = np.maximum(rounding, np.abs(moved - G))
+    return bool(np.any(other & (gap > BEYOND * rounding.max(axis=1, keepdims=True))))
+
+
+def _moved_as_a_whole(system: System, rng: np.random.Generator) -> System:
+    """The system with every entry of A moved by `ROUNDINGS` roundings of the norm of A: orthogonal
+    transformations and solutions know no better. Entries of B by those of its column, of C of its row."""
+    sizes = (
+        np.linalg.norm(system.A, 2),
+        np.linalg.norm(system.B, axis=0),
+        np.linalg.norm(system.C, axis=1)[:, None],
+    )
+    A, B, C = (
+        M + ROUNDINGS * EPS * size * rng.choice([-1.0, 1.0], M.shape)
+        for M, size in zip((system.A, system.B, system.C), sizes, strict=True)
+    )
+    return dataclasses.replace(system, A=A, B=B, C=C)

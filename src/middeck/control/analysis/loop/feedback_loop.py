@@ -18,9 +18,9 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.poles.inert_modes import observed_modes, reached_modes
-from middeck.systems.poles.integrators import part_integrators, rest_modes_once, rest_once
+from middeck.systems.poles.integrators import rest_once
 from middeck.systems.poles.resolvent import Resolvent, by_schur_form
-from middeck.systems.poles.same_response import responds_otherwise
+from middeck.systems.poles.same_response import part_known, responds_otherwise
 from middeck.systems.poles.state_units import balance_states, settle_states
 from middeck.systems.poles.verdict import CURE
 from middeck.systems.state_space.feedback import beside, close_static
@@ -204,9 +204,12 @@ def transfer_of(dynamics: ModalSystem | StateSpace) -> Resolvent:
 def part_transfer(
     dynamics: ModalSystem | StateSpace,
 ) -> tuple[Float[np.ndarray, "chain output input"], Resolvent]:
-    """Residues R_1, R_2, ... at the origin, of R_k / s^k, and the rest as a function of s."""
+    """Residues R_1, R_2, ... at the origin, of R_k / s^k, and the rest as a function of s.
+
+    Raises `NumericalError` as `part_known`.
+    """
     if not isinstance(dynamics, ModalSystem):
-        parted = part_integrators(dynamics)
+        parted = part_known(dynamics)
         return parted.residues, resolve(parted.moving)
     rigid = dynamics.omega == 0.0
     rows = output_rows(still := select_modes(dynamics, rigid))

@@ -15,7 +15,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     close_channels,
     open_channel,
 )
-from middeck.control.analysis.loop.returned_wave import returned_wave
+from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.poles.transmission_zeros import transmission_zeros
 
@@ -42,7 +42,8 @@ which two cancelling loops leave rounding only."""
 SAME = 0.05
 MOST_DELAY_LINES = 20_000
 PHASES = 16
-"""Phases of the delay at which the ratio is compared with that at twice the frequency."""
+"""Phases of each turn of the longest delay at which the ratio is compared with that at twice the
+frequency."""
 SETTLED, NEAREST = 0.1, 1e-3
 """Change of the ratio over the distance of its gain from one, or over `NEAREST`, within which it counts as
 repeated by each turn of the delay. Its limit is known (`returned_wave`)."""
@@ -69,7 +70,7 @@ def place_lines(
     if period is not None:
         top = (1.0 - SHORT_OF_NYQUIST) * np.pi / period
     else:
-        top = _where_gone(ratio, high) if wave is None else _where_repeated(ratio, high, wave.delay_s)
+        top = _where_gone(ratio, high) if wave is None else _where_repeated(ratio, high, wave)
     lines = [np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2), _clusters(features)]
     longest_s = float(loop.plant.delay_s.max(initial=0.0))
     if longest_s > 0.0:
@@ -160,11 +161,11 @@ def _where_gone(ratio: Response, omega: float) -> float:
     return omega * 1e3
 
 
-def _where_repeated(ratio: Response, omega: float, delay_s: float) -> float:
-    """Frequency a turn of the delay above one, not below ``omega``, from which the ratio depends on the phase
-    of the delay only; at most a thousand ``omega``."""
-    turn = 2.0 * np.pi / delay_s
-    phases = turn * np.arange(PHASES) / PHASES
+def _where_repeated(ratio: Response, omega: float, wave: ReturnedWave) -> float:
+    """Frequency a turn of the delays above one, not below ``omega``, from which the ratio depends on their
+    phases only; at most a thousand ``omega``."""
+    turn = 2.0 * np.pi / wave.common_s
+    phases = turn * np.linspace(0.0, 1.0, PHASES * int(wave.multiples.max()), endpoint=False)
     start = omega
     for factor in np.geomspace(1.0, 1e3, 13):
         start = omega * float(factor)

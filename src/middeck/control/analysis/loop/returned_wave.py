@@ -1,10 +1,13 @@
 """The wave around a delayed loop at frequencies so high that only its direct terms are left.
 
-There the loop depends on the phase w T of their common delay T only: each turn of it repeats (a neutral
-equation; Hale and Verduyn Lunel 1993, section 9.6).
+There the loop depends on the phases w T_k of their delays T_k only, and repeats with each turn of the largest
+time of which all are multiples (a neutral equation; Hale and Verduyn Lunel 1993, section 9.6). Delays without
+such a time come as near as wanted to all phases at once (Kronecker).
 """
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -13,38 +16,81 @@ from middeck.control.analysis.loop.feedback_loop import FeedbackLoop
 from middeck.systems.plants.plant import remove_delays
 from middeck.values import record
 
-TURN = np.linspace(0.0, 2.0 * np.pi, 361)
-"""Phases [rad] of one turn of the delay."""
+STEPS = 360
+"""Phases of each turn of the longest delay."""
+MOST = 200
+"""The largest multiple of their common time that delays may be; and the parts of the longest to which they
+are rounded where there is none."""
+COMMON = 1e-9
+"""Distance from a multiple, relative to the common time, within which a delay is one."""
 
 
 @record
 class ReturnedWave:
-    """The direct terms of a loop; the plant's have one delay.
+    """The direct terms of a loop; the plant's have delays that are multiples of one time.
 
     Attributes:
         through: The plant's.
         law: The compensator's.
-        delay_s: The delay [s] of all paths with a direct term.
+        multiples: Delay of each path of the plant, as a multiple of ``common_s``.
+        common_s: The common time [s].
     """
 
     through: Float[np.ndarray, "output input"]
     law: Float[np.ndarray, "input output"]
-    delay_s: float
+    multiples: Float[np.ndarray, "output input"]
+    common_s: float
+
+    @property
+    def turn(self) -> Float[np.ndarray, " phase"]:
+        """Phases [rad] of one turn of the common time."""
+        return np.linspace(0.0, 2.0 * np.pi, STEPS * int(self.multiples.max()) + 1)
 
     def halves(self, s: np.ndarray) -> tuple[Complex[np.ndarray, "phase output input"], np.ndarray]:
-        """G and K, where the delay is a phase of the imaginary ``s`` [rad]."""
-        G = np.exp(-np.asarray(s, dtype=complex))[:, None, None] * self.through
+        """G and K, where the common time is a phase of the imaginary ``s`` [rad]."""
+        return self.halves_at(np.asarray(s, dtype=complex)[:, None, None] * self.multiples)
+
+    def halves_at(
+        self, lag: Complex[np.ndarray, "phase output input"]
+    ) -> tuple[Complex[np.ndarray, "phase output input"], np.ndarray]:
+        """G and K where each path turns by an imaginary lag [rad] for its own."""
+        G = np.exp(-lag) * self.through
         return G, np.broadcast_to(self.law.astype(complex), (len(G), *self.law.shape))
 
 
 def returned_wave(loop: FeedbackLoop) -> ReturnedWave | None:
-    """The wave that returns through the direct terms of a loop; None without a delay, for different delays,
-    and where nothing returns.
+    """The wave that returns through the direct terms of a loop; None without a delay, of delays without a
+    common time, and where nothing returns.
     """
     if loop.plant.period_s is not None or not loop.plant.delayed:
         return None
     through, law = remove_delays(loop.plant).system.D, loop.law.D
-    late = loop.plant.delay_s[through != 0.0]
-    if not np.any(law @ through) or not late[0] or np.any(late != late[0]):
+    late = np.unique(loop.plant.delay_s[through != 0.0])
+    if not np.any(law @ through) or not late.max():
         return None
-    return ReturnedWave(through, law, float(late[0]))
+    common_s = common_time(late[late > 0.0])
+    if common_s is None:
+        return None
+    multiples = np.where(through != 0.0, np.round(loop.plant.delay_s / common_s), 0.0)
+    return ReturnedWave(through, law, multiples, common_s)
+
+
+def common_time(delay_s: Float[np.ndarray, " delay"]) -> float | None:
+    """The largest time [s] of which all delays are multiples, `MOST` at most; None where there is none.
+
+    >>> round(common_time(np.array([0.010, 0.004])), 9)
+    0.002
+    """
+    shortest, longest = delay_s.min(), delay_s.max()
+    for part in range(1, int(MOST * shortest / longest) + 1):
+        multiple = delay_s * part / shortest
+        if np.all(np.abs(multiple - np.round(multiple)) < COMMON * part):
+            return float(shortest / part)
+    return None
+
+
+def with_common_time(loop: FeedbackLoop) -> FeedbackLoop:
+    """The loop with its delays rounded to parts of the longest: whose lines are those of the loop."""
+    longest = float(loop.plant.delay_s.max())
+    delay_s = np.round(loop.plant.delay_s * MOST / longest) * longest / MOST
+    return dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, delay_s=delay_s))

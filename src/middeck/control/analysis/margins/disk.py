@@ -11,6 +11,7 @@ margins" there).
 from __future__ import annotations
 
 import numpy as np
+import scipy.optimize as opt
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import (
@@ -24,7 +25,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     moved_part,
 )
 from middeck.control.analysis.loop.frequency_lines import add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop.returned_wave import TURN, ReturnedWave, returned_wave
+from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave, with_common_time
 from middeck.control.analysis.margins.crossings import find_peaks
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms
@@ -32,6 +33,9 @@ from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_round, 
 from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.values import record
+
+NARROWED = {"xatol": 1e-5, "fatol": 1e-9, "maxfev": 1000}
+"""A search of phases near the highest of those tried."""
 
 
 @record
@@ -88,7 +92,12 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
     halves, closed = evaluate_halves(loop), closed_round(loop, at)
     ratio = broken_ratio(loop, at)
     half = 0.5 * np.eye(len(broken_at(loop, at)))
-    omega, _ = refine_lines(ratio, place_lines(loop, at, ratio, zeros=False))
+    wave, even = returned_wave(loop), loop
+    if wave is None and loop.plant.delayed:
+        even = with_common_time(loop)
+        wave = returned_wave(even)
+    lines = place_lines(even, at, ratio if even is loop else broken_ratio(even, at), zeros=False)
+    omega, _ = refine_lines(ratio, lines)
 
     def once(s: np.ndarray) -> Complex[np.ndarray, "line path"]:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # on a pole of a half
@@ -107,17 +116,30 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
         return _bounds(skewed)
 
     at_peak, peak = find_peaks(bound, omega, bound(omega))
-    beyond = 0.0 if (wave := returned_wave(loop)) is None else _turn_peak(wave, at)
+    beyond = 0.0 if wave is None else _turn_peak(wave, at, any_phase=even is not loop)
     return disk_from_peak(peak, at_peak) if peak >= beyond else disk_from_peak(beyond, np.inf)
 
 
-def _turn_peak(wave: ReturnedWave, at: At) -> float:
-    """The largest bound at infinite frequency, over one turn of the delay."""
+def _turn_peak(wave: ReturnedWave, at: At, *, any_phase: bool) -> float:
+    """The largest bound at infinite frequency, over one turn of the delays, or over any phases of them."""
+
+    def bound_at(lag: np.ndarray) -> Float[np.ndarray, " phase"]:
+        return _bounds(skewed_sensitivity(go_round(*wave.halves_at(lag), at)))
 
     def bound(phase: np.ndarray) -> Float[np.ndarray, " phase"]:
-        return _bounds(skewed_sensitivity(go_round(*wave.halves(1j * phase), at)))
+        return bound_at(1j * phase[:, None, None] * wave.multiples)
 
-    return find_peaks(bound, TURN, bound(TURN))[1]
+    turn = wave.turn
+    phase, peak = find_peaks(bound, turn, bound(turn))
+    if not any_phase:
+        return peak
+    delays, path = np.unique(wave.multiples, return_inverse=True)
+
+    def height(phases: np.ndarray) -> float:
+        return -float(bound_at(1j * phases[path].reshape(1, *wave.multiples.shape))[0])
+
+    found = opt.minimize(height, phase * delays, method="Nelder-Mead", options=NARROWED)
+    return max(peak, -float(found.fun))
 
 
 def _bounds(skewed: Complex[np.ndarray, "line channel channel"]) -> Float[np.ndarray, " line"]:

@@ -21,7 +21,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     open_channel,
 )
 from middeck.control.analysis.loop.frequency_lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop.returned_wave import TURN, ReturnedWave, returned_wave
+from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave
 from middeck.control.analysis.margins.crossings import (
     Crossings,
     Ratio,
@@ -174,10 +174,10 @@ def measure_margins(
     Crossings are bracketed on lines around every pole and zero and solved to rounding; those that need a
     change of gain beyond 80 dB are left out, and of thousands that a delay makes all but the 300 nearest to a
     gain of one on each side. Real poles through the origin, z = -1 or infinity (direct terms, no delay) count
-    among the gains. Where all direct terms have one delay, the limits to which crossings and peaks tend at
-    infinite frequency count too, at ``inf`` Hz. Delays of the plant stay in the loop. The poles of an
-    undamped loop are on the axis: its phase margin is zero, and its limits of gain are where two poles meet
-    and leave the axis.
+    among the gains. Where the delays of direct terms are multiples of one time (200 at most), the limits to
+    which crossings and peaks tend at infinite frequency count too, at ``inf`` Hz. Delays of the plant stay in
+    the loop. The poles of an undamped loop are on the axis: its phase margin is zero, and its limits of gain
+    are where two poles meet and leave the axis.
 
     For a sampled compensator L(exp(j w T)) includes hold and delays. Its delay margin is the least additional
     delay of a channel with which the plant, sampled anew, gives an unstable loop
@@ -253,9 +253,9 @@ def _one_channel(curve: Curve, i: int) -> Curve:
 
 
 def _trace_turn(wave: ReturnedWave, at: At) -> Curve:
-    """The ratio at infinite frequency over one turn of the delay."""
+    """The ratio at infinite frequency over one turn of the delays."""
     ratio = wave_ratio(wave, at)
-    return ratio, *refine_lines(ratio, TURN)
+    return ratio, *refine_lines(ratio, wave.turn)
 
 
 def _describe(

@@ -60,7 +60,11 @@ def find_worst_case(
     corners: int | None = None,
     rng: np.random.Generator | None = None,
 ) -> WorstCase:
-    """Plant of the box with the fastest growth; where all are stable, with the worst performance.
+    """Plant of the box that is farthest into, or nearest to, instability, or of the worst performance.
+
+    Of unstable plants that with the fastest growth. Where all are stable, that with the worst
+    ``performance``, or without one that with the largest sensitivity (I - K G)^-1 at the frequencies of the
+    poles: the decay of the slowest pole says nothing where it is of a mode that the loop hardly moves.
 
     Evaluates all corners, or ``corners`` of them drawn with ``rng``, then searches along the parameters from
     the middle and the worst corners with halved steps. Ranking uses approximated delays, of the order that
