@@ -22,8 +22,7 @@ from middeck.values import record
 # Places of the off-diagonal entries of a matrix, by rows.
 OFF_DIAGONAL = np.array([1, 2, 3, 5, 6, 7])
 KEPT, LARGEST = 16, 5_000
-"""Layouts that are kept: a refinement or a promise meshes one article hundreds of times. And the points of
-the largest of them."""
+"""Layouts that are kept, and the points of the largest: a promise meshes one article hundreds of times."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,10 +142,12 @@ def map_points(tree: FrameTree, points: PosePoints) -> PoseMap:
         if jointed[point]:
             root[point], joints = chains[int(frame[point])]
             joint[k, : len(joints)] = joints
+    of = Special(
+        point=special, frame=frame[special], offset=points.offset[special], root=root[special], joint=joint
+    )
+    movers = _Movers(roots=tree.roots, root=root, special=special, joint=joint)
     lay_out = _lay_out if len(root) <= LARGEST else _lay_out.__wrapped__
-    moves, *entries = lay_out(_Movers(roots=tree.roots, root=root, special=special, joint=joint))
-    of = Special(special, frame[special], points.offset[special], root[special], joint, moves)
-    return PoseMap(tree, points, of, *entries)
+    return PoseMap(tree, points, of, lay_out(movers))
 
 
 @functools.lru_cache(maxsize=KEPT)

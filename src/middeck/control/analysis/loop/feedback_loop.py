@@ -18,7 +18,7 @@ from middeck.errors import ConfigError, NumericalError
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.poles.inert_modes import observed_modes, reached_modes
-from middeck.systems.poles.integrators import rest_once
+from middeck.systems.poles.integrators import rest_modes_once, rest_once
 from middeck.systems.poles.resolvent import Resolvent, by_schur_form
 from middeck.systems.poles.same_response import part_known, responds_otherwise
 from middeck.systems.poles.state_units import balance_states, settle_states
