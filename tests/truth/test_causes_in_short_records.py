@@ -117,6 +117,33 @@ def test_feedback_is_named_in_a_short_record(
     assert not any("feedback" in kinds(bare(r, y)) for r, _, y in runs)
 
 
+def analogue_sweep(seed: int) -> Record:
+    """A sweep that breaks off within a record of 300 samples, and light modes: both exact between samples."""
+    rng, finer, n = np.random.default_rng([74, seed]), 32, 300
+    until, hz = 3.0 * rng.choice([0.8, 0.9]), np.sort(rng.uniform(1.5, 35.0, int(rng.integers(1, 5))))
+    t = np.arange(n * finer) / (100.0 * finer)
+    u = chirp(t, rng.uniform(0.3, 2.0), until, rng.uniform(20.0, 48.0), phi=-90) * (t < until)
+    y = np.zeros((len(t), 2))
+    for f in hz:
+        pole = 2.0 * np.pi * f / (100.0 * finer) * (1j - 10.0 ** rng.uniform(-3.0, -1.3))
+        y += f * lfilter([0.0, 1.0], [1.0, -np.exp(pole)], u).imag[:, None] * rng.uniform(-1.0, 1.0, 2)
+    u, y = u[::finer, None], y[::finer]
+    y = y + 10.0 ** rng.uniform(-4.5, -1.0) * y.std(axis=0) * rng.standard_normal(y.shape)
+    return bare(u[None, None], y[None, None])
+
+
+def test_a_short_sweep_is_not_told_to_be_fed_back(campaign: Callable[..., range]) -> None:
+    """Of 300 samples no longer past could be tried: of 1000 clean ones two to nine were accused, of those
+    that break off one in 27; what is told of these names the jump beside lost samples."""
+    assert not any(
+        "feedback" in kinds(measured("sweep", seed, 300)) for seed in (256, 358, *campaign(1000, 20))
+    )
+    broken = [analogue_sweep(seed) for seed in campaign(300, 60)]
+    told = [f for record in broken for f in find_relation_faults(record)]
+    assert sum(f.kind == "feedback" for f in told) <= len(broken) // 50
+    assert all("an input jumps there" in f.what for f in told if f.kind == "joint")
+
+
 @pytest.mark.parametrize(("samples", "share"), [(500, 0.2), (800, 0.6)])
 def test_samples_lost_in_an_output_are_placed_in_a_short_record(
     samples: int, share: float, campaign: Campaign

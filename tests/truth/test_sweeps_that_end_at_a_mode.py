@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from scipy.signal import chirp, lfilter
 
-from middeck.identification.spectra.estimate import response_scatter
+from middeck.identification.spectra.estimate import Method, response_scatter
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
 
@@ -37,15 +38,20 @@ def swept(seed: int) -> tuple[Record, Response, float]:
     return record, response, last
 
 
-def test_the_errors_of_a_sweep_that_ends_soon_after_a_mode_are_stated(campaign: Callable[..., range]) -> None:
-    """Of 60 sweeps 27 had over 2 % of lines off by four deviations, up to 150, where they ended."""
+@pytest.mark.parametrize("method", ["local rational", "local polynomial"])
+def test_the_errors_of_a_sweep_that_ends_soon_after_a_mode_are_stated(
+    method: Method, campaign: Callable[..., range]
+) -> None:
+    """Of 60 sweeps 27 had over 2 % of lines off by four deviations, up to 150, where they ended; of
+    polynomials, which round resonances off and make of that a transient, 36 of 40 had half a per cent."""
     silent: list[int] = []
-    for seed in campaign(60, 5):
+    for seed in campaign(60, 8):
         record, response, last = swept(seed)
-        found = response_scatter(record, method="local rational", band_hz=(0.008, 0.99 * last))
+        found = response_scatter(record, method=method, band_hz=(0.008, 0.99 * last))
+        assert found.total is not None
         off = np.abs(found.H[:, 0, 0] - response(found.frequency_hz)) / np.sqrt(found.total[:, 0, 0])
-        silent += [seed] if np.mean(off > 4.0) > 0.02 else []
-    assert len(silent) <= len(campaign(60, 5)) // 6, silent
+        silent += [seed] if np.mean(off > 4.0) > 0.005 else []
+    assert len(silent) <= len(campaign(60, 8)) // 8, silent
 
 
 def test_the_deviations_under_noise_are_no_larger(campaign: Callable[..., range]) -> None:

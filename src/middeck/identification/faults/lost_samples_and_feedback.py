@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
+import scipy.ndimage
+from jaxtyping import Bool, Float
 from scipy.fft import next_fast_len
 
 from middeck.identification.faults.equal_runs import FaultDraft, fault
@@ -36,14 +37,22 @@ MOST_ALIKE = 0.6
 # Gain required of a regression: in deviations of its chi-square law, and as a share of the prediction error.
 SURE, SHARE = 7.0, 0.02
 # Times as much of the past by which feedback is tested again, and samples for each unknown of that; of more
-# than so many samples some, evenly spread, suffice.
-LONGER, ROWS, ENOUGH = (2, 4, 8), 4, 20_000
+# than so many samples some, evenly spread, tell as much. Of so few samples for each unknown chance may hide a
+# loop: what later inputs tell must then fall to this part, both freed of what so many unknowns fit by chance.
+LONGER, ROWS, ENOUGH = (1.5, 2, 4, 8), 4, 20_000
+FEWEST_ROWS, FALLS_TO = 1.6, 0.3
+# What an input's past does not foretell, over its median, from which it jumps (of noise, a sample in 16,000),
+# and the share of a record that must be free of jumps for feedback to be looked for there alone.
+# So many samples before and after a joint a jump may be its cause.
+JUMPS, CALM, BEFORE = 6.0, 0.6, 3
 # Residuals whose largest, a hundredth but no fewer than so many, tell the tail of noise; chance is beyond it
 # in one of e^BEYOND, and a residual below LEAP times the median is none in any case.
 # Computed samples leave rounding alone: below LEAST, in rms of the output, nothing is concluded.
 FEWEST_LARGE, BEYOND, LEAP, LEAST = 20, 12.0, 12.0, 1e-4
 # Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
 AS_BEFORE = 2.0
+# Records of fewer samples may show samples lost on one side as inputs that tell what was, as feedback does.
+TELLS_LOSS = 1000
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
 # input does between samples. Before it begins, an answer that a filter cuts off near half the rate follows a
 # sum of (-1)^n / n^k of inputs n samples later: so many powers k are enough.
@@ -226,8 +235,11 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
         at = _alone(left)
         if at is None and tells and float(left.std()) > FORETOLD:
             share = _told_later(x, own, after)
+            calm = None if share is None else _calm(U, lags, later)
+            if calm is not None and not calm.all():
+                share = _told_later(x[calm], own[:, calm], after[:, calm])
             if share is not None and not _is_of_the_past(Y[o : o + 1], U, later, lags):
-                found.append((_fed_back(share), port))
+                found.append((_fed_back(share, U.shape[1]), port))
         elif at is not None:
             # Predicted from its past, a spike is gone; after a joint the next samples are wrong, too.
             mended = Y[o].copy()
@@ -239,7 +251,9 @@ def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
                 and len(after_it) > 0
                 and float(np.std(after_it)) < AS_BEFORE * float(np.std(left[:at]))
             )
-            found.append(((_stands_out if gone else _joined)(record, at + lags), port))
+            jumps = bool(_jumps(U)[max(at + lags - BEFORE, 0) : at + lags + BEFORE + 1].any())
+            place = _stands_out(record, at + lags) if gone else _joined(record, at + lags, jumps=jumps)
+            found.append((place, port))
     return found
 
 
@@ -264,12 +278,14 @@ def _alone(left: Signal) -> int | None:
     return first + int(np.argmax(size[first : at + 1] > limit)) if size[at] > limit else None
 
 
-def _joined(record: Record, at: int) -> FaultDraft:
+def _joined(record: Record, at: int, *, jumps: bool) -> Found:
+    between = ", or an input jumps there, faster than its samples tell" if jumps else ""
     what = (
         f"does not go on at sample {at} ({at / record.sample_hz:.6g} s) as it was: samples of all channels "
-        "were lost there, or two runs joined"
+        f"were lost there, or two runs joined{between}"
     )
     hint = "cut the record there: each part is a record of its own, with a state to begin with"
+    hint += "; fade signals in and out, or filter them" if jumps else ""
     return fault("joint", what, hint, samples=((at, at + 1),))
 
 
@@ -287,30 +303,68 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
     return share if gain > added + SURE * np.sqrt(2.0 * added) and share > SHARE else None
 
 
+def _calm(U: Float[np.ndarray, "input sample"], lags: int, later: int) -> Bool[np.ndarray, " sample"]:
+    """Samples whose rows of the regression hold no jump of an input; all where few are left.
+
+    Where a sweep breaks off, its samples do not tell what it does between them, and a fit of all is off.
+    """
+    near = np.convolve(_jumps(U), np.ones(lags + later + 1))[lags + later :]
+    calm = near[: U.shape[1] - lags - later] < 0.5
+    return calm if calm.mean() > CALM else np.ones_like(calm)
+
+
+def _jumps(U: Float[np.ndarray, "input sample"]) -> Bool[np.ndarray, " sample"]:
+    """Samples at which an input does what its past does not foretell, or a rest of it begins or ends."""
+    left = np.abs([whitened(u) for u in U])
+    still = np.diff(U, prepend=np.nan) == 0.0
+    rests = scipy.ndimage.binary_opening(still, np.ones((1, PAST)))
+    edges = np.diff(rests, prepend=rests[:, :1])
+    large = left > JUMPS * np.maximum(np.median(left, axis=1, keepdims=True), 1e-300)
+    return np.any(large | edges, axis=0)
+
+
+def _unflattered(x: Signal, own: np.ndarray, after: np.ndarray) -> float:
+    """The share of `_told_later`, each sum of squares over its degrees of freedom."""
+    rows = own, np.vstack([own, after])
+    before, then = (float(np.sum(_left(x, r) ** 2)) / max(len(x) - len(r), 1) for r in rows)
+    return 1.0 - then / max(before, 1e-300)
+
+
 def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool:
     """Whether later inputs add nothing once more of the past is known.
 
     Inputs that their past predicts, such as sums of sines, later show what far earlier ones were:
     what modes that ring on make of those is no noise.
     """
-    for past in (lags * longer for longer in LONGER):
+    first: float | None = None
+    for past in (lags, *(int(lags * longer) for longer in LONGER)):
         count = U.shape[1] - past - later
-        if (1 + len(U)) * past > count // ROWS:
+        rows = count / ((1 + len(U)) * past)
+        if rows < FEWEST_ROWS:
             break
         span = past, count, 1 + count // ENOUGH
         after = beside(U, range(LEADS + 1, later + 1), *span)
         own = [beside(y, range(-past, 0), *span), beside(U, range(-past, LEADS + 1), *span)]
-        own = np.vstack([*own, _tails(after, len(U))])
-        if _told_later(beside(y, range(1), *span)[0], own, after) is None:
+        own, x = np.vstack([*own, _tails(after, len(U))]), beside(y, range(1), *span)[0]
+        if first is None:
+            first = _unflattered(x, own, after)
+            continue
+        told = _told_later(x, own, after) if rows >= ROWS else _unflattered(x, own, after)
+        if told is None or (rows < ROWS and told < FALLS_TO * first):
             return True
     return False
 
 
-def _fed_back(share: float) -> FaultDraft:
+def _fed_back(share: float, samples: int) -> Found:
+    lost = (
+        f"; or samples were lost within it, which {samples} samples do not tell from feedback"
+        if samples < TELLS_LOSS
+        else ""
+    )
     what = (
         f"sends its noise back into the inputs: they tell, later, {share:.0%} of what its past leaves. There "
         "is feedback in the record, or the inputs were recorded late, or with noise, which makes gains too "
-        "small"
+        f"small{lost}"
     )
     hint = (
         "fit from a signal outside the loop (--reference CHANNEL), or with the controller known: from the "

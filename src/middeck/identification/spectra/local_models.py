@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from middeck.errors import DataError
 from middeck.identification.spectra import local_fit
@@ -35,16 +35,19 @@ AVERAGED = 20
 # beyond an edge of the drive: of noise no line has less, leakage from the third line beyond on. It falls with
 # the cube of the distance, and REACH halves out it is fainter than FAINTEST.
 EDGE, REACH = 0.01, 4
-# Amplitude of the inputs about a line that no transient has, as a share of all and of that of the middle
-# line, below which the ends of the band may say nothing: a sweep is there when a record begins and ends, and
-# turns from line to line no more than a motion that decays. Of noise, one line in 1e8 has so little. A sweep
-# that is followed by rest has little of it, and is estimated well: lost are lines whose deviation is this
-# share of the largest response.
-SMOOTH, LOST = 0.2, 0.1
-# That share, in amplitude, below which prediction of the outputs shows little of the response (of noise it is
-# 0.85 and more): of the models of no less than half the window that predict as well within a factor, those
-# that are further apart than so many deviations add the square of their distance to the variance.
-TURNS_LITTLE, AS_WELL, APART = 0.8, 2.5, 3.0
+# Amplitude of the inputs about a line that no transient has, as a share of all and of that of TYPICAL lines
+# (a quantile), below which the ends of the band may say nothing: a sweep is there when a record begins and
+# ends, and turns from line to line no more than a motion that decays. Of noise, one line in 1e8 has so
+# little. A sweep that is followed by rest has little of it, and is estimated well: lost are lines whose
+# deviation is this share of the largest response.
+SMOOTH, TYPICAL, LOST = 0.2, 0.9, 0.1
+# Of the models that predict as well within a factor, those that are further apart than so many deviations
+# add the square of their distance to the variance: they are no narrower than half the window, or none that
+# the method takes. Prediction of the outputs tells less of the response where the inputs turn evenly from
+# line to line, as sweeps do and no noise: there fewer deviations count. EVENLY is the length of the mean of
+# the second turns, each of length one, over the lines that prediction is averaged over (of noise 0.16, of
+# sweeps 0.9).
+AS_WELL, APART, EVENLY, APART_EVENLY = 2.5, 3.0, 0.6, 1.5
 
 
 def scatter_of_local_models(
@@ -61,7 +64,7 @@ def scatter_of_local_models(
     """
     experiments, inputs, stride = _shape(record)
     polynomials = _models(ROWS_POLYNOMIAL, experiments, inputs, stride, rational=False)
-    rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True) if rational else []
+    rationals = _models(ROWS_RATIONAL, experiments, inputs, stride, rational=True)
     narrowest, widest = polynomials[0], max(m.half for m in (*polynomials, *rationals))
     U, Y, numbers, step_hz = (
         _spectra(record) if isinstance(record, Record) else _band_spectra(record, band_hz, widest)
@@ -82,18 +85,17 @@ def scatter_of_local_models(
         # Whole periods have no leakage.
         lines = lines[_between_driven(U, lines, narrowest.half)]
     excited, share = _excited(U, lines, narrowest.half, frequency, band_hz)
-    told, smooth = _between_ends(share)[excited], _turns_little(share[excited])
-    lines = lines[excited]
+    told, lines = _between_ends(share)[excited], lines[excited]
     models = [m for m in (*polynomials, *rationals) if 2 * m.half + 1 <= len(U)]
     # In units of each channel's largest line, so that no sum of squares leaves the range of numbers.
     sizes = by_input, by_output = np.abs(U).max(axis=(0, 1)), np.abs(Y).max(axis=(0, 1))
     scaled = U / by_input, Y / by_output
-    choice, apart = _choice(*scaled, lines, models, smooth)
+    evenly = _turn_evenly(U, stride)[lines]
+    choice, apart = _choice(*scaled, lines, models, np.where(evenly, APART_EVENLY, APART), rational=rational)
     found = _by_choice(*scaled, frequency, lines, models, choice)
     assert found.total is not None
-    kept = _without_lost_ends(found, told)
     found = dataclasses.replace(found, total=found.total + apart)
-    return _in_units(_some_lines(found, kept), *sizes, stride)
+    return _in_units(_some_lines(found, _without_lost_ends(found, told)), *sizes, stride)
 
 
 Lines = tuple[np.ndarray, np.ndarray, Int[np.ndarray, " line"], float]
@@ -167,13 +169,19 @@ def _excited(
 
 def _between_ends(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
     """Lines from the first to the last with enough of the ``share`` of the inputs that no transient has."""
-    told = np.flatnonzero(share >= SMOOTH**2 * np.median(share))
+    told = np.flatnonzero(share >= SMOOTH**2 * np.quantile(share, TYPICAL))
     return _between(told, len(share))
 
 
-def _turns_little(share: Float[np.ndarray, " line"]) -> Bool[np.ndarray, " line"]:
-    """Lines about which the inputs turn hardly more from one to the next than a motion that decays."""
-    return _moving_mean(share[:, None], AVERAGED)[:, 0] < TURNS_LITTLE**2
+def _turn_evenly(U: Complex[np.ndarray, "line experiment input"], stride: int) -> Bool[np.ndarray, " line"]:
+    """Lines about which the inputs turn by much the same more from each excited line to the next."""
+    turn = U[stride:] * U[:-stride].conj()
+    bend = turn[stride:] * turn[:-stride].conj()
+    unit = bend / np.maximum(np.abs(bend), np.finfo(float).tiny)
+    unit = np.concatenate([unit[:1].repeat(stride, 0), unit, unit[-1:].repeat(stride, 0)])
+    parts = unit.reshape(len(unit), -1)
+    mean = np.hypot(*(uniform_filter1d(x, 2 * AVERAGED + 1, axis=0) for x in (parts.real, parts.imag)))
+    return np.all(mean > EVENLY, axis=1)
 
 
 def _between(places: np.ndarray, count: int) -> Bool[np.ndarray, " line"]:
@@ -224,13 +232,17 @@ def _choice(
     Y: np.ndarray,
     lines: Int[np.ndarray, " estimate"],
     models: list[local_fit.LocalModel],
-    smooth: Bool[np.ndarray, " estimate"],
+    apart: Float[np.ndarray, " estimate"],
+    *,
+    rational: bool,
 ) -> tuple[Int[np.ndarray, " estimate"], Float[np.ndarray, "estimate output input"]]:
     """The model that predicts best around each line, all outputs counting by the factor of their error.
 
-    And what the others that predict as well add to its variance, where the inputs are ``smooth``.
+    And what the others that predict as well, and are ``apart`` by more deviations, add to its variance.
+    Without ``rational`` models with a denominator are not chosen, but tell how far polynomials round a
+    resonance off.
     """
-    judged, doubtful = lines[::JUDGED], smooth[::JUDGED]
+    judged = lines[::JUDGED]
     width = 2 * AVERAGED + 1
     scores: list[np.ndarray] = []
     told: list[tuple[np.ndarray, np.ndarray]] = []
@@ -238,26 +250,27 @@ def _choice(
         fit = local_fit.fit_windows(U, Y, judged, model)
         average = _moving_mean(fit.prediction, -(-width // (2 * JUDGED)))
         scores.append(np.mean(np.log(average + np.finfo(float).tiny), axis=1))
-        told.append((fit.H[doubtful], fit.variance[doubtful]))
-    penalty = np.array([np.log(PAYS) if m.rational else 0.0 for m in models])
+        told.append((fit.H, fit.variance))
+    pays = np.log(PAYS) if rational else np.inf
+    penalty = np.array([pays if m.rational else 0.0 for m in models])
     best = np.argmin(np.array(scores) + penalty[:, None], axis=0)
-    apart = np.zeros((len(judged), Y.shape[2], U.shape[2]))
-    apart[doubtful] = _apart(told, np.array(scores)[:, doubtful], best[doubtful], models)
+    wide = np.array([2 * m.half for m in models])[:, None] >= np.array([m.half for m in models])[best]
+    wide |= np.isinf(penalty)[:, None]
+    as_well = (np.array(scores) < np.min(scores, axis=0) + np.log(AS_WELL)) & wide
+    more = _apart(told, as_well, best, apart[::JUDGED])
     place = np.minimum((np.arange(len(lines)) + JUDGED // 2) // JUDGED, len(judged) - 1)
-    return best[place], apart[place]
+    return best[place], more[place]
 
 
 def _apart(
     told: list[tuple[np.ndarray, np.ndarray]],
-    scores: Float[np.ndarray, "model line"],
+    as_well: Bool[np.ndarray, "model line"],
     best: Int[np.ndarray, " line"],
-    models: list[local_fit.LocalModel],
+    apart: Float[np.ndarray, " line"],
 ) -> Float[np.ndarray, "line output input"]:
     """Largest square of the distance to a model that predicts as well, less what its deviation allows."""
-    half = np.array([model.half for model in models])
-    as_well = (scores < scores.min(axis=0) + np.log(AS_WELL)) & (2 * half[:, None] >= half[best])
     H, variance = (np.array(x) for x in zip(*told, strict=True))
-    off = np.abs(H - H[best, np.arange(len(best))]) ** 2 - APART**2 * variance
+    off = np.abs(H - H[best, np.arange(len(best))]) ** 2 - apart[:, None, None] ** 2 * variance
     return np.max(np.where(as_well[:, :, None, None], off, 0.0), axis=0, initial=0.0)
 
 
