@@ -278,7 +278,7 @@ def _alone(left: Signal) -> int | None:
     return first + int(np.argmax(size[first : at + 1] > limit)) if size[at] > limit else None
 
 
-def _joined(record: Record, at: int, *, jumps: bool) -> Found:
+def _joined(record: Record, at: int, *, jumps: bool) -> FaultDraft:
     between = ", or an input jumps there, faster than its samples tell" if jumps else ""
     what = (
         f"does not go on at sample {at} ({at / record.sample_hz:.6g} s) as it was: samples of all channels "
@@ -355,7 +355,7 @@ def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool
     return False
 
 
-def _fed_back(share: float, samples: int) -> Found:
+def _fed_back(share: float, samples: int) -> FaultDraft:
     lost = (
         f"; or samples were lost within it, which {samples} samples do not tell from feedback"
         if samples < TELLS_LOSS
