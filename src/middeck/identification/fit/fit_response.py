@@ -10,6 +10,15 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from middeck.errors import DataError, FitError
+from middeck.identification.fit.coupling_instead import (
+    ROUNDS,
+    STEPS,
+    Trial,
+    coupling_instead,
+    coupling_terms,
+    spare_modes,
+    without_coupling,
+)
 from middeck.identification.fit.fitted_model import model_of, structure_of
 from middeck.identification.fit.missing_delay import name_missing_delay
 from middeck.identification.fit.mode_trust import (
@@ -26,7 +35,7 @@ from middeck.identification.fit.mode_trust import (
 )
 from middeck.identification.fit.modes_that_stand_for_delay import stands_for_delay
 from middeck.identification.fit.poles_beyond_the_band import PolesInstead, poles_instead, true_modes
-from middeck.identification.fit.unneeded_modes import length_of, parted, tidied
+from middeck.identification.fit.unneeded_modes import length_of, parted, tidied, without_modes
 from middeck.identification.model.fit_options import (
     OF_PATHS,
     Constants,
@@ -51,7 +60,7 @@ from middeck.identification.search.fit_warnings import (
 )
 from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead, warnings_on_leads
 from middeck.identification.search.likelihood import likelihood_polish
-from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, settle
+from middeck.identification.search.refine_and_reweigh import Polished, logarithmic_polish, polish, settle
 from middeck.identification.spectra.excess_variance import (
     INDEPENDENT,
     ExcessVariance,
@@ -61,7 +70,12 @@ from middeck.identification.spectra.excess_variance import (
     spread_of,
 )
 from middeck.identification.uncertainty.covariance import ModelCovariance, estimate_covariance
-from middeck.identification.uncertainty.lacking_terms import NOTHING, Lacking, response_lacks
+from middeck.identification.uncertainty.lacking_terms import (
+    NOTHING,
+    Lacking,
+    response_lacks,
+    response_scores,
+)
 from middeck.identification.uncertainty.model_unknowns import ModelStructure
 from middeck.identification.uncertainty.parameter_deviations import ParameterDeviations, uncertainty_of
 from middeck.systems.plants.response import FrequencyResponse
@@ -381,6 +395,11 @@ def _result(run: _Searched) -> FitResult:
     beside = beside_one_line(measured, model)
     doubted = [*phase[0], *lacks.modes, *beside]
     standing = standing_of(measured, covariance, holds=not of_model, doubted=doubted)
+    coupled = [] if lacks.said else _coupling_instead(run, covariance, standing)
+    if coupled:
+        doubts += coupled
+        warnings += coupled
+        standing = standing_of(measured, covariance, holds=False)
     poles = _poles_for_a_delay(measured, data, best, followed, covariance, standing)
     if poles is not None and poles.shorter:
         standing = standing_of(measured, covariance, holds=False, doubted=phase[0])
@@ -419,6 +438,35 @@ def _lacks(run: _Searched, covariance: ModelCovariance) -> Lacking:
     if run.cost != "weighted" or covariance.model.sample_hz is not None:
         return NOTHING
     return response_lacks(covariance, run.measured, run.followed.at(run.best.share))
+
+
+def _coupling_instead(
+    run: _Searched, covariance: ModelCovariance, standing: tuple[Standing, ...]
+) -> list[str]:
+    """Couplings that describe the response as shortly as the poles that may be no modes do."""
+    model, measured, best = covariance.model, run.measured, run.best
+    spare = spare_modes(model, standing)
+    if run.cost != "weighted" or model.sample_hz is not None or not spare.any() or spare.all():
+        return []
+    start = without_modes(best.start, np.isin(best.start.point.poles, model.poles[spare]))
+    terms, s = coupling_terms(len(model.outputs)), 2j * np.pi * measured.frequency_hz
+
+    def trial(rate: Float[np.ndarray, " output"]) -> Trial | None:
+        factor = without_coupling(rate, s)
+        data = dataclasses.replace(run.data, H=run.data.H * factor[:, :, None])
+        found = polish(data, start, run.followed, steps=STEPS, rounds=ROUNDS)
+        if found is None:
+            return None
+        bare = dataclasses.replace(measured, H=measured.H * factor.T[:, :, None])
+        fewer = model_of(found, measured.inputs, measured.outputs)
+        of = estimate_covariance(
+            fewer, structure_of(found.layout), bare, assumed=run.followed.at(found.share),
+            noise=run.spread.variance,
+        )  # fmt: skip
+        scores = response_scores(terms, of, bare, run.followed.at(found.share))
+        return Trial(length_of(data, found, run.followed), scores)
+
+    return coupling_instead(length_of(run.data, best, run.followed), trial, model)
 
 
 def _pairs_for_a_delay(

@@ -9,6 +9,7 @@ signals by the same, so that the windowed response is H(s + 1 / tau), exactly: e
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import DataError
 from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
+from middeck.identification.impact.coupled_force import SLOPE, released_force
 from middeck.identification.spectra.averages import Spectra
 from middeck.identification.spectra.coherence import ordinary_coherence
 from middeck.identification.spectra.h1_h2_hv import spectra_response
@@ -29,9 +31,7 @@ from middeck.values import record as frozen
 END, END_OF_NOISE, PEAK = 1e-3, 0.05, 0.5
 # Lines are of use down to this share of the force's largest power (20 dB).
 USEFUL = 0.01
-# Samples of the force window's slope after the pulse: the ringing of filters.
-SLOPE = 32
-# Parts of a record, of which the quietest shows the level at rest; parts of the force at rest that are kept.
+# Parts of a record, of which the quietest tells the level at rest; parts of the force at rest that are kept.
 PARTS, KEPT = 16, 64
 # Coherence below which a line is reported.
 INCOHERENT = 0.9
@@ -84,6 +84,7 @@ def average_blows(
     blows are left.
     """
     blows = locate_blows(record, blow_s=blow_s)
+    record, tau_s = _released(record, blows)
     good = [b for b in blows if not b.rejected]
     if len(good) < 2:
         reasons = "; ".join(dict.fromkeys(b.rejected for b in blows if b.rejected)) or "one blow"
@@ -95,7 +96,8 @@ def average_blows(
     u, y = (x.reshape(len(x), -1, x.shape[3]) for x in (record.u, record.y))
     struck = [(u[b.experiment, b.first : b.first + size, 0], _force_window(size, b)) for b in good]
     force = np.stack([(x - np.median(x)) * window for x, window in struck])
-    levels = [_at_rest(x) for x in y]
+    levels = [_at_rest(x)[0] for x in y]
+    doubt = np.max([_at_rest(x)[1] for x in y], axis=0)
     answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
     blocks = Record(
         sample_hz=record.sample_hz,
@@ -114,7 +116,8 @@ def average_blows(
         spectra = _spectra(blocks, tau)
         found = spectra_response(spectra, ratio, band_hz=band_hz)
     kept = np.isin(spectra.frequency_hz, found.frequency_hz)
-    variance, covariance = trusted(_by_each_blow(found, blocks, kept, tau))
+    scatter = _with_level(_by_each_blow(found, blocks, kept, tau), blocks, kept, tau, doubt)
+    variance, covariance = trusted(scatter)
     response = FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -132,8 +135,24 @@ def average_blows(
         rest=np.concatenate([_at_rest_under(x, window, -(-KEPT // len(good))) for x, window in struck]),
         window_s=float(tau),
         blows=blows,
-        warnings=tuple(_warnings(record, coherence, blows)),
+        warnings=(*_warnings(record, coherence, blows), *_of_coupling(record, tau_s)),
     )
+
+
+def _released(record: Record, blows: Sequence[Blow]) -> tuple[Record, float]:
+    """The record with the force before an AC-coupled sensor, and the sensor's time constant [s]."""
+    found = released_force(record.u.reshape(len(record.u), -1), blows, record.sample_hz)
+    return dataclasses.replace(record, u=found.force.reshape(record.u.shape)), found.tau_s
+
+
+def _of_coupling(record: Record, tau_s: float) -> list[str]:
+    if np.isinf(tau_s):
+        return []
+    return [
+        f"input {record.inputs[0].name}: AC-coupled, as ICP (IEPE) sensors and charge amplifiers are: after "
+        f"each blow it reads less than nothing, with a time constant of {tau_s:.3g} s; this was taken out. "
+        "Compare it with the data sheet; responses with such sensors are not corrected"
+    ]
 
 
 def _force_window(size: int, blow: Blow) -> Float[np.ndarray, " sample"]:
@@ -152,11 +171,14 @@ def _at_rest_under(
     return np.array([window * np.roll(x - np.median(x), -k) for k in starts]).reshape(len(starts), len(x))
 
 
-def _at_rest(x: Float[np.ndarray, "sample channel"]) -> Float[np.ndarray, " channel"]:
-    """Level of each channel where it moves least."""
+def _at_rest(
+    x: Float[np.ndarray, "sample channel"],
+) -> tuple[Float[np.ndarray, " channel"], Float[np.ndarray, " channel"]]:
+    """Level of each channel where it moves least, and the variance of that."""
     parts = np.array_split(x, PARTS)
     least = np.argmin([p.var(axis=0) for p in parts], axis=0)
-    return np.array([parts[k][:, c].mean() for c, k in enumerate(least)])
+    found = [parts[k][:, c] for c, k in enumerate(least)]
+    return np.array([p.mean() for p in found]), np.array([p.var() / len(p) for p in found])
 
 
 def _time_constant(blocks: Record, end: float) -> float:
@@ -235,6 +257,27 @@ def _by_each_blow(
         found,
         total=found.total * times[:, :, None],
         total_covariance=found.total_covariance * more[:, :, None] * more[:, None, :],
+    )
+
+
+def _with_level(
+    found: ResponseScatter,
+    blocks: Record,
+    kept: Bool[np.ndarray, " line"],
+    window_s: float,
+    level: Float[np.ndarray, " output"],
+) -> ResponseScatter:
+    """The scatter with what the variance of a ``level`` adds: all blows have it, so that none shows it."""
+    U = windowed_spectra(blocks.u[:, 0], blocks.sample_hz, window_s)[:, kept, 0]
+    ones = windowed_spectra(np.ones((1, blocks.u.shape[2], 1)), blocks.sample_hz, window_s)[0, kept]
+    by = ones[:, 0] * np.sum(U.conj(), axis=0) / np.sum(np.abs(U) ** 2, axis=0)
+    more = np.abs(by)[:, None] ** 2 * level
+    assert found.total is not None  # blows are averages
+    assert found.total_covariance is not None
+    return dataclasses.replace(
+        found,
+        total=found.total + more[:, :, None],
+        total_covariance=found.total_covariance + more[:, :, None] * np.eye(len(level)),
     )
 
 

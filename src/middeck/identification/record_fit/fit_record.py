@@ -46,6 +46,12 @@ from middeck.identification.problem.residual_and_slopes import residual_of
 from middeck.identification.record_fit import folded_blows, residual_growth, residual_tests
 from middeck.identification.record_fit.behind_hold import First, Made, fit_behind_hold
 from middeck.identification.record_fit.continuous_fit import fit_continuous
+from middeck.identification.record_fit.coupling_of_records import coupling_of_record
+from middeck.identification.record_fit.doubts_of_two_modes import (
+    doubts_of_perhaps_two,
+    doubts_of_two,
+    modes_perhaps_two,
+)
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record, record_length
@@ -429,11 +435,10 @@ def _result(
         *_doubts(run, record, error),
         *_warnings_on_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
-    said += warnings_on_deviations(lines, covariance, of_samples=True)
-    lacking = fitted.sample_hz is None and input_noise is None
-    lacks = record_lacks(run, data, covariance) if lacking else NOTHING
-    wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += warnings_on_two(fit)
+    said += doubts_of_deviations(lines, covariance, of_samples=True)
+    lacks = NOTHING if fitted.sample_hz else record_lacks(run, data, covariance, heard)
+    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += doubts_of_two(fit)
     if model.sample_hz is None:
         wrong += folded_blows.warnings_on_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
@@ -454,6 +459,10 @@ def _result(
         standing_of(lines, covariance, holds=holds, doubted=doubted)
         for holds, doubted in ((True, phase[0]), (not wrong, doubted))
     )
+    coupled = [] if lacks.said else coupling_of_record(data, run, fitted, alone, heard)
+    if coupled:
+        said += coupled
+        standing = standing_of(lines, covariance, holds=False, doubted=doubted)
     poles = poles_instead(data, run, fitted, alone) if covariance.structure.with_delay else None
     if poles is not None:
         said.append(poles.doubt())
@@ -473,7 +482,7 @@ def _result(
         standing=standing,
         lines=fit.lines,
         delay_standing=standing_of_delays(
-            lines, covariance, holds=not (wrong or lacks.said) and poles is None
+            lines, covariance, holds=not (wrong or lacks.said or coupled) and poles is None
         ),
     )
 

@@ -9,23 +9,33 @@ from middeck.identification.model.measurement_model import model_response
 from middeck.identification.problem.data import Data
 from middeck.identification.record_fit.record_covariance import Rows
 from middeck.identification.record_fit.refine_record import RecordRun
-from middeck.identification.record_fit.residual_tests import signals
+from middeck.identification.record_fit.residual_tests import Heard, signals
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.lacking_terms import (
     Lacking,
     LackingTerm,
     TermRows,
+    TermScores,
     lacking_of,
     term_scores,
     terms_of,
 )
 
 
-def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lacking:
-    """The kind of term that is most clearly lacking."""
+def record_lacks(
+    run: RecordRun, data: Data, covariance: ModelCovariance, heard: Heard | None = None
+) -> Lacking:
+    """The kind of term that is most clearly lacking; noise of the inputs that is ``heard`` is none."""
+    terms = terms_of(*covariance.model.direct.shape, covariance.structure)
+    terms += [Term("drift", o) for o in range(len(data.H))]
+    return lacking_of(terms, record_scores(terms, run, data, covariance, heard), covariance.model)
+
+
+def record_scores(
+    terms: list[Term], run: RecordRun, data: Data, covariance: ModelCovariance, heard: Heard | None = None
+) -> TermScores:
+    """Scores of ``terms`` at the end of a fit of a record."""
     model, structure = covariance.model, covariance.structure
-    terms = terms_of(*model.direct.shape, structure)
-    drifts = [LackingTerm("drift", o) for o in range(len(data.H))]
     each, residual = Rows(run, data, model, structure), run.residual(data)
     H = model_response(model, data.omega / (2.0 * np.pi))
     _, lines, columns = residual.shape
@@ -35,15 +45,21 @@ def record_lacks(run: RecordRun, data: Data, covariance: ModelCovariance) -> Lac
         for o, left in enumerate(residual):
             J, own = each.of(o)
             place = np.flatnonzero(J.any(axis=(1, 2)))
-            lacking = np.zeros((len(terms) + len(drifts), *left.shape), complex)
+            lacking = np.zeros((len(terms), *left.shape), complex)
             for k, term in enumerate(terms):
-                lacking[k] = term.of(o, H[:, o, :, None] * data.U, data.s)
-            lacking[len(terms) + o] = _drifting(data.H[o] - left, data)
+                if term.kind != "drift":
+                    lacking[k] = term.of(o, H[:, o, :, None] * data.U, data.s)
+                elif term.output == o:
+                    lacking[k] = _drifting(data.H[o] - left, data)
             parts = (J[place], lacking, left[None])
             slopes, by_terms, (rest,) = (own.removed(part) for part in parts)
-            yield TermRows(place=place, slopes=slopes, terms=by_terms, left=rest, line=line)
+            noise = None
+            if heard is not None and heard.shape[2]:
+                alike = np.repeat(heard[o].T[:, :, None], columns, axis=2)
+                noise = own.removed(alike).reshape(len(alike), columns, -1)
+            yield TermRows(place, slopes, by_terms, rest, line, noise)
 
-    return lacking_of([*terms, *drifts], term_scores(rows, covariance), model)
+    return term_scores(rows, covariance)
 
 
 def _drifting(answer: Complex[np.ndarray, "line column"], data: Data) -> Complex[np.ndarray, "line column"]:

@@ -1,4 +1,5 @@
-"""Score tests of terms that a fitted model lacks: a delay of one input or path, or a filter of one output.
+"""Score tests of terms that a fitted model lacks: a delay of one input or path, a filter, or a coupling
+that blocks the mean.
 
 The score of a further unknown is the residual times its derivative, less the part that the fitted unknowns
 follow (Rao 1948; Engle 1984, section 5): nothing is fitted again. For a complete model it is normal with the
@@ -21,7 +22,7 @@ from middeck.identification.uncertainty.model_unknowns import ModelStructure, ti
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 
-Kind = Literal["input", "path", "output", "filter", "drift"]
+Kind = Literal["input", "path", "output", "filter", "drift", "coupled", "coupled input"]
 # Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4, if the
 # variance of the noise is known; more often if it is estimated with the response.
 TOLD = 5.0
@@ -39,6 +40,14 @@ UNEQUAL = (
     f" {BY}: a card or a filter of its own, or unequal delays{SMALL}Shift it, or fit a delay of each path "
     "(--delay path, delay='path')"
 )
+# A channel that is AC-coupled has the factor s tau / (1 + s tau), 1 - 1 / (s tau) to the first order.
+COUPLED = (
+    "AC-coupled, as ICP (IEPE) sensors and charge amplifiers are, or filtered by a high-pass that the other "
+    f"side lacks; its time constant is some {{tau:.2g}} s {BY}. Delays, gains and low modes follow its phase"
+    f"{SMALL}Record DC-coupled, divide by s tau / (1 + s tau) with the sensor's time constant, or raise the "
+    "lower end of the band (--band)"
+)
+COUPLED_TOLD = f"{{channel}}: is {COUPLED}"
 SAID = {
     "input": "input {input}: is recorded {ms:.3g} ms {later} than the others" + UNEQUAL,
     "path": "output {output}: answers to input {input} {ms:.3g} ms {later} than to the others" + UNEQUAL,
@@ -47,14 +56,16 @@ SAID = {
     "drift": "output {output}: its gain changes during the record, by {value:+.2%} from end to end "
     f"{BY}: a sensor or an amplifier that drifts, or an article that changes{SMALL}Let it warm up, or fit "
     "shorter parts",
+    "coupled": COUPLED_TOLD,
+    "coupled input": COUPLED_TOLD,
     "filter": "output {output}: what is left goes with a power of frequency times the response "
     f"{BY}: a filter before this channel alone, a clock that jitters, or modes beyond the band{SMALL}Filter "
     "inputs and outputs alike, narrow the band, or take more states",
 }
 
 
-class LackingTerm(NamedTuple):
-    """A delay of an input, of a path or of an output, or a power of s of an output's filter.
+class Term(NamedTuple):
+    """A delay of an input, of a path or of an output, a power of s of an output's filter, or its coupling.
 
     A gain of an output that drifts is a term of records alone: their samples tell when it answers.
     """
@@ -71,6 +82,8 @@ class LackingTerm(NamedTuple):
         if self.output not in {-1, output}:
             return np.zeros_like(parts[:, 0])
         some = parts.sum(axis=1) if self.input < 0 else parts[:, self.input]
+        if self.kind in {"coupled", "coupled input"}:
+            return -some / s[:, None]
         return -some * (s * (abs(s[-1]) ** (1 - self.power) * s ** (self.power - 1)))[:, None]
 
 
@@ -82,7 +95,10 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
+    found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
+    found += [Term("coupled", o) for o in range(outputs)]
+    if outputs > 1 or inputs > 1:
+        found += [Term("coupled input", input=i) for i in range(inputs)]
     if structure.common_delay:
         found += [LackingTerm("output", o) for o in range(outputs)]
     if inputs > 1:
@@ -97,6 +113,7 @@ class TermRows:
 
     ``place`` are the unknowns of ``slopes``, ``line`` the line of each number. ``left`` is what the
     fit leaves; complex numbers have deviations of one, so that each of their parts has half its square.
+    ``heard`` are parts of noise of the inputs, each the same in all outputs and another in each experiment.
     """
 
     place: Int[np.ndarray, " unknown"]
@@ -104,6 +121,7 @@ class TermRows:
     terms: Float[np.ndarray, "term number"]
     left: Float[np.ndarray, " number"]
     line: Int[np.ndarray, " number"]
+    heard: Float[np.ndarray, "part experiment some"] | None = None
 
 
 class TermScores(NamedTuple):
@@ -142,15 +160,19 @@ def term_scores(rows: Callable[[], Iterable[TermRows]], covariance: ModelCovaria
     by_terms, follow = _followed(rows, covariance)
     count = by_terms.shape[1]
     scores, powers = np.zeros((2, count, 1))
+    heard = np.zeros((count, 1, 1))
     for r in rows():
         apart = r.terms - follow[r.place].T @ r.slopes
         scores, powers = scores + _by_line(r, apart * r.left), powers + _by_line(r, apart**2)
+        if r.heard is not None:
+            each = apart.reshape(count, r.heard.shape[1], -1)
+            heard = heard + np.einsum("ten,pen->tpe", each, r.heard)
     power = powers.sum(axis=1)
     told = power > APART * np.sum(by_terms**2, axis=0)
     value = np.divide(scores.sum(axis=1), power, out=np.zeros(count), where=told)
     rest = np.cumsum(np.pad(scores - value[:, None] * powers, ((0, 0), (WIDTH, WIDTH - 1))), axis=1)
     spread = np.sum((rest[:, WIDTH:] - rest[:, :-WIDTH]) ** 2, axis=1) / WIDTH
-    spread = np.sqrt(np.maximum(0.5 * power, spread))
+    spread = np.sqrt(np.maximum(0.5 * power, spread) + np.sum(heard**2, axis=(1, 2)) / heard.shape[1])
     z = np.divide(value * power, spread, out=np.zeros(count), where=told)
     known = np.linalg.norm(covariance.root, axis=1, keepdims=True)
     moves = np.abs(follow * value) / np.maximum(known, np.finfo(float).tiny)
@@ -220,6 +242,8 @@ def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementMo
         late = found.value[k] * (-1.0 if term.kind == "input" else 1.0)  # late inputs make outputs early
         said[term.output] = SAID[term.kind].format(
             input=model.inputs[term.input].name,
+            channel=coupled_channel(term, model, found.value[k]),
+            tau=1.0 / max(abs(found.value[k]), np.finfo(float).tiny),
             output=model.outputs[term.output].name,
             ms=1e3 * abs(late),
             later="later" if late > 0.0 else "earlier",
@@ -232,15 +256,32 @@ def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementMo
     return Lacking([*said.values(), *(which if len(modes) else [])], modes)
 
 
+def coupled_channel(term: Term, model: MeasurementModel, value: float) -> str:
+    """The channel that is AC-coupled: the output itself, or what all outputs of one sign have in common."""
+    if term.kind == "coupled" and (value > 0.0 or len(model.inputs) > 1):
+        return f"output {model.outputs[term.output].name}"
+    if value < 0.0:
+        return f"input {model.inputs[max(term.input, 0)].name}"
+    return f"all outputs beside input {model.inputs[term.input].name}"
+
+
 def response_lacks(
     covariance: ModelCovariance, measured: FrequencyResponse, assumed: Float[np.ndarray, "output line input"]
 ) -> Lacking:
-    """Missing terms of a fit of a response, weighted by the ``assumed`` variance."""
+    """What a fit of a response lacks, weighted by the ``assumed`` variance."""
+    terms = terms_of(*covariance.model.direct.shape, covariance.structure)
+    return lacking_of(terms, response_scores(terms, covariance, measured, assumed), covariance.model)
+
+
+def response_scores(
+    terms: list[Term],
+    covariance: ModelCovariance,
+    measured: FrequencyResponse,
+    assumed: Float[np.ndarray, "output line input"],
+) -> TermScores:
+    """Scores of ``terms`` at the end of a fit of a response."""
     model, structure = covariance.model, covariance.structure
     s, (outputs, inputs) = 2j * np.pi * measured.frequency_hz, model.direct.shape
-    terms = terms_of(outputs, inputs, structure)
-    if not terms:
-        return NOTHING
     line = np.repeat(np.arange(len(s)), 2)
 
     def rows() -> Iterator[TermRows]:
@@ -253,4 +294,4 @@ def response_lacks(
             slopes, own, rest = ((x / size).view(float) for x in (entry.by, each, left))
             yield TermRows(place=entry.place, slopes=slopes, terms=own, left=rest, line=line)
 
-    return lacking_of(terms, term_scores(rows, covariance), model)
+    return term_scores(rows, covariance)

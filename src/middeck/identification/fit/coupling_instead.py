@@ -1,0 +1,79 @@
+"""Whether poles that are no modes of the article represent the coupling of a sensor.
+
+An AC-coupled channel multiplies the response by s tau / (1 + s tau). A fit with real constants follows the
+phase of that by its delay, and spends heavily damped or unresolved poles on what this leaves, after which no
+score tells the coupling. So where a fit has such poles, it is refined without them, and the coupling that its
+scores ask for is divided out: which of the two the data are, the description lengths tell (Rissanen 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from middeck.identification.fit.mode_trust import Standing
+from middeck.identification.fit.poles_beyond_the_band import UNDECIDED
+from middeck.identification.model.measurement_model import MeasurementModel, damping_ratio
+from middeck.identification.start.start import HEAVY
+from middeck.identification.uncertainty.lacking_terms import (
+    COUPLED_TOLD,
+    TOLD,
+    Term,
+    TermScores,
+    coupled_channel,
+)
+
+# How often the coupling is found anew; and the steps and rounds of each search.
+TIMES, STEPS, ROUNDS = 4, 12, 2
+
+
+class Trial(NamedTuple):
+    """A fit without some poles of data whose coupling was divided out: its length and what it still lacks."""
+
+    length: float
+    scores: TermScores
+
+
+def coupling_terms(outputs: int) -> list[Term]:
+    """A coupling of each output; that of an only input is the same of all, of the other sign."""
+    return [Term("coupled", o) for o in range(outputs)]
+
+
+def without_coupling(
+    rate: Float[np.ndarray, " output"], s: Complex[np.ndarray, " line"]
+) -> Complex[np.ndarray, "output line"]:
+    """What removes couplings of outputs (1 / tau > 0) or of the input (-1 / tau) from a response."""
+    blocked = 1.0 + np.abs(rate)[:, None] / s
+    return np.where(rate[:, None] >= 0.0, blocked, 1.0 / blocked)
+
+
+def spare_modes(model: MeasurementModel, standing: Sequence[Standing]) -> Bool[np.ndarray, " mode"]:
+    """Poles that may be no modes: not sound, or heavily damped."""
+    return np.array([one != "sound" for one in standing], bool) | (damping_ratio(model) > HEAVY)
+
+
+def coupling_instead(
+    own: float, trial: Callable[[Float[np.ndarray, " output"]], Trial | None], model: MeasurementModel
+) -> list[str]:
+    """Warnings for couplings that describe as shortly as the poles do; ``own`` is the length with these.
+
+    ``trial`` fits without them, the couplings of given rates divided out.
+    """
+    rate = np.zeros(len(model.outputs))
+    for _ in range(TIMES):
+        found = trial(rate)
+        if found is None:
+            return []
+        scores = found.scores
+        rate = rate + scores.value
+    z = np.abs(rate * np.divide(scores.z, scores.value, out=np.zeros(len(rate)), where=scores.value != 0.0))
+    if found.length > own + UNDECIDED:
+        return []
+    return [
+        COUPLED_TOLD.format(channel=coupled_channel(term, model, r), tau=1.0 / abs(r), z=size)
+        for term, r, size in zip(coupling_terms(len(rate)), rate, z, strict=True)
+        if size > TOLD
+    ]
