@@ -21,7 +21,7 @@ from middeck.identification.start.start import HEAVY
 from middeck.identification.uncertainty.lacking_terms import (
     COUPLED_TOLD,
     TOLD,
-    Term,
+    LackingTerm,
     TermScores,
     coupled_channel,
 )
@@ -37,9 +37,9 @@ class Trial(NamedTuple):
     scores: TermScores
 
 
-def coupling_terms(outputs: int) -> list[Term]:
+def coupling_terms(outputs: int) -> list[LackingTerm]:
     """A coupling of each output; that of an only input is the same of all, of the other sign."""
-    return [Term("coupled", o) for o in range(outputs)]
+    return [LackingTerm("coupled", o) for o in range(outputs)]
 
 
 def without_coupling(

@@ -47,11 +47,6 @@ from middeck.identification.record_fit import folded_blows, residual_growth, res
 from middeck.identification.record_fit.behind_hold import First, Made, fit_behind_hold
 from middeck.identification.record_fit.continuous_fit import fit_continuous
 from middeck.identification.record_fit.coupling_of_records import coupling_of_record
-from middeck.identification.record_fit.doubts_of_two_modes import (
-    doubts_of_perhaps_two,
-    doubts_of_two,
-    modes_perhaps_two,
-)
 from middeck.identification.record_fit.poles_for_delay import poles_instead
 from middeck.identification.record_fit.record_covariance import record_covariance
 from middeck.identification.record_fit.record_order import choose_record, record_length
@@ -435,10 +430,10 @@ def _result(
         *_doubts(run, record, error),
         *_warnings_on_inputs(record, power.mean(axis=0), folded.mean(axis=0) > noise, moves),
     ]
-    said += doubts_of_deviations(lines, covariance, of_samples=True)
+    said += warnings_on_deviations(lines, covariance, of_samples=True)
     lacks = NOTHING if fitted.sample_hz else record_lacks(run, data, covariance, heard)
-    wrong = [*residual_growth.doubts_of_growth(record, score), *_undamped(lines, model, fit)]
-    wrong += doubts_of_two(fit)
+    wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
+    wrong += warnings_on_two(fit)
     if model.sample_hz is None:
         wrong += folded_blows.warnings_on_folding(record)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)

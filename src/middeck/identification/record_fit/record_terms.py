@@ -27,12 +27,16 @@ def record_lacks(
 ) -> Lacking:
     """The kind of term that is most clearly lacking; noise of the inputs that is ``heard`` is none."""
     terms = terms_of(*covariance.model.direct.shape, covariance.structure)
-    terms += [Term("drift", o) for o in range(len(data.H))]
+    terms += [LackingTerm("drift", o) for o in range(len(data.H))]
     return lacking_of(terms, record_scores(terms, run, data, covariance, heard), covariance.model)
 
 
 def record_scores(
-    terms: list[Term], run: RecordRun, data: Data, covariance: ModelCovariance, heard: Heard | None = None
+    terms: list[LackingTerm],
+    run: RecordRun,
+    data: Data,
+    covariance: ModelCovariance,
+    heard: Heard | None = None,
 ) -> TermScores:
     """Scores of ``terms`` at the end of a fit of a record."""
     model, structure = covariance.model, covariance.structure
@@ -57,7 +61,7 @@ def record_scores(
             if heard is not None and heard.shape[2]:
                 alike = np.repeat(heard[o].T[:, :, None], columns, axis=2)
                 noise = own.removed(alike).reshape(len(alike), columns, -1)
-            yield TermRows(place, slopes, by_terms, rest, line, noise)
+            yield TermRows(place=place, slopes=slopes, terms=by_terms, left=rest, line=line, heard=noise)
 
     return term_scores(rows, covariance)
 

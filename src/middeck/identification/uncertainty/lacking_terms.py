@@ -64,7 +64,7 @@ SAID = {
 }
 
 
-class Term(NamedTuple):
+class LackingTerm(NamedTuple):
     """A delay of an input, of a path or of an output, a power of s of an output's filter, or its coupling.
 
     A gain of an output that drifts is a term of records alone: their samples tell when it answers.
@@ -95,10 +95,10 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
-    found += [Term("coupled", o) for o in range(outputs)]
+    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
+    found += [LackingTerm("coupled", o) for o in range(outputs)]
     if outputs > 1 or inputs > 1:
-        found += [Term("coupled input", input=i) for i in range(inputs)]
+        found += [LackingTerm("coupled input", input=i) for i in range(inputs)]
     if structure.common_delay:
         found += [LackingTerm("output", o) for o in range(outputs)]
     if inputs > 1:
@@ -256,7 +256,7 @@ def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementMo
     return Lacking([*said.values(), *(which if len(modes) else [])], modes)
 
 
-def coupled_channel(term: Term, model: MeasurementModel, value: float) -> str:
+def coupled_channel(term: LackingTerm, model: MeasurementModel, value: float) -> str:
     """The channel that is AC-coupled: the output itself, or what all outputs of one sign have in common."""
     if term.kind == "coupled" and (value > 0.0 or len(model.inputs) > 1):
         return f"output {model.outputs[term.output].name}"
@@ -274,7 +274,7 @@ def response_lacks(
 
 
 def response_scores(
-    terms: list[Term],
+    terms: list[LackingTerm],
     covariance: ModelCovariance,
     measured: FrequencyResponse,
     assumed: Float[np.ndarray, "output line input"],
