@@ -15,7 +15,7 @@ from middeck.structure.model.article import Body, Damper, DamperPlace, Damping, 
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.updating.orbit.damping import DampingParts
-from middeck.updating.orbit.frequencies import Prediction, There, predict_at, solve_there
+from middeck.updating.orbit.frequencies import Prediction, SolvedModes, predict_at, solve_there
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.damping import shifted_by_losses
@@ -80,7 +80,7 @@ def refined_on_the_ground(damping: Damping) -> Refined:
 
 
 @functools.cache
-def there(damping: Damping, gravity: float) -> There:
+def there(damping: Damping, gravity: float) -> SolvedModes:
     return solve_there(refined_on_the_ground(damping), stand(gravity), count=2)
 
 

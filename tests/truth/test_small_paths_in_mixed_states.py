@@ -6,8 +6,8 @@ import warnings
 
 import numpy as np
 import pytest
-from middeck.control.analysis.rms.rms import measure_rms
 
+from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.law.compensator import Compensator
 from middeck.control.loop.performance import Performance
 from middeck.errors import NumericalError

@@ -30,7 +30,7 @@ from middeck.identification.uncertainty.lacking_terms import (
 TIMES, STEPS, ROUNDS = 4, 12, 2
 
 
-class Trial(NamedTuple):
+class CouplingTrial(NamedTuple):
     """A fit without some poles of data whose coupling was divided out: its length and what it still lacks."""
 
     length: float
@@ -56,7 +56,7 @@ def spare_modes(model: MeasurementModel, standing: Sequence[Standing]) -> Bool[n
 
 
 def coupling_instead(
-    own: float, trial: Callable[[Float[np.ndarray, " output"]], Trial | None], model: MeasurementModel
+    own: float, trial: Callable[[Float[np.ndarray, " output"]], CouplingTrial | None], model: MeasurementModel
 ) -> list[str]:
     """Warnings for couplings that describe as shortly as the poles do; ``own`` is the length with these.
 

@@ -13,7 +13,7 @@ from middeck.errors import DataError, FitError
 from middeck.identification.fit.coupling_instead import (
     ROUNDS,
     STEPS,
-    Trial,
+    CouplingTrial,
     coupling_instead,
     coupling_terms,
     spare_modes,
@@ -451,7 +451,7 @@ def _coupling_instead(
     start = without_modes(best.start, np.isin(best.start.point.poles, model.poles[spare]))
     terms, s = coupling_terms(len(model.outputs)), 2j * np.pi * measured.frequency_hz
 
-    def trial(rate: Float[np.ndarray, " output"]) -> Trial | None:
+    def trial(rate: Float[np.ndarray, " output"]) -> CouplingTrial | None:
         factor = without_coupling(rate, s)
         data = dataclasses.replace(run.data, H=run.data.H * factor[:, :, None])
         found = polish(data, start, run.followed, steps=STEPS, rounds=ROUNDS)
@@ -464,7 +464,7 @@ def _coupling_instead(
             noise=run.spread.variance,
         )  # fmt: skip
         scores = response_scores(terms, of, bare, run.followed.at(found.share))
-        return Trial(length_of(data, found, run.followed), scores)
+        return CouplingTrial(length_of(data, found, run.followed), scores)
 
     return coupling_instead(length_of(run.data, best, run.followed), trial, model)
 

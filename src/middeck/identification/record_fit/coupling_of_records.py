@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.identification.fit.coupling_instead import (
-    Trial,
+    CouplingTrial,
     coupling_instead,
     coupling_terms,
     spare_modes,
@@ -37,13 +37,13 @@ def coupling_of_record(
     start = without_modes(run.start, np.isin(run.start.point.poles, model.poles[spare]))
     terms = coupling_terms(len(model.outputs))
 
-    def trial(rate: Float[np.ndarray, " output"]) -> Trial | None:
+    def trial(rate: Float[np.ndarray, " output"]) -> CouplingTrial | None:
         factor = without_coupling(rate, data.s)
         bare = dataclasses.replace(data, H=data.H * factor[:, :, None])
         fewer = refine_record(bare, start, run.weighting, rounds=ROUNDS, steps=STEPS)
         if fewer is None:
             return None
         covariance = record_covariance(fewer, bare, model_of(fewer, model.inputs, model.outputs))[0]
-        return Trial(record_length(bare, fewer), record_scores(terms, fewer, bare, covariance, heard))
+        return CouplingTrial(record_length(bare, fewer), record_scores(terms, fewer, bare, covariance, heard))
 
     return coupling_instead(record_length(data, run), trial, model)
