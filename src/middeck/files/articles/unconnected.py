@@ -11,7 +11,7 @@ from middeck.structure.model.connectivity import separate_parts, some_names
 
 
 def unconnected(data: Table) -> Iterator[Finding]:
-    """Faults where members, springs and components leave nodes out: each part is named by its first node."""
+    """Members, springs and components must join all nodes; what they leave out is named at its first node."""
     place = {t["name"]: i for i, t in tables(data, "node") if isinstance(t.get("name"), str)}
     for part in separate_parts(list(place), _joined(data, set(place)))[1:]:
         path: Path = ("node", place[part[0]], "name")

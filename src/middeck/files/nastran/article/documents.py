@@ -1,4 +1,4 @@
-"""The documents of an article and of its supports, in SI units, from the converted parts of a deck."""
+"""The documents of an article and of what holds it, in SI units, from the parts of a deck that stand."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Settled(NamedTuple):
-    """The converted parts of a deck, the grids that stand for the ``ground``, and the cards left out."""
+    """The parts of a deck that stand, and the grids that stand for the ``ground``; what is left out of it."""
 
     basis: Basis
     parts: Parts

@@ -96,7 +96,7 @@ def _written(stiffness: np.ndarray) -> np.ndarray:
 
 
 def scalar_tables(basis: Basis, parts: Parts) -> tuple[ScalarNodes, list[str]]:
-    """Scalar points as nodes, and a note on their meaning."""
+    """Scalar points as nodes, and a note on what they are."""
     units, scalars = basis.units, parts.scalars
     made = scalar_nodes(scalars, basis.places, units.length, basis.mass_unit, units.force / units.length)
     if not scalars:

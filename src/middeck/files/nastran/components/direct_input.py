@@ -22,7 +22,7 @@ NAME = "direct"
 
 
 class Lone(NamedTuple):
-    """A matrix that stands alone: its kind, its first card, its grids, six rows of each in basic axes.
+    """A matrix that stands alone: what it is, its first card, its grids, six rows of each in basic axes.
 
     ``digits`` are the most that one of its numbers has: by half of the last each may be wrong.
     """
