@@ -40,7 +40,7 @@ class Outcome:
 class Ledger:
     """An open ledger of one campaign; a second process that opens it is refused until this one has ended.
 
-    ``identity``: what the campaign is, by name; the first opening writes it, later ones must agree.
+    ``identity``: values that define the campaign, by name; the first opening writes them, later ones agree.
 
     Raises `DataError` for a file that is no ledger, is damaged, is another campaign's, is in use by another
     process or cannot be written.

@@ -66,7 +66,7 @@ def qualify_compensator(
     """The compensator on each of ``plants``, continuous and then at each rate; delays and hold exact.
 
     At a rate a continuous compensator is sampled by Tustin's rule; a sampled one runs at its own rate only.
-    ``weights`` say what is measured, under which noise: z, u and y of each plant in their order.
+    ``weights`` are the weights and noises of the measured rms: z, u and y of each plant in their order.
 
     Raises `ConfigError` for ports that a plant does not have, weights that do not fit, and rates for a
     sampled compensator. The error's place is the name of the plant.

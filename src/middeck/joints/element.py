@@ -54,7 +54,7 @@ class JointElement(Protocol):
     def mean_torque(self, start: float, end: float, state: float) -> tuple[float, float]:
         """Mean torque [N m] on the straight path from ``start`` to ``end``, and its slope by ``end``.
 
-        Times the way it is the work done on the element: what it stores and what it dissipates.
+        Times the path it is the work done on the element: stored and dissipated energy.
         """
         ...
 

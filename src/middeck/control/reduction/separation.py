@@ -2,7 +2,7 @@
 
 Ordered real Schur form and one Sylvester equation (Bavely and Stewart 1979, SIAM J. Numer. Anal. 16, "An
 algorithm for computing reducing subspaces by block diagonalization"). The sum is the system to rounding,
-whatever its poles do: what is unstable or integrates passes a reduction untouched.
+whatever its poles do: unstable and integrating parts pass a reduction untouched.
 """
 
 from __future__ import annotations

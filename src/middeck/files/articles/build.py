@@ -352,7 +352,7 @@ def usual_damping() -> tuple[float, float]:
 def build_damping(form: ArticleForm) -> Damping:
     """Ratios, table, loss factors by member, dampers, and modes of their own.
 
-    A default gives way to what is more definite: both to a table, the flexible one to loss factors.
+    More definite data replace a default: a table replaces both, loss factors the flexible one.
     """
     d = form.damping
     given = d.model_fields_set

@@ -1,6 +1,6 @@
 """Faults of an article beyond the form of its keys: names, geometry, bodies.
 
-The checks read the raw tables and pass over what the form has already refused, so that one run reports all.
+The checks read the raw tables and skip values that the form has already refused, so that one run reports all.
 """
 
 import itertools

@@ -25,8 +25,8 @@ def exchanged(value: Exchangeable, *, negative_feedback: bool = False) -> Plant:
 
     ``negative_feedback`` turns the sign of a compensator, for programs in which u = -K y.
 
-    Raises `ConfigError` for a number that is not finite, ``negative_feedback`` of what is no compensator, a
-    plant with delays, and for what is none of these at all.
+    Raises `ConfigError` for a number that is not finite, ``negative_feedback`` of another kind than a
+    compensator, a plant with delays, and a value of another kind.
 
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> [port.name for port in exchanged(lag).outputs]

@@ -1,4 +1,4 @@
-"""Measured modes as JSON: what a modal survey hands over, one document a test."""
+"""Measured modes as JSON: the result of a modal survey, one document a test."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OPTIONAL = ("frequency_std_hz", "damping_std", "shape_std", "position_m", "modal
 def load_measured_modes(path: str | Path) -> MeasuredModes:
     """The measured modes in the file ``path``: JSON, a universal file (.unv, .uff) or CSV, by its ending.
 
-    docs/reference/files.md describes each. What a reader finds odd is in ``warnings`` of the modes.
+    docs/reference/files.md describes each. Oddities of a file are in ``warnings`` of the modes.
 
     Raises `DataError`, naming file and key, if it is missing, empty, truncated, of another schema, incomplete
     or inconsistent, if a key is unknown, or if a number is not finite or out of range.

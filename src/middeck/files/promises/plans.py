@@ -1,4 +1,4 @@
-"""Plans of promises: documents that state what is promised of a refined article."""
+"""Plans of promises: documents that state the promised quantities of a refined article."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Reading a promise: its seal, then what the form asks of it."""
+"""Reading a promise: its seal, then the checks of its form."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -27,7 +27,7 @@ def is_own(names: Sequence[str]) -> bool:
 def describe(
     sample_hz: float, periodic: bool, inputs: Sequence[Port], outputs: Sequence[Port], held: bool | None
 ) -> dict[str, Any]:
-    """Everything but ``u`` and ``y``; what is not known is left out."""
+    """Everything but ``u`` and ``y``, without unknown values."""
     contents: dict[str, Any] = {
         "schema": np.int64(SCHEMA), "sample_hz": np.float64(sample_hz), "periodic": np.bool_(periodic)
     }  # fmt: skip

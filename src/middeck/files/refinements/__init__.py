@@ -1,1 +1,1 @@
-"""Documents of refinements: tests on the ground, unknowns, and what is to be predicted."""
+"""Documents of refinements: tests on the ground, unknowns, and requested predictions."""

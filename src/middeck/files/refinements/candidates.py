@@ -1,4 +1,4 @@
-"""Documents of candidates: tests that may be made of an article, and what is promised of it."""
+"""Documents of candidates: tests that may be made of an article, and its promised quantities."""
 
 from functools import partial
 from pathlib import Path
@@ -47,7 +47,7 @@ class CandidateForm(Form):
 
 
 class CandidatesForm(Form):
-    """Candidate tests, the refinement that each adds to, and what is promised."""
+    """Candidate tests, the refinement that each adds to, and the promised quantities."""
 
     schema_: Literal["middeck.candidates/1"] = Field(alias="schema")
     refinement: str

@@ -45,7 +45,7 @@ FACTORS = re.compile(r"(?ms)^\s*\[factors\].*?(?=^\s*\[|\Z)")
 
 
 class SurveyForm(LoadingForm):
-    """Modes measured in one set-up; ``set`` has what the test set, by the names of parameters."""
+    """Modes measured in one set-up; ``set`` has the parameters set by the test, by name."""
 
     modes: str
     environment: str = "lab"

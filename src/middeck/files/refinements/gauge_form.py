@@ -42,7 +42,7 @@ class GaugeForm(Form):
 
 
 class ReadingForm(GaugeForm):
-    """A gauge and what it read."""
+    """A gauge and its reading."""
 
     value_m: Finite | None = None
     value_deg: Finite | None = None

@@ -42,7 +42,7 @@ class PromisedLoadsForm(Form):
 
 @record(kw_only=True)
 class PromisedLoads:
-    """An article, the refinement that it stands on, and what is promised of it at rest.
+    """An article, its refinement, and the quantities promised at rest.
 
     Attributes:
         environment_name: Name of the environment in the document.

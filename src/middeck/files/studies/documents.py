@@ -96,7 +96,7 @@ class Study:
 
     @property
     def promise(self) -> PromiseForm:
-        """A ground test, and what is promised by it."""
+        """A ground test, and the promise made from it."""
         return _given(self.form.promise, "promise")
 
     @property

@@ -1,4 +1,4 @@
-"""The table ``[promise]`` of a study: ground tests, the refinement, and what is promised for orbit."""
+"""The table ``[promise]`` of a study: ground tests, the refinement, and the promise for orbit."""
 
 from typing import Annotated
 
@@ -24,7 +24,7 @@ States = Annotated[int, whole(2, 1000), rule(lambda n: n % 2 == 0, "must be even
 
 
 class SetUpForm(Form):
-    """One set-up of the ground test; ``set`` is what it set, by the names of parameters."""
+    """One set-up of the ground test; ``set`` has the parameters that it set, by name."""
 
     name: str
     set: dict[str, Finite] = Field(default_factory=dict)

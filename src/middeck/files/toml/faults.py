@@ -62,7 +62,7 @@ class DocumentFault:
 
     @property
     def what(self) -> str:
-        """Key, value and what is wrong, in one line."""
+        """Key, value and message in one line."""
         named = f"{self.key} = {self.value}" if self.value else self.key
         return f"{named}: {self.message}" if named else self.message
 

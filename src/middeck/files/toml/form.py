@@ -1,4 +1,4 @@
-"""What a document may hold: strict tables, finite numbers in stated ranges, units in the key.
+"""Forms of documents: strict tables, finite numbers in stated ranges, units in the key.
 
 The unit of a value is the ending of its key (``mass_kg``), so that it is written once and read by people,
 by the checks (`unit_of`, `stem`) and by ``--set`` (`sheet_name`).

@@ -12,7 +12,7 @@ NEAR = 3  # lines above the one that the parser names: it notices an open bracke
 
 
 class Trouble(NamedTuple):
-    """A kind of syntax fault: its pattern, what it is and the cure, in its named groups."""
+    """A kind of syntax fault: its pattern, description and cure, in its named groups."""
 
     pattern: str
     what: str
@@ -71,7 +71,7 @@ TROUBLES = (
 
 
 def explain(text: str, line: int, error: str) -> tuple[int, str, str]:
-    """The line that is at fault, what is wrong with it and the cure, for what the parser says of ``line``.
+    """The faulty line, its fault and the cure, for the parser's message on ``line``.
 
     >>> explain("schema = 1\\nbounce_hz = 0,25\\n", 2, "Expected newline")
     (2, "a decimal comma in 'bounce_hz = 0,25'", 'a decimal point: bounce_hz = 0.25')

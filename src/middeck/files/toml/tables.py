@@ -1,4 +1,4 @@
-"""Tables of a document as parsed, read as far as they have the form: what the form refuses is passed over."""
+"""Tables of a document as parsed, read as far as they have the form; refused values are skipped."""
 
 import math
 from collections.abc import Iterator

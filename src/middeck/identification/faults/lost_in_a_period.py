@@ -1,6 +1,6 @@
 """Samples lost or repeated within one period, which the other periods show.
 
-What a period that lost samples shows from there on is what the others show so many samples later. Two
+A period that lost samples shows from there on the samples that the others show so many samples later. Two
 explanations of it are compared, sample by sample: the others as they are, and the others shifted. Before the
 loss the first leaves less, from it on the second. A recorder that starts each period anew is right again in
 the next; of one that runs on, all later periods are shifted, and are shifted back before they are compared.

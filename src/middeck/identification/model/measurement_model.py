@@ -188,7 +188,7 @@ def damping_ratio(model: MeasurementModel) -> Float[np.ndarray, " mode"]:
 
 
 def is_mode(model: MeasurementModel, sample_hz: float) -> Bool[np.ndarray, " mode"]:
-    """Whether each pole may be a mode of what was sampled at this rate: clearly below half of it.
+    """Whether each pole may be a mode of a system sampled at this rate: clearly below half of it.
 
     A pole near z = -1, on the negative real axis or over within a sample is none: it stands for a delay, a
     filter or what is beyond half the rate.

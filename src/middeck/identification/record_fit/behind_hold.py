@@ -1,4 +1,4 @@
-"""The fit of what is behind a hold of the inputs: a first model estimates what the hold folds back."""
+"""The fit of the system behind a hold of the inputs: a first model estimates the folded-back response."""
 
 import dataclasses
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class First(NamedTuple):
 def fit_behind_hold(
     fit: Callable[[Record, Record], Made], given: Record, record: Record, first: First, last_hz: float
 ) -> Made:
-    """The fit of what is behind the hold, less the response that ``first`` folds back."""
+    """The fit of the system behind the hold, less the response that ``first`` folds back."""
     behind = release_inputs(record)
     behind = dataclasses.replace(behind, y=record.y - _folded_outputs(first, record, last_hz))
     made = fit(given, behind)

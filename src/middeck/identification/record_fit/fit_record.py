@@ -354,7 +354,7 @@ def below_half_rate(band_hz: tuple[float, float] | None, sample_hz: float) -> tu
 def is_held(record: Record, band_hz: tuple[float, float] | None) -> bool:
     """Whether inputs are as strong near half the rate as elsewhere, and the lines to fit reach far.
 
-    What is sampled behind a filter is weak there: such inputs were given sample by sample, and held.
+    Inputs sampled behind a filter are weak there: strong ones were given sample by sample, and held.
     """
     rate = record.sample_hz
     if band_hz is not None and band_hz[1] <= HELD_ABOVE * rate:

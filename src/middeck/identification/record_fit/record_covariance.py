@@ -28,8 +28,8 @@ def record_covariance(
 ) -> tuple[ModelCovariance, Float[np.ndarray, " input"]]:
     """Covariance of the weighted fit, A^-1 B A^-1, with the transients among the unknowns.
 
-    The weights W are what the simulation asks for, and only by chance one over the variance V of the noise.
-    So B = J^H W V W J has V from what is left, whatever W is (White 1980, a spectrum in the place of single
+    The weights W are those of the simulation, and only by chance one over the variance V of the noise.
+    So B = J^H W V W J has V from the residual, whatever W is (White 1980, a spectrum in the place of single
     squares). W = 1 / V gives the Cramer-Rao value A^-1 / 2, half since V is of both parts together. Noise of
     short inputs, alike on all lines of a mode, is in nothing that is left there: where known it is added.
 

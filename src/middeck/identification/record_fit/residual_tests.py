@@ -109,7 +109,7 @@ def causes_of(
     """Warnings for a fit whose standard deviations are too small; empty if there is no such sign.
 
     ``record`` is as it was measured; ``lead`` is by how many of its deviations each output leads its input;
-    ``left`` is what the fit leaves, over the output, in rms. ``late``: poles stand for a delay, as is said.
+    ``left`` is the rms residual over the output. ``late``: poles stand for a delay, with its own warning.
     """
     size, noise = _size_and_noise(data, run, heard)
     white, response = run.residual(data) / size, (data.H - run.residual(data)) / size

@@ -84,7 +84,7 @@ class Tidied:
 def tidied(record: Record, data: Data, run: RecordRun, *, sampled: bool, of_forces: bool = False) -> Tidied:
     """The model without the sines and modes that do not belong to it, as far as that shortens it.
 
-    ``of_forces``: inputs are known to have noise, so that what is left at a peak is no second mode.
+    ``of_forces``: inputs are known to have noise, so that a residual at a peak is no second mode.
 
     A sampled model keeps its modes: its poles stand for delays and filters, too, and its order was judged by
     how it simulates.

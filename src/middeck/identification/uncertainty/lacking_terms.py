@@ -141,7 +141,7 @@ class TermScores(NamedTuple):
 class Lacking(NamedTuple):
     """Missing terms of a model, in words, and the modes that they move by more than their deviations.
 
-    The deviations of the other modes hold: to first order what is lacking changes them by less.
+    The deviations of the other modes hold: to first order the missing terms change them by less.
     """
 
     said: list[str]

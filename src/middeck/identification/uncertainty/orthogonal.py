@@ -66,7 +66,7 @@ def root_of(
 ) -> np.ndarray:
     """A root of a matrix of moderate condition, in no direction less than ``least``.
 
-    That is a bound of its eigenvalues, or a root of what is least.
+    ``least`` is a bound of its eigenvalues, or a root of the least matrix.
     """
     if isinstance(least, np.ndarray):
         inverse = np.linalg.inv(least)

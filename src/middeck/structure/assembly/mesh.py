@@ -106,8 +106,8 @@ class Model:
 def mesh_structure(structure: Structure, clamps: Sequence[Clamp] = ()) -> Model:
     """Mesh every member into its number of elements, lay out coordinates and poses, and hold ``clamps``.
 
-    Raises `ConfigError` for a structure that names what it does not have, or whose geometry is impossible,
-    and for a clamp of no node or of what is held already.
+    Raises `ConfigError` for a structure with names of missing parts, or whose geometry is impossible, and for
+    a clamp of no node or of a direction that is held already.
     """
     check_structure(structure)
     model = lay_out(with_modal_coordinates(structure))

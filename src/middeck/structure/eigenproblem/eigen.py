@@ -132,8 +132,8 @@ def solve_lowest(K: sp.csr_array, M: sp.csr_array, count: int, soft: Soft = None
     """The ``count`` lowest modes by shifted and inverted Lanczos iteration, none left out.
 
     A Sturm count (a second factorisation, between two modes) proves that none is missing: Lanczos iteration
-    with one vector may overlook one of a cluster. What it overlooks is then sought orthogonal to what it has
-    found, again and again: each round finds one more of every repeated mode. Raises `NumericalError` where
+    with one vector may overlook one of a cluster. Overlooked modes are then sought orthogonal to those found,
+    again and again: each round finds one more of every repeated mode. Raises `NumericalError` where
     the count is still not reached.
     """
     sigma = _least_shift(K, M, 1e-12, soft)

@@ -33,9 +33,9 @@ class Attitude:
         device, tension: Name and pull [N] of every device and spring.
         hangs_from: What the attach points in use, and clamped nodes, span as drawn: a "point", a "line", a
             "plane" or "space".
-        lies_off: From that point, line or plane to the centre of mass, normal to it. A rigid article on a
-            point or a level line comes to rest with this vector downwards: what of it is not downwards now,
-            tilts it.
+        lies_off: Vector from that point, line or plane to the centre of mass, normal to it. A rigid article
+            on a point or a level line comes to rest with this vector downwards: a level component of it
+            tilts the article.
     """
 
     tilt: Float[np.ndarray, "3"]

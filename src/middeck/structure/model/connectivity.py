@@ -52,8 +52,8 @@ def carried_by(structure: Structure, joint: str) -> set[str]:
 def ties_across(structure: Structure, joint: str, grounded: Sequence[GroundBushing] = ()) -> tuple[str, ...]:
     """Links, bushings and components that fit as drawn and tie the parts that ``joint`` carries to others.
 
-    So do bushings to the ground, ``grounded``. Another angle of the joint draws them anew: what they tie
-    stays where it is drawn.
+    So do bushings to the ground, ``grounded``. Another angle of the joint draws them anew, but not the parts
+    that they tie.
     """
     carried = carried_by(structure, joint)
     frame = {point.name: point.frame for point in structure.attach_points}

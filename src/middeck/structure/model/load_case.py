@@ -13,8 +13,8 @@ def apply_load_case(
 ) -> tuple[Structure, Environment]:
     """Both with the loads, masses and prescribed displacements of ``case``; as they are without one.
 
-    A name means one of the article's own. Raises `ConfigError` where it has none of this name, or a load or a
-    mass of the same name already or is on what is not there.
+    A name means one of the article's own. Raises `ConfigError` for a name that it lacks, and for a load or a
+    mass with a name in use or on a missing part.
     """
     if case is None:
         return structure, environment

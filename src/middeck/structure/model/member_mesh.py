@@ -15,7 +15,7 @@ class MemberGeometry(NamedTuple):
     """Nodes of each member, its clear part's ends from their centres [m], its clear length [m], its triad.
 
     The triad's columns are x (along the member), y (the part of ``up`` normal to it) and z. A member without
-    length, or along its ``up``, gives what is not a number; `check_structure` refuses it.
+    length, or along its ``up``, gives NaN; `check_structure` refuses it.
     """
 
     nodes: Int[np.ndarray, "member 2"]

@@ -5,7 +5,7 @@ material, and viscous devices. A mode that is given its own ratio has that and n
 
 - Base: with a loss factor of 2 zeta_f in all that strains and of 2 zeta_s in all else that holds the article,
   a mode with the parts s and r of its energy in these has zeta = s zeta_f + r zeta_s (the modal strain energy
-  method, see below). r = 1 - s unless weight or preload softens the mode: what they take away has no loss,
+  method, see below). r = 1 - s unless weight or preload softens the mode: their energy has no loss,
   and s alone may be above one. In orbit r = 0. Or by rank, where the article says so.
 
 - Material: a loss factor eta makes the stiffness of a member k (1 + j eta). To first order the mode loses

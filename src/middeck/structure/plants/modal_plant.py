@@ -46,10 +46,10 @@ def build_plant(
 
     Args:
         count: Modes kept.
-        damping: The article's by default; what it says and does not say of these modes is warned about.
-        static: Add what the other modes give at once, so that static gains are right: a direct term to angles
-            and to an accelerometer's g times tilt. Not to rates and accelerations, of which the rest grows
-            with frequency and has no place in a state space. `compare_static_gain` says what it is worth.
+        damping: The article's by default; warns where it does not fit these modes.
+        static: Add the residual flexibility of the other modes, so that static gains are right: a direct term
+            to angles and to an accelerometer's g times tilt. Rates and accelerations have none: their rest
+            grows with frequency and has no place in a state space. `compare_static_gain` shows its effect.
 
     Raises `ConfigError` for an unknown port, one name where several are asked for, a negative count, a torque
     at a fixed axis, or rigid modes left out where ``static`` is asked for or wheels spin.

@@ -186,8 +186,8 @@ def displace(
     """``config`` after a further ``part`` of what is prescribed; the rest follows by the tangent.
 
     With the forces inside to first order, None where nothing followed. ``inner`` are those before, where they
-    are not the configuration's own: of a rough state these balance nothing, and what they made of the tangent
-    kept Newton's method from the branch however short a step was.
+    are not the configuration's own: those of a rough state are out of balance, and a tangent with them keeps
+    Newton's method from the branch however short a step is.
     """
     since = config.since_drawn
     if model.held is None or since is None or not np.any(model.held.moved):

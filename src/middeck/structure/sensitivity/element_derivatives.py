@@ -1,7 +1,7 @@
 """Change of the stiffness and mass of beam elements, seen by modes, as the elements move.
 
 The third derivative of an element's energy has 12 x 12 x 12 entries; nine complex steps give it, since an
-element that is shifted as a whole stays what it is. Contracted with pairs of modes it is a gradient: one for
+element that is shifted as a whole is unchanged. Contracted with pairs of modes it is a gradient: one for
 all parameters, whatever they do to the rest state.
 """
 

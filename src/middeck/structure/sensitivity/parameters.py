@@ -71,7 +71,7 @@ class ModelParameter:
     """One number: its name, its unit ("" for a factor or a direction), and its value.
 
     ``spots`` are where it stands: "structure" or "environment", then names of fields and indices. A factor
-    (``scales``) multiplies what is there. A component of an axis turns it: its length stays one. One that is
+    (``scales``) multiplies the value. A component of an axis turns it: its length stays one. One that is
     ``unstated``, a coupling of a bushing that has none, is found by its whole name only.
     """
 

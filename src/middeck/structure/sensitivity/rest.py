@@ -169,7 +169,7 @@ def _spring_torque(perturbed: Structure, rest: Equilibrium, turn: np.ndarray) ->
 def move_rest(rest: Equilibrium, parameters: Sequence[ModelParameter]) -> MovedRest:
     """The derivative of the rest state, with the patches that it came from; the last is kept with the state.
 
-    A refinement, what is found of it and what is predicted from it ask for the same one after the other.
+    A refinement, its findings and its predictions ask for the same one after the other.
     """
     known = vars(rest).get("moved")
     if known is None or known[0] != tuple(parameters):

@@ -10,7 +10,7 @@ one inside of it:
 
 (Nelson 1976, AIAA J. 14, with a border in the place of his struck coordinate: no choice to make, symmetric,
 and as well conditioned for a group). No mode is left out of x_i. Within a group any rotation of the shapes is
-as good as none: none is what is given, so that group by group the space they span is differentiated.
+as good as none: none is given, so that the space that they span is differentiated, group by group.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Derivatives beside members too stiff for matrices in W: those of the same article with such members softer.
 
-What is formed in W rounds by 1e-16 of the stiffest member, and derivatives with it (`stiff_members`). A
-member of 1e7 times what holds the article moves as if it were rigid, to 1e-7. Each one beyond that is given
+Matrices in W round by 1e-16 of the stiffest member, and derivatives with them (`stiff_members`). A member
+1e7 times as stiff as the article's supports moves as if it were rigid, to 1e-7. Each one beyond that is given
 so much less axial, shear, bending and torsional stiffness; rest state and modes are found anew and compared
 with those of the article itself, which are right whatever its stiffness. Where they agree, derivatives do.
 """

@@ -105,7 +105,7 @@ def _side_by_side(alone: list[SampledStateSpace], states: int) -> SampledStateSp
 
 
 def tidy_samples(samples: np.ndarray) -> np.ndarray:
-    """Round to whole samples what differs from them by binary rounding of decimals only."""
+    """Round numbers of samples that differ from whole ones by binary rounding of decimals only."""
     nearest = np.round(samples)
     return np.where(np.abs(samples - nearest) < WHOLE, nearest, samples)
 

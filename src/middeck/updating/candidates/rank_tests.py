@@ -1,7 +1,7 @@
 """Ranking of tests: the uncertainty of the promised quantities after each candidate test.
 
-What a test tells is in the slopes of what it reads, not in the values: so the deviations after it are known
-before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).
+The information of a test is in the slopes of its readings, not in the values: so the deviations after it are
+known before it is made (Lindley 1956, Ann. Math. Stat. 27; Chaloner and Verdinelli 1995, Statist. Sci. 10).
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Ranked:
     Attributes:
         std: Standard deviations after the test of all that is promised, as in `Promised`.
         ratio: Each of these over its value before.
-        widest: The ratio of what is the widest before.
+        widest: Ratio of the quantity with the widest interval before.
         median: Median of all ratios.
-        foreseen: The refinement with the test: what promises would stand on.
+        foreseen: The refinement with the test, on which promises would stand.
     """
 
     name: str

@@ -38,7 +38,7 @@ class Foreseen:
     """A refinement with one more test.
 
     Attributes:
-        refined: The same most probable article, and what is known of it then.
+        refined: The same most probable article, with its uncertainty after the test.
         unseen: Modes of the test's band that its channels do not see, by name and frequency [Hz].
     """
 

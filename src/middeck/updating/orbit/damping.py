@@ -37,7 +37,7 @@ class DampingParts(NamedTuple):
     def of(modes: Modes, index: Int[np.ndarray, " mode"]) -> DampingParts:
         """Losses of some modes: the suspension's are what its ratio and its dampers add.
 
-        That is never negative: weight that softens a mode takes no loss from what holds it.
+        That is never negative: weight that softens a mode takes no loss from its supports.
         """
         damping = modes.equilibrium.model.structure.damping
         own = tuple(d for d in damping.dampers if d.place is not DamperPlace.DEVICE)

@@ -37,12 +37,12 @@ class Prediction:
 
     Attributes:
         modes, index: Modes of the refined model, and which of them these are.
-        log_shift: What the model's own errors, seen on the ground, add to the logarithms of its frequencies,
-            and, in the mean, a cable and what is not linear in the unknowns (`bend_of`).
+        log_shift: Addition to ln f by the model's own errors, seen on the ground, and, in the mean, by a
+            cable and the second order of the unknowns (`bend_of`).
         log_root: Root of their shared covariance, by unknowns and errors of the refinement.
-        log_rest: Standard deviation of what each mode has beside, alone.
-        damping: What the surveys measured, by what each mode has of the shapes that it saw, less what is lost
-            on the ground alone (`carry_damping`); of the rest, and where the survey states none, the
+        log_rest: Standard deviation of each mode's own further error.
+        damping: Ratios measured by the surveys, weighted by the share of each mode in their shapes, less
+            losses on the ground alone (`carry_damping`); for the rest, and where the survey states none, the
             article's. Where damping was refined: of the refined article's complex modes, with the model's
             errors of ln zeta as far as the modes share them.
         damping_own: Root of the part of the variance of ln zeta that no measured mode has: one of a mode that
@@ -143,7 +143,7 @@ def predict_modes(
     """The lowest ``count`` modes that are not rigid, in ``environment``.
 
     Without gravity a weak cable may hold the article, with any frequency up to ``umbilical_hz``
-    (`tie_umbilical`), all as likely: frequencies have what it adds in the mean, intervals how that varies.
+    (`tie_umbilical`), all as likely: frequencies include its mean effect, intervals its variation.
     """
     return predict_at(refined, solve_there(refined, environment, count), umbilical_hz)
 

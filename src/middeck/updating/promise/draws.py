@@ -45,8 +45,8 @@ class LoopSpread:
         gain_tolerance: Relative tolerance of each sensor's gain; an angle and its rate share one.
         damping_std: Standard deviation of ln zeta for a mode that no survey measured.
         umbilical_hz: Frequency that a weak cable may give the article where it floats, all from zero to this
-            as likely (`tie_umbilical`); what holds an article makes a weak cable nothing. Frequencies of
-            flexible modes allow for 0.03 Hz.
+            as likely (`tie_umbilical`); on an article with supports a weak cable is negligible. Frequencies
+            of flexible modes allow for 0.03 Hz.
     """
 
     delay_s: float = 0.0
@@ -187,8 +187,8 @@ def draw_plants(
 ) -> PlantDraws:
     """``draws`` plants of the article in ``environment``.
 
-    ``build`` makes a plant in modal form of the lowest modes; ``finish`` is what is done to it when gains,
-    frequencies and damping are in, as to close an inner loop; the delay comes last. ``mean`` is
+    ``build`` makes a plant in modal form of the lowest modes; ``finish`` changes it once gains, frequencies
+    and damping are in, for example to close an inner loop; the delay comes last. ``mean`` is
     `predict_modes` there of as many modes as such a plant has, if known. Raises `ConfigError` for a plant
     that is not modal.
     """

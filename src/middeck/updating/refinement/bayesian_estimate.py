@@ -130,8 +130,8 @@ def unseen_deviations(
 ) -> Float[np.ndarray, " sort"]:
     """Standard deviations of errors that no test measured: 95 % intervals that allow for an uncertain tau.
 
-    Few modes say little of tau, and the most probable one is too small for what they do not show. ``tau`` are
-    the most probable; each is let go by itself, the others held.
+    Few modes hardly determine tau, and the most probable one is too small for errors that they do not show.
+    ``tau`` are the most probable; each is freed by itself, the others held.
     """
     of_unknowns, away = _of_unknowns(problem), np.linspace(-AWAY, AWAY, POINTS)
     out = np.empty(len(tau))
@@ -153,7 +153,8 @@ def cut_below(
 ) -> Float[np.ndarray, " both"]:
     """Standard normal numbers at which ``mean`` + ``along`` @ n is not negative, from ``n`` without this.
 
-    They move along ``along`` alone, to the same quantile of what is left; not where the mean is `BELOW`.
+    They move along ``along`` alone, to the same quantile of the truncated distribution; not where the mean is
+    `BELOW`.
     """
     size = float(np.linalg.norm(along))
     if mean < -BELOW * size or not size:

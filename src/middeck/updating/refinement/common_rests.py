@@ -18,8 +18,8 @@ from middeck.updating.residuals.surveys import Compared
 def common_rests(problem: Linear, links: Sequence[tuple[int, int, float]]) -> Linear:
     """The problem with rests shared between new and old rows: (old, new, part), each new row once.
 
-    The rest of an old row becomes an error with a column of its own, last of all; of the rest of a new row
-    only what is left without it stays alone.
+    The rest of an old row becomes an error with a column of its own, last of all; the rest of a new row keeps
+    the remainder.
     """
     rest, columns, sort = problem.rest.copy(), {}, list(problem.sort)
     for old, new, part in links:

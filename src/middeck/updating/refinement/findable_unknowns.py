@@ -1,7 +1,7 @@
 """Unknowns that a refinement can determine: their effects on measured values, and alike ones.
 
-Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: what
-one prior deviation does, in deviations of the test. Columns that are aligned with the first error can take it
+Each column of slopes is divided by the noise of its rows and multiplied by the spread of its unknown: the
+effect of one prior deviation in deviations of the test. Columns aligned with the first error can take it
 away; columns that are aligned with one another cannot be distinguished.
 """
 

@@ -1,11 +1,11 @@
 """Static tests beside the article as drawn: sag, tilt and reactions under load cases.
 
 A model's members are wrong by more than their numbers: ribs that slip, a clamp that gives. Statically that is
-a relative error of what they yield, delta e = E e of their strains e. E is d_j on each of the directions that
-the strains of the tests have (orthonormal in strain energy), d_j ~ N(0, tau^2), and as much again, but
-independent, on what is none of these. So load levels of one kind share their error, and a case that strains
-the article otherwise shares what its strain has of theirs. Nothing says that such an error is proportional:
-d_j may change with the size of the strains, which the levels of the tests tell, and grows less sure beyond.
+a relative error of their strains e, delta e = E e. E is d_j on each of the directions of the tests' strains
+(orthonormal in strain energy), d_j ~ N(0, tau^2), and as much again, but independent, on the rest. So load
+levels of one kind share their error, and a case that strains the article otherwise shares the part of its
+strain along theirs. Such an error need not be proportional: d_j may change with the size of the strains,
+which the levels of the tests show, and becomes less certain beyond.
 
 Beside that each reading has an error of its own, of the rig or of the model, in parts of the full scale of
 its gauge; and so has the reading of the unloaded article, which all readings of one series share.
@@ -304,7 +304,7 @@ class ErrorFields(NamedTuple):
     """Directions of the strains of some static tests, orthonormal in strain energy, one column each.
 
     Each has two errors: that at ``most``, the largest part that a test had of it, and how it changes as that
-    part grows, `GROWTH` of an error for every factor of e. See `beyond` of what is larger than ``most``.
+    part grows, `GROWTH` of an error for every factor of e. See `beyond` for parts larger than ``most``.
     """
 
     whitened: Float[np.ndarray, "whitened direction"]

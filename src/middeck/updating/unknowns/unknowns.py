@@ -36,8 +36,8 @@ class Unknown:
             ``loop.sensor_gain.NAME`` and ``loop.motor_gain.NAME``.
             ``friction.JOINT.slip_torque`` and ``.slip_angle`` are of joints whose friction a survey states.
             Damping and friction are never added to, so that they stay positive.
-        spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, of one that
-            is ``added``, of what is added to each of them, in its unit.
+        spread: Standard deviation of x: of the logarithm of a factor on all of the parameters or, where x is
+            ``added``, of the addition to each of them, in its unit.
         mean: Prior mean of x; zero is the article as drawn.
 
     Raises `ConfigError` for a spread that is not positive, for no parameter, for some of the article and some

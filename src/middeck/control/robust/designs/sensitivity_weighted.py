@@ -65,7 +65,7 @@ def design_sensitivity_weighted(
 
     Args:
         plant, weights, authority, uncertainty, shaping: As for `design_multimodel`; only
-            ``uncertainty.shifts`` enter the cost, and of what is weighed only z.
+            ``uncertainty.shifts`` enter the cost, and only with the weights of z.
         strength: Factor on the half-widths in the cost. None: chosen, in steps of a fifth, for the least mean
             of the plain costs at the ends of the box, all of which are then stable.
 

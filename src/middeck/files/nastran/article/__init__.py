@@ -1,1 +1,1 @@
-"""From the parts of a deck to the documents of an article and of what holds it."""
+"""From the parts of a deck to the documents of an article and of its supports."""

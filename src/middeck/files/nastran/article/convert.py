@@ -1,4 +1,4 @@
-"""From a deck to the documents of an article and of what holds it, with a report on the cards."""
+"""From a deck to the documents of an article and of its supports, with a report on the cards."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ from middeck.values import record
 class Conversion:
     """An article's document, and what became of the cards.
 
-    ``environment`` is the document of an environment: what holds the deck, if anything does, and its gravity.
+    ``environment`` is the document of an environment: the deck's supports, if any, and its gravity.
     ``read`` counts the cards whose fields were read; ``left_out`` has rows (card, how many, why);
     ``notes`` are sentences for the report, ``components`` what the document names, by file; ``reference`` is
     the grid (0: the origin) about which the deck wants its mass, and where it is [m].

@@ -71,7 +71,7 @@ def ground_springs(basis: Basis, parts: DeckParts, standing: Standing) -> Ground
     """Springs to held grids as springs to the ground, where nothing else is on the grid or rigid with it.
 
     All motions of such a grid that its springs resist must be held. Springs that alone join the pieces of the
-    deck stay what they are.
+    deck are unchanged.
     """
     found = _find_ends(basis, parts, standing)
     firm = {grid for _, _, grid in found.ends if parts.held.get(grid) == ALL}

@@ -89,7 +89,7 @@ class LoadSets:
     def constants(self, holds: bool) -> tuple[dict[str, Any], list[str]]:
         """Gravity for an environment, where all sets that have some have the same, and notes.
 
-        What is not converted goes to ``refused``, as all of it where nothing ``holds`` the deck.
+        Gravity that is not converted goes to ``refused``, as all of it does where nothing ``holds`` the deck.
         """
         falling = {sid: g for sid, g in self.gravity.items() if np.any(g)}
         if not falling:

@@ -25,7 +25,7 @@ BEYOND = 1e-6  # rounding of a place at a member's end, over its length
 def member_load(
     entry: Entry, bar: Bar, factor: float, basis: Basis, standing: Standing
 ) -> list[dict[str, Any]]:
-    """The loads of an article at both ends of ``bar``; raises `ValueError` for what is not converted."""
+    """The loads of an article at both ends of ``bar``; raises `ValueError` for loads not converted."""
     found = KIND.fullmatch(entry["type"])
     if found is None or entry["scale"] not in SCALES:
         raise ValueError(

@@ -56,7 +56,7 @@ class Bulk:
 
 
 def read_bulk(paths: Sequence[str | Path]) -> Bulk:
-    """Bulk data of several files one after the other, with what they include, apart by superelement.
+    """Bulk data of several files one after the other, with included files, sorted by superelement.
 
     A file without BEGIN BULK is bulk data from its first line. Raises `ConfigError` for files that cannot be
     read and includes in bulk data that are not there.

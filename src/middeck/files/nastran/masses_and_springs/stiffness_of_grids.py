@@ -64,7 +64,7 @@ def loose_shifts(
 def end_stiffness(bar: Bar) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness (6, 6) of each end of a bar whose other end is held, in basic coordinates; shear left out.
 
-    Without what the pins of both ends release.
+    The motions that the pins of both ends release are left out.
     """
     cut, material, L = bar.section.first, bar.section.material, bar.length
     along = (bar.ends[1] - bar.ends[0]) / L

@@ -33,7 +33,7 @@ class TickRows:
     """Inputs of a block of ticks, and the rows that it fills.
 
     Attributes:
-        compute, shift: The computer's matrix, from its states and the counts, and what it subtracts.
+        compute, shift: The computer's matrix, from its states and the counts, and the offset it subtracts.
         kept: Number of the computer's states.
         excitation, offset, noise: At each tick: commands added, errors of the counts, noise on the states.
         digital: The computer's states and the counts of each tick; the first states are set.

@@ -21,7 +21,7 @@ class RigState:
         x, computer: States of the continuous part and of the computer: the gyros' sums, then the
             compensator's.
         issued: Torques issued in the last ticks, the latest last.
-        momentum: Momentum of each rotor, in units of a torque over one tick; minus what it has given.
+        momentum: Momentum of each rotor, in units of a torque over one tick; minus the sum of its torques.
         joints: State of every joint element in order.
         bias: Error of each reading now.
         trim: Estimate of it that the computer subtracts.

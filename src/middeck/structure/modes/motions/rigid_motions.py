@@ -69,7 +69,7 @@ def _with_links(joints: np.ndarray, space: np.ndarray, M: sp.csr_array) -> np.nd
 def centre_of_mass(
     motions: Float[np.ndarray, "coordinate motion"], M: sp.csr_array
 ) -> Float[np.ndarray, "3"]:
-    """From the coupling of rotations about the origin with translations; the origin of what has no mass.
+    """Centre of mass, from the coupling of rotations with translations; the origin without mass.
 
     A device's moving mass counts along its cable only: rotations about the point found then couple least with
     translations, wherever the article stands.
