@@ -54,6 +54,20 @@ def test_coordinates_of_a_law_do_not_matter(seed):
 
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10_000))
+def test_a_descent_begins_in_states_that_do_not_depend_on_those_given(seed):
+    lqg, rng = design_lqg(random_plant(seed), WEIGHTS, 1.0).system, np.random.default_rng(seed)
+    T = rng.standard_normal(lqg.A.shape) + 3.0 * np.eye(len(lqg.A))
+    into = np.linalg.inv(T)
+    laws = Law(lqg.A, lqg.B, lqg.C), Law(into @ lqg.A @ T, into @ lqg.B, lqg.C @ T)
+    # The path through each state alone has no sign and no unit of the state in it.
+    first, second = (
+        law.B[:, :, None] * law.C.T[:, None, :] for law in (arrange(each, [])[0] for each in laws)
+    )
+    np.testing.assert_allclose(second, first, atol=1e-7 * np.abs(first).max())
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10_000))
 def test_units_of_states_do_not_matter(seed):
     rng, n = np.random.default_rng(seed), 6
     A = rng.standard_normal((n, n))

@@ -99,8 +99,8 @@ def arrange(
 
     A is tridiagonal within each station: every real matrix is similar to such a matrix, it stays
     differentiable where modes meet, and its 3 k - 2 numbers leave few directions that only change
-    coordinates. Where eigenvectors are nearly dependent the coordinates stay and all of A is free. Of the
-    last states, the ``integrals``, only C is free.
+    coordinates. They do not depend on those of ``law``; but where eigenvectors are nearly dependent these
+    stay and all of A is free. Of the last states, the ``integrals``, only C is free.
     """
     law = decouple(law, integrals)
     ny, nu = law.B.shape[1], len(law.C)
@@ -111,7 +111,7 @@ def arrange(
     first = 0
     for inputs, outputs, order in parts:
         own = slice(first, first + order)
-        basis = _modal_basis(law.A[own, own])
+        basis = _modal_basis(Law(law.A[own, own], law.B[own], law.C[:, own]))
         near = np.abs(np.subtract.outer(np.arange(order), np.arange(order))) <= 1
         A[own, own] = near if basis is not None else True
         B[own, inputs] = True
@@ -168,18 +168,31 @@ def add_laws(first: Law, second: Law) -> Law:
     )
 
 
-def _modal_basis(A: Float[np.ndarray, "state state"]) -> Float[np.ndarray, "state state"] | None:
-    """Real and imaginary parts of the eigenvectors, slow modes first; None where ill-conditioned."""
-    values, vectors = np.linalg.eig(A)
+def _modal_basis(law: Law) -> Float[np.ndarray, "state state"] | None:
+    """Real and imaginary parts of the eigenvectors, slow modes first; None where ill-conditioned.
+
+    The phase of an eigenvector decides how a descent couples modes and in which minimum it ends. So each is
+    turned to where the inputs b and the outputs c of its mode have the most real part in common.
+    """
+    values, vectors = np.linalg.eig(law.A)
+    if len(values) and not np.linalg.cond(vectors) < WORST_BASIS:
+        return None
+    into, out = np.linalg.solve(vectors.astype(complex), law.B), law.C @ vectors
     rate, turn = np.real(values), np.imag(values)
     columns: list[np.ndarray] = []
     for i in np.lexsort((turn, np.hypot(rate, turn))):
+        vector = vectors[:, i]
         if turn[i] > 0.0:
-            columns += [np.real(vectors[:, i]), np.imag(vectors[:, i])]
+            vector = vector * np.exp(0.5j * np.angle(_square(into[i]) + _square(out[:, i].conj())))
+            columns += [np.real(vector), np.imag(vector)]
         elif turn[i] == 0.0:
-            columns.append(np.real(vectors[:, i]))
-    basis = np.array(columns).T
-    return basis if basis.size == 0 or np.linalg.cond(basis) < WORST_BASIS else None
+            columns.append(np.real(vector))
+    return np.array(columns).T
+
+
+def _square(row: np.ndarray) -> complex:
+    """Sum of squares over sum of absolute squares: one for a real row, minus one for an imaginary one."""
+    return np.sum(row**2) / max(np.sum(np.abs(row) ** 2), np.finfo(float).tiny)
 
 
 def scale_states(law: Law, scale: Float[np.ndarray, " law"]) -> Law:
