@@ -19,6 +19,9 @@ from middeck.structure.elements.frames import Configuration
 
 # An omega^2 of so many times its rounding is good to eight digits, and better as it is.
 NEAR = 1e3
+# An omega^2 below this part of the largest may be rounding of that, and is where it is off its energy by more
+# than the second.
+STIFFEST, WRONG = 1e-14, 1e-3
 
 
 def separate_rigid(
@@ -37,15 +40,24 @@ def separate_rigid(
     section 11). So a bus on threads that swings once a day is distinguished from one that floats. ``at`` is
     what `assemble_carried` gives there, if it is known.
     """
-    few = int(np.argmin(np.concatenate([np.abs(pairs.lam) < NEAR * pairs.noise, [False]])))
+    near = np.abs(pairs.lam) < np.maximum(NEAR * pairs.noise, STIFFEST * pairs.lam.max(initial=0.0))
+    few = int(np.argmin(np.concatenate([near, [False]])))
     if few == 0:
         return pairs
-    lowest = pairs.shapes[:, :few]
-    shapes = free.spread(lowest)
     slack = at is not None and is_unstrained(model, config, at, loads)
     G = sp.csr_array((model.tree.size,) * 2) if slack else geometric_tangent(model, config, loads)
+    shapes = free.spread(pairs.shapes[:, :few])
     strained = strain_energies(model, config, loads, shapes)
-    lam, turn = np.linalg.eigh(strained + shapes.T @ (G @ shapes))
+    energy = strained + shapes.T @ (G @ shapes)
+    # Beside members of 1e12 times their stiffness the solver may leave more than its noise.
+    error = np.abs(pairs.lam[:few] - np.diag(energy))
+    off = (np.abs(pairs.lam) < NEAR * pairs.noise)[:few] | (error > WRONG * np.abs(pairs.lam[:few]))
+    few = int(np.max(np.flatnonzero(off), initial=-1)) + 1
+    if few == 0:
+        return pairs
+    lowest, shapes = pairs.shapes[:, :few], shapes[:, :few]
+    strained, energy = strained[:few, :few], energy[:few, :few]
+    lam, turn = np.linalg.eigh(energy)
     shapes = shapes @ turn
     cancels = np.einsum("im,im->m", np.abs(shapes), abs(G) @ np.abs(shapes))
     cancels += np.einsum("im,ij,jm->m", turn, strained, turn)
@@ -55,10 +67,20 @@ def separate_rigid(
         strain = np.abs(state.slope @ (rows @ moved))
         cancels += np.einsum("im,im->m", strain, np.abs(part.stiffness) @ strain).max()
     # A shape has noise / omega^2 of the next mode in it, whose energy goes with the square of that.
-    noise = float(pairs.noise[:few].max())
-    mixed = noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0
-    known = Eigenpairs(lam, lowest @ turn, ROUNDING * (cancels + noise) + mixed)
+    noise = float(max(pairs.noise[:few].max(), error[:few].max()))
+    mixed = few * noise**2 / pairs.lam[few] if few < len(pairs.lam) else 0.0
+    left = ROUNDING * (cancels + noise) + mixed
+    if _floats(model, loads):
+        # Its six rigid motions have no energy: a kilometre away the strains of their shapes round to more.
+        left[:6] = np.maximum(left[:6], STIFFEST * pairs.lam.max())
+    known = Eigenpairs(lam, lowest @ turn, left)
     return known.beside(pairs.pick(slice(few, None)))
+
+
+def _floats(model: Model, loads: Loads) -> bool:
+    """Whether nothing joins the article to the ground or pulls it in any direction of W."""
+    tied = len(loads.attach_point) or len(loads.ground.point) or model.held is not None
+    return not tied and not np.any(loads.gravity) and not np.any(loads.push)
 
 
 def rounding(
