@@ -59,7 +59,7 @@ from middeck.identification.record_fit.record_spectra import (
 from middeck.identification.record_fit.record_terms import record_lacks
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
-from middeck.identification.record_fit.undeclared_hold import taken_as_held, without_hold
+from middeck.identification.record_fit.undeclared_hold import are_steps, taken_as_held, without_hold
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
 from middeck.identification.record_fit.warnings_on_two_modes import (
     modes_perhaps_two,
@@ -120,7 +120,8 @@ def fit_record(
             one run of samples. Where it says that its inputs were ``held``, a continuous model is of what is
             behind the hold: that is divided out, and what is folded back from beyond half the rate is taken
             off by a first fit. Where it does not say, and a model of band-limited inputs leaves doubts, they
-            are taken as held if that is the shorter description and leaves none (``hold_s`` of the model).
+            are taken as held if that is the shorter description and leaves none (``hold_s`` of the model);
+            inputs in steps are, unless that is clearly the longer one.
         states: Order of the model without its delays. By default that of the minimum description length:
             of the record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
@@ -214,15 +215,16 @@ def fit_samples(
         first = _first(search, given, release_inputs(record))
         return fit_behind_hold(fit, given, record, first, band_hz[1]).fit
     made = fit(given, record)
-    if record.held is None and made.fit.warnings:
+    steps = record.held is None and are_steps(given)
+    if steps or (record.held is None and made.fit.warnings):
         tell("the inputs as held ones")
         held = (dataclasses.replace(one, held=True) for one in (given, record))
         with contextlib.suppress(FitError):
             behind = without_hold(made.fit.model, record.sample_hz)
             first = First(behind, made.fit.covariance.structure.real_constants)
             other = fit_behind_hold(fit, *held, first, band_hz[1])
-            if other.length < made.length - UNDECIDED:
-                return taken_as_held(made.fit, other.fit)
+            if other.length < made.length + (UNDECIDED if steps else -UNDECIDED):
+                return taken_as_held(made.fit, other.fit, steps=steps)
     return marked(made.fit, None if record.held is None else 0.0)
 
 

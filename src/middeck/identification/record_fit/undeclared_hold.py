@@ -6,12 +6,25 @@ import numpy as np
 
 from middeck.identification.fit.fit_response import FitResult, marked
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
+from middeck.signals.record import Record
 
+# Share of samples that equal the one before exactly, and jumps, from which an input is given in steps.
+STILL, FEWEST_JUMPS = 0.4, 10
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
+IN_STEPS = "inputs are taken as held, as they are given in steps"
 MAYBE_HELD = (
     f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
     "record whether they were"
 )
+
+
+def are_steps(record: Record) -> bool:
+    """Whether all inputs stay at a level for some samples and jump to the next: commands, which are held.
+
+    What is band-limited between samples, or measured, has hardly two equal samples in a row.
+    """
+    still = np.diff(record.u.reshape(len(record.u), -1, record.u.shape[3]), axis=1) == 0.0
+    return bool(np.all(still.mean(axis=(0, 1)) > STILL) and np.all(np.sum(~still, (0, 1)) >= FEWEST_JUMPS))
 
 
 def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
@@ -21,9 +34,13 @@ def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
     return dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
 
 
-def taken_as_held(released: FitResult, held: FitResult) -> FitResult:
-    """The ``held`` fit, the shorter one, if it has no warnings; else the other one with its warnings."""
-    if not held.warnings:
-        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {AS_HELD}")
+def taken_as_held(released: FitResult, held: FitResult, *, steps: bool = False) -> FitResult:
+    """The ``held`` fit, the shorter one, if it has no warnings; else the other one with its warnings.
+
+    Of inputs in ``steps`` it need not be shorter, and its warnings may be those of the other one.
+    """
+    if not held.warnings or (steps and len(held.warnings) <= len(released.warnings)):
+        why = IN_STEPS if steps else AS_HELD
+        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {why}")
     doubted = marked(released, None)
     return dataclasses.replace(doubted, warnings=(*doubted.warnings, MAYBE_HELD))
