@@ -39,7 +39,7 @@ from middeck.systems.plants.response import FrequencyResponse
 MISSING = ("gap", "dead")
 LOCAL = ("clipping", "dropout", "spike", "held", "duplicate", "shift", "stuck")
 # What biases an estimate as a whole.
-BIASING = ("shift", "joint", "feedback", "delay", "truncated", "unlike", "stuck")
+BIASING = ("shift", "joint", "feedback", "delay", "truncated", "unlike", "stuck", "clipping")
 # What spoils few samples, and thereby all lines.
 BRIEF = ("spike", "dropout")
 SEVERITIES = ("unusable", "serious", "note")

@@ -446,7 +446,7 @@ def _coupling_instead(
     """Couplings that describe the response as shortly as the poles that may be no modes do."""
     model, measured, best = covariance.model, run.measured, run.best
     spare = spare_modes(model, standing)
-    if run.cost != "weighted" or model.sample_hz is not None or not spare.any() or spare.all():
+    if run.cost != "weighted" or not covariance.structure.with_delay or not spare.any() or spare.all():
         return []
     start = without_modes(best.start, np.isin(best.start.point.poles, model.poles[spare]))
     terms, s = coupling_terms(len(model.outputs)), 2j * np.pi * measured.frequency_hz

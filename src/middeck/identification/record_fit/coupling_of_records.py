@@ -32,7 +32,7 @@ def coupling_of_record(
 ) -> list[str]:
     """Couplings that describe the record as shortly as the poles that may be no modes do."""
     spare = spare_modes(model, standing)
-    if model.sample_hz is not None or not spare.any() or spare.all():
+    if not run.layout.options.delay or not spare.any() or spare.all():
         return []
     start = without_modes(run.start, np.isin(run.start.point.poles, model.poles[spare]))
     terms = coupling_terms(len(model.outputs))

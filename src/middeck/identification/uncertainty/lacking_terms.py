@@ -96,9 +96,11 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
     found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
-    found += [LackingTerm("coupled", o) for o in range(outputs)]
-    if outputs > 1 or inputs > 1:
-        found += [LackingTerm("coupled input", input=i) for i in range(inputs)]
+    # Without delays, poles beyond the band follow them, and neither is a model of the phase at low frequencies.
+    if structure.with_delay:
+        found += [LackingTerm("coupled", o) for o in range(outputs)]
+        several = outputs > 1 or inputs > 1
+        found += [LackingTerm("coupled input", input=i) for i in range(inputs) if several]
     if structure.common_delay:
         found += [LackingTerm("output", o) for o in range(outputs)]
     if inputs > 1:
@@ -270,6 +272,8 @@ def response_lacks(
 ) -> Lacking:
     """What a fit of a response lacks, weighted by the ``assumed`` variance."""
     terms = terms_of(*covariance.model.direct.shape, covariance.structure)
+    if not terms:
+        return NOTHING
     return lacking_of(terms, response_scores(terms, covariance, measured, assumed), covariance.model)
 
 
