@@ -66,6 +66,7 @@ def test_the_deviations_under_noise_are_no_larger(campaign: Callable[..., range]
             outputs=(Port("tip", "m"),), periodic=False,
         )  # fmt: skip
         found = response_scatter(record, method="local rational", band_hz=(0.01, 0.49))
+        assert found.total is not None
         late = np.exp(-2j * np.pi * found.frequency_hz)
         H = (late / (1.0 - pole * late) - late / (1.0 - pole.conj() * late)) / 2j
         medians.append(float(np.median(np.abs(found.H[:, 0, 0] - H) ** 2 / found.total[:, 0, 0])))
