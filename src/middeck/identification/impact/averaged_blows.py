@@ -33,6 +33,8 @@ END, END_OF_NOISE, PEAK = 1e-3, 0.05, 0.5
 USEFUL = 0.01
 # Parts of a record, of which the quietest tells the level at rest; parts of the force at rest that are kept.
 PARTS, KEPT = 16, 64
+# Batches of the quietest part, whose means tell the variance of its level.
+BATCHES = 8
 # Coherence below which a line is reported.
 INCOHERENT = 0.9
 
@@ -174,11 +176,16 @@ def _at_rest_under(
 def _at_rest(
     x: Float[np.ndarray, "sample channel"],
 ) -> tuple[Float[np.ndarray, " channel"], Float[np.ndarray, " channel"]]:
-    """Level of each channel where it moves least, and the variance of that."""
+    """Level of each channel where it moves least, and the variance of that, by means of batches.
+
+    What rings within a batch hardly moves its mean; ringing that is left makes the variance too large, not
+    too small.
+    """
     parts = np.array_split(x, PARTS)
     least = np.argmin([p.var(axis=0) for p in parts], axis=0)
     found = [parts[k][:, c] for c, k in enumerate(least)]
-    return np.array([p.mean() for p in found]), np.array([p.var() / len(p) for p in found])
+    batches = [np.array([b.mean() for b in np.array_split(p, min(BATCHES, len(p)))]) for p in found]
+    return np.array([p.mean() for p in found]), np.array([b.var() / max(len(b) - 1, 1) for b in batches])
 
 
 def _time_constant(blocks: Record, end: float) -> float:

@@ -95,8 +95,8 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
-    # Without delays, poles beyond the band follow them, and neither models the phase at low frequencies.
+    found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
+    # Without delays, poles beyond the band follow them, and no phase at low frequencies is theirs.
     if structure.with_delay:
         found += [LackingTerm("coupled", o) for o in range(outputs)]
         several = outputs > 1 or inputs > 1
