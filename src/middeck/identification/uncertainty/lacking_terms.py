@@ -95,7 +95,7 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [Term("filter", o, power=power) for o in range(outputs) for power in filters]
+    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
     # Without delays, poles beyond the band follow them, and no phase at low frequencies is theirs.
     if structure.with_delay:
         found += [LackingTerm("coupled", o) for o in range(outputs)]
