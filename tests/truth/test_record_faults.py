@@ -377,6 +377,17 @@ def test_a_response_at_rest_before_its_step_is_not_clipped() -> None:
     assert "clipping" not in [f.kind for f in found]
 
 
+def test_a_computed_sweep_that_meets_its_peaks_is_not_clipped() -> None:
+    """Its phase is a multiple of a quarter turn at four samples: the same number, four times."""
+    time = np.arange(3200) / 100.0
+    sweep = np.sin(2.0 * np.pi * (1.0 + 0.5 * 39.0 * time / 32.0) * time)
+    assert np.count_nonzero(sweep == sweep.min()) == 4
+    found = detect_faults(heard(np.random.default_rng(3), sweep))
+    assert "clipping" not in [f.kind for f in found]
+    cut = np.maximum(sweep, -0.9)
+    assert "clipping" in [f.kind for f in detect_faults(heard(np.random.default_rng(3), cut))]
+
+
 @pytest.mark.parametrize("hz", [5.0, 11.0, 12.5, 25.0])
 def test_a_computed_sine_that_meets_its_peak_is_not_clipped(hz: float) -> None:
     clean = gimbal_record.multisine(1, outputs=2, samples=4096)

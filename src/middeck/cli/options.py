@@ -9,13 +9,13 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
 import click
 
 from middeck.errors import ConfigError
-from middeck.values import record
 
 Command = Callable[..., Any]
 F = TypeVar("F", bound=Command)
@@ -302,7 +302,7 @@ _first_bending = click.option(
 )
 
 
-@record(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class TypedPlants:
     """The plants, as typed, on which a compensator is tried."""
 

@@ -26,6 +26,9 @@ AWAY, FEWEST_VISITS = 10.0, 3
 # Equal samples at a limit where each of so many next values is there once: of Gaussian samples in steps of a
 # hundredth of their deviation one record in ten thousand has four.
 FEWEST_EQUAL, NEXT_VALUES = 4, 20
+# Distance of so many times more values from a limit, over that of the next values. From this ratio on they
+# crowd towards it as a sine's do at its peak (16); below a limit that cuts a signal off they lie evenly (4).
+MORE_VALUES, CROWD = 4, 6.5
 # Share of the span to which values of a repeated signal are one.
 REPEATED = 1e-6
 # Half of the samples at the limits: a switched signal, not a clipped one.
@@ -96,17 +99,21 @@ def _equal_limits(x: Signal) -> Runs:
 
     A signal too fast to stay at a limit for two samples shows its clipping so. Periods that repeat exactly
     have each of their values as often. A computed sine repeats its peaks exactly and other values to
-    rounding: where the samples before each visit of the limit are one, the signal repeats.
+    rounding: where the samples before each visit of the limit are one, the signal repeats. A computed sweep
+    may meet its peaks exactly, too: there its values crowd towards the limit.
     """
     found = np.zeros(len(x), dtype=bool)
     value, times = np.unique(x, return_counts=True)
-    for limit, own, others in (
-        (value[0], times[0], times[1 : 1 + NEXT_VALUES]),
-        (value[-1], times[-1], times[-1 - NEXT_VALUES : -1]),
+    for limit, own, others, away in (
+        (value[0], times[0], times[1 : 1 + NEXT_VALUES], value - value[0]),
+        (value[-1], times[-1], times[-1 - NEXT_VALUES : -1], value[-1] - value[::-1]),
     ):
         most = int(others.max(initial=1))
         before = x[np.flatnonzero(x[1:] == limit)]
         repeats = np.ptp(before) <= REPEATED * (value[-1] - value[0]) if len(before) else True
+        repeats |= len(away) > MORE_VALUES * NEXT_VALUES and bool(
+            away[MORE_VALUES * NEXT_VALUES] > CROWD * away[NEXT_VALUES]
+        )
         if own >= FEWEST_EQUAL and not repeats and (most == 1 or own > PILED * most):
             found |= x == limit
     runs = runs_of(found)

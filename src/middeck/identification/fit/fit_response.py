@@ -449,6 +449,8 @@ def _coupling_instead(
     if run.cost != "weighted" or not covariance.structure.with_delay or not spare.any() or spare.all():
         return []
     start = without_modes(best.start, np.isin(best.start.point.poles, model.poles[spare]))
+    if not len(start.point.poles):
+        return []
     terms, s = coupling_terms(len(model.outputs)), 2j * np.pi * measured.frequency_hz
 
     def trial(rate: Float[np.ndarray, " output"]) -> CouplingTrial | None:

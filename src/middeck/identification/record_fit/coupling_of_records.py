@@ -35,6 +35,8 @@ def coupling_of_record(
     if not run.layout.options.delay or not spare.any() or spare.all():
         return []
     start = without_modes(run.start, np.isin(run.start.point.poles, model.poles[spare]))
+    if not len(start.point.poles):
+        return []
     terms = coupling_terms(len(model.outputs))
 
     def trial(rate: Float[np.ndarray, " output"]) -> CouplingTrial | None:

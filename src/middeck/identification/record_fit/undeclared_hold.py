@@ -3,12 +3,13 @@
 import dataclasses
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.identification.fit.fit_response import FitResult, marked
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
 from middeck.signals.record import Record
 
-# Share of samples that equal the one before exactly, and jumps, from which an input is given in steps.
+# Share of samples off rest that equal the one before exactly, and jumps, from which an input is in steps.
 STILL, FEWEST_JUMPS = 0.4, 10
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
 IN_STEPS = "inputs are taken as held, as they are given in steps"
@@ -21,10 +22,20 @@ MAYBE_HELD = (
 def are_steps(record: Record) -> bool:
     """Whether all inputs stay at a level for some samples and jump to the next: commands, which are held.
 
-    What is band-limited between samples, or measured, has hardly two equal samples in a row.
+    What is band-limited between samples, or measured, has hardly two equal samples in a row. Rest, as between
+    the blows of a hammer or after a burst, is at the value that is there most often, and is no step.
     """
-    still = np.diff(record.u.reshape(len(record.u), -1, record.u.shape[3]), axis=1) == 0.0
-    return bool(np.all(still.mean(axis=(0, 1)) > STILL) and np.all(np.sum(~still, (0, 1)) >= FEWEST_JUMPS))
+    inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    return all(_in_steps(inputs[:, :, i]) for i in range(inputs.shape[2]))
+
+
+def _in_steps(u: Float[np.ndarray, "experiment sample"]) -> bool:
+    level, times = np.unique(u, return_counts=True)
+    moves = u[:, 1:] != level[np.argmax(times)]
+    still = np.diff(u, axis=1) == 0.0
+    return np.count_nonzero(~still) >= FEWEST_JUMPS and np.count_nonzero(still & moves) > STILL * max(
+        np.count_nonzero(moves), 1
+    )
 
 
 def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
