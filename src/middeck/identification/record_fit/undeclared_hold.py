@@ -33,9 +33,8 @@ def _in_steps(u: Float[np.ndarray, "experiment sample"]) -> bool:
     level, times = np.unique(u, return_counts=True)
     moves = u[:, 1:] != level[np.argmax(times)]
     still = np.diff(u, axis=1) == 0.0
-    return np.count_nonzero(~still) >= FEWEST_JUMPS and np.count_nonzero(still & moves) > STILL * max(
-        np.count_nonzero(moves), 1
-    )
+    stays = np.count_nonzero(still & moves) > STILL * max(np.count_nonzero(moves), 1)
+    return bool(stays and np.count_nonzero(~still) >= FEWEST_JUMPS)
 
 
 def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
