@@ -274,7 +274,7 @@ def _at_infinity(found: Crossings) -> Crossings:
 
 
 def _over_all_phases(loop: FeedbackLoop, wave: ReturnedWave, at: At) -> tuple[Crossings, list[Peaks]]:
-    """The nearest gain, and the peaks of each channel, at infinite frequency, without a common time of delays.
+    """The nearest gain, and the peaks of each channel, at infinite frequency, over all phases of the delays.
 
     Of a stable loop with unlike delays all gains there are above one (`direct_gain`).
     """
