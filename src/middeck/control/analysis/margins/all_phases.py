@@ -67,7 +67,8 @@ def highest_of(phases: AllPhases, size: Values) -> float:
     value = size(phases.lag(tried))
 
     def fall(x: np.ndarray) -> tuple[float, np.ndarray]:
-        return _slopes(-np.log(size(phases.lag(phases.around(x)))))
+        value, slope = _slopes(-np.log(size(phases.lag(phases.around(x)))))
+        return float(value.real), slope
 
     best = float(value.max())
     for k in np.argsort(-value, kind="stable")[:STARTS]:
