@@ -180,3 +180,24 @@ def test_unlike_delays_turn_together_as_far_as_they_have_a_common_time(
     below = _scaled_norms((G + through) * np.exp(-s[:, None, None] * np.array(delay_s))).max()
     assert 1.0 / alpha == pytest.approx(max(at_infinity, below), rel=3e-3)
     assert 1.0 / alpha > at_infinity * (1.0 - 1e-3)
+
+
+@pytest.mark.parametrize("second_s", [0.01 * np.sqrt(3.0), 0.01001 * np.sqrt(1.0001)])
+@pytest.mark.parametrize("seed", [0, 4])
+def test_margins_of_delays_without_a_common_time_are_those_of_all_phases(seed: int, second_s: float) -> None:
+    """Took 17 to 44 s. Two delays of nearly one size count as two: far above they are any phase apart."""
+    plant, law = _two_loops(seed, np.tile([0.01, second_s], (2, 1)))
+    with cpu_limit(2.0):
+        margins = measure_margins(plant, law)
+    disk = measure_disk_margin(plant, law, at="inputs")
+    D = plant.continuous.D
+    second = np.exp(-1j * np.linspace(0.0, 2.0 * np.pi, 2001))
+    worst = []
+    for i, found in enumerate(margins.loops):
+        # L = D_ii + D_ij D_ji e / (...) times the phase of its own delay, which is any: its size decides.
+        size = np.abs(D[i, i] - D[i, 1 - i] * D[1 - i, i] * second / (1.0 + D[1 - i, 1 - i] * second)).max()
+        assert found.gain_limits == (0.0, pytest.approx(1.0 / size, rel=1e-6))
+        assert found.sensitivity.gain == pytest.approx(1.0 / (1.0 - size), rel=1e-6)
+        assert found.disk.alpha == pytest.approx(2.0 * (1.0 - size) / (1.0 + size), rel=1e-6)
+        worst.append(found.disk.alpha)
+    assert disk.alpha <= min(worst)

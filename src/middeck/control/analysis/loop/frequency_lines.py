@@ -67,6 +67,8 @@ def place_lines(
     low = _where_settled(ratio, low)
     period = loop.period_s
     wave = returned_wave(loop)
+    if wave is not None and fastest > 0.0:
+        high = 3.0 * fastest  # zeros of approximated delays and direct terms lie a thousand times higher
     if period is not None:
         top = (1.0 - SHORT_OF_NYQUIST) * np.pi / period
     else:

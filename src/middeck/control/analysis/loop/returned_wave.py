@@ -18,9 +18,9 @@ from middeck.values import record
 
 STEPS = 360
 """Phases of each turn of the longest delay."""
-MOST = 200
+MOST, PARTS = 200, 40
 """The largest multiple of their common time that delays may be; and the parts of the longest to which they
-are rounded where there is none."""
+are rounded where there is none, for lines alone."""
 COMMON = 1e-9
 """Distance from a multiple, relative to the common time, within which a delay is one."""
 
@@ -92,5 +92,5 @@ def common_time(delay_s: Float[np.ndarray, " delay"]) -> float | None:
 def with_common_time(loop: FeedbackLoop) -> FeedbackLoop:
     """The loop with its delays rounded to parts of the longest: whose lines are those of the loop."""
     longest = float(loop.plant.delay_s.max())
-    delay_s = np.round(loop.plant.delay_s * MOST / longest) * longest / MOST
+    delay_s = np.round(loop.plant.delay_s * PARTS / longest) * longest / PARTS
     return dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, delay_s=delay_s))

@@ -11,7 +11,6 @@ margins" there).
 from __future__ import annotations
 
 import numpy as np
-import scipy.optimize as opt
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import (
@@ -26,6 +25,7 @@ from middeck.control.analysis.loop.feedback_loop import (
 )
 from middeck.control.analysis.loop.frequency_lines import add_ends, place_lines, refine_lines
 from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave, with_common_time
+from middeck.control.analysis.margins.all_phases import all_phases, highest_of
 from middeck.control.analysis.margins.crossings import find_peaks
 from middeck.control.analysis.margins.return_ratio import broken_ratio
 from middeck.control.analysis.margins.scaling import scaled_norms
@@ -33,9 +33,6 @@ from middeck.control.analysis.margins.shared_gain import TRUSTED, closed_round, 
 from middeck.control.analysis.stability.stability import decide_loop
 from middeck.control.law.rounding_of_results import measure_known
 from middeck.values import record
-
-NARROWED = {"xatol": 1e-5, "fatol": 1e-9, "maxfev": 1000}
-"""A search of phases near the highest of those tried."""
 
 
 @record
@@ -116,30 +113,25 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
         return _bounds(skewed)
 
     at_peak, peak = find_peaks(bound, omega, bound(omega))
-    beyond = 0.0 if wave is None else _turn_peak(wave, at, any_phase=even is not loop)
+    beyond = 0.0
+    if wave is not None and even is loop:
+        beyond = _turn_peak(wave, at)
+    elif wave is not None:
+        beyond = highest_of(all_phases(loop, wave), lambda lag: _bound_at(wave, lag, at))
     return disk_from_peak(peak, at_peak) if peak >= beyond else disk_from_peak(beyond, np.inf)
 
 
-def _turn_peak(wave: ReturnedWave, at: At, *, any_phase: bool) -> float:
-    """The largest bound at infinite frequency, over one turn of the delays, or over any phases of them."""
-
-    def bound_at(lag: np.ndarray) -> Float[np.ndarray, " phase"]:
-        return _bounds(skewed_sensitivity(go_round(*wave.halves_at(lag), at)))
+def _turn_peak(wave: ReturnedWave, at: At) -> float:
+    """The largest bound at infinite frequency, over one turn of the delays."""
 
     def bound(phase: np.ndarray) -> Float[np.ndarray, " phase"]:
-        return bound_at(1j * phase[:, None, None] * wave.multiples)
+        return _bound_at(wave, 1j * phase[:, None, None] * wave.multiples, at)
 
-    turn = wave.turn
-    phase, peak = find_peaks(bound, turn, bound(turn))
-    if not any_phase:
-        return peak
-    delays, path = np.unique(wave.multiples, return_inverse=True)
+    return find_peaks(bound, wave.turn, bound(wave.turn))[1]
 
-    def height(phases: np.ndarray) -> float:
-        return -float(bound_at(1j * phases[path].reshape(1, *wave.multiples.shape))[0])
 
-    found = opt.minimize(height, phase * delays, method="Nelder-Mead", options=NARROWED)
-    return max(peak, -float(found.fun))
+def _bound_at(wave: ReturnedWave, lag: np.ndarray, at: At) -> Float[np.ndarray, " phase"]:
+    return _bounds(skewed_sensitivity(go_round(*wave.halves_at(lag), at)))
 
 
 def _bounds(skewed: Complex[np.ndarray, "line channel channel"]) -> Float[np.ndarray, " line"]:

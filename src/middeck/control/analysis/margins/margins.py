@@ -21,7 +21,8 @@ from middeck.control.analysis.loop.feedback_loop import (
     open_channel,
 )
 from middeck.control.analysis.loop.frequency_lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave
+from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave, with_common_time
+from middeck.control.analysis.margins.all_phases import all_phases, highest_of, largest_negative
 from middeck.control.analysis.margins.crossings import (
     Crossings,
     Ratio,
@@ -33,7 +34,7 @@ from middeck.control.analysis.margins.crossings import (
 from middeck.control.analysis.margins.delay_limit import sampled_delay_limits
 from middeck.control.analysis.margins.disk import DiskMargin, disk_from_peak
 from middeck.control.analysis.margins.neutral import bears_no_delay
-from middeck.control.analysis.margins.return_ratio import broken_ratio, wave_ratio
+from middeck.control.analysis.margins.return_ratio import broken_ratio, ratio_at, wave_ratio
 from middeck.control.analysis.stability.stability import LoopStability, decide_loop
 from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.rounding_of_results import measure_known
@@ -175,7 +176,8 @@ def measure_margins(
     change of gain beyond 80 dB are left out, and of thousands that a delay makes all but the 300 nearest to a
     gain of one on each side. Real poles through the origin, z = -1 or infinity (direct terms, no delay) count
     among the gains. Where the delays of direct terms are multiples of one time (200 at most), the limits to
-    which crossings and peaks tend at infinite frequency count too, at ``inf`` Hz. Delays of the plant stay in
+    which crossings and peaks tend at infinite frequency count too, at ``inf`` Hz; without such a time, the
+    nearest of them over all phases of the delays. Delays of the plant stay in
     the loop. The poles of an undamped loop are on the axis: its phase margin is zero, and its limits of gain
     are where two poles meet and leave the axis.
 
@@ -219,13 +221,22 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
     loop = form_loop(plant, compensator)
     stability, loop = decide_loop(loop), moved_part(loop)
     ratio = broken_ratio(loop, at)
-    curve = refine_lines(ratio, place_lines(loop, at, ratio))
+    wave, even = returned_wave(loop), loop
+    if wave is None and loop.plant.delayed:
+        even = with_common_time(loop)
+        wave = returned_wave(even)
+    lines = place_lines(even, at, ratio if even is loop else broken_ratio(even, at))
+    curve = refine_lines(ratio, lines)
     # The ends are real: no change of sign shows a crossing there.
     axis, circle = axis_crossings(ratio, *curve), circle_crossings(ratio, *curve)
-    beyond = [] if (wave := returned_wave(loop)) is None else [_trace_turn(wave, at)]
-    for turn in beyond:
-        found = axis_crossings(*turn)
-        axis = join_crossings(axis, dataclasses.replace(found, omega=np.full(len(found.omega), np.inf)))
+    beyond: list[Curve] = []
+    peaks: list[Peaks] = [(0.0, 0.0)] * len(broken_at(loop, at))
+    if wave is not None and even is loop:
+        beyond = [_trace_turn(wave, at)]
+        axis = join_crossings(axis, _at_infinity(axis_crossings(*beyond[0])))
+    elif wave is not None and stability.stable:
+        far, peaks = _over_all_phases(loop, wave, at)
+        axis = join_crossings(axis, far)
     omega, L = add_ends(loop, ratio, curve)
     ends = find_ends(loop, at)
     held, stable = loop.period_s is not None, stability.stable
@@ -236,7 +247,7 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
     for i, (name, none) in enumerate(zip(broken_at(loop, at), bears_no_delay(loop, at), strict=True)):
         curves = [(ratio, omega, L), *beyond]
         own = [_one_channel(curve, i) for curve in curves]
-        one = _describe(name, i, own, (axis, circle), ends, stable)
+        one = _describe(name, i, (own, peaks[i]), (axis, circle), ends, stable)
         delay_s = one.delay_s
         if held:
             known = delays and plant.period_s is None
@@ -258,10 +269,35 @@ def _trace_turn(wave: ReturnedWave, at: At) -> Curve:
     return ratio, *refine_lines(ratio, wave.turn)
 
 
+def _at_infinity(found: Crossings) -> Crossings:
+    return dataclasses.replace(found, omega=np.full(len(found.omega), np.inf))
+
+
+def _over_all_phases(loop: FeedbackLoop, wave: ReturnedWave, at: At) -> tuple[Crossings, list[Peaks]]:
+    """The nearest gain, and the peaks of each channel, at infinite frequency, over all phases of the delays.
+
+    Of a stable loop with unlike delays all gains there are above one (`direct_gain`).
+    """
+    phases, found, peaks = all_phases(loop, wave), [], []
+    for i in range(len(broken_at(loop, at))):
+
+        def ratio(lag: np.ndarray, i: int = i) -> Complex[np.ndarray, " point"]:
+            return ratio_at(wave, lag, at)[:, i]
+
+        found.append(largest_negative(phases, ratio))
+        S, skewed = (
+            highest_of(phases, lambda lag, size=size: size(ratio(lag))) for size in (_sensitivity, _skewed)
+        )
+        peaks.append((S, skewed))
+    channel = np.array([i for i, size in enumerate(found) if size > 1.0 / WIDEST], dtype=int)
+    far = Crossings(np.zeros(len(channel)), channel, -np.array(found)[channel] + 0.0j)
+    return _at_infinity(far), peaks
+
+
 def _describe(
     name: str,
     i: int,
-    curves: list[Curve],
+    sizes: tuple[list[Curve], Peaks],
     crossings: tuple[Crossings, Crossings],
     ends: Ends,
     stable: bool,
@@ -275,7 +311,11 @@ def _describe(
     lag = np.mod(np.angle(value) + np.pi, 2.0 * np.pi)
     turn = 2.0 * np.pi
 
-    (at_S, S), (worst, skewed) = (_highest(curves, one) for one in (_sensitivity, _skewed))
+    curves, far = sizes
+    (at_S, S), (worst, skewed) = (
+        max(_highest(curves, one), (np.inf, least), key=lambda each: each[1])
+        for one, least in zip((_sensitivity, _skewed), far, strict=True)
+    )
     return LoopMargins(
         channel=name,
         gain=gain[order],
@@ -325,6 +365,8 @@ def _bears_gain(value: complex) -> bool:
 
 Curve = tuple[Ratio, np.ndarray, np.ndarray]
 """The ratio as a function of s, lines [rad/s], and its values there."""
+Peaks = tuple[float, float]
+"""Of a channel's S, and of its S - 1/2."""
 Ends = tuple[tuple[float, Complex[np.ndarray, " channel"]], ...]
 """Angular frequency [rad/s] and the ratio of each channel there; infinite on a pole."""
 

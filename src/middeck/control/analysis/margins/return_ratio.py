@@ -101,6 +101,11 @@ def wave_ratio(wave: ReturnedWave, at: At) -> Ratio:
     return lambda s: _at_each(*wave.halves(s), at)[0]
 
 
+def ratio_at(wave: ReturnedWave, lag: np.ndarray, at: At) -> Complex[np.ndarray, "point channel"]:
+    """L at each channel at infinite frequency, where each path of the plant has an imaginary lag [rad]."""
+    return _at_each(*wave.halves_at(lag), at)[0]
+
+
 def _at_each(
     G: np.ndarray, K: np.ndarray, at: At
 ) -> tuple[Complex[np.ndarray, "line channel"], Float[np.ndarray, "line channel"]]:

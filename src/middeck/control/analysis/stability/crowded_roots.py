@@ -57,6 +57,11 @@ def find_crowd(
     return None
 
 
+def holds_one(determinant: Determinant, root: complex, radius: float) -> bool:
+    """Whether a circle around ``root`` without an open pole inside holds one root, which is then certain."""
+    return _roots_in(Ring(root, radius), determinant, np.zeros(0), 1) is not None
+
+
 def _rings(lost: complex, points: np.ndarray) -> Iterator[Ring]:
     """Rings around ever more of ``points``, wherever the next is well apart from them."""
     near = points[np.argsort(np.abs(points - lost), kind="stable")][: 4 * MEMBERS]

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, Halves
-from middeck.control.analysis.stability.crowded_roots import Ring, find_crowd
+from middeck.control.analysis.stability.crowded_roots import Ring, find_crowd, holds_one
 from middeck.systems.plants.plant import remove_delays
 from middeck.systems.poles.rounding import poles_with_rounding
 
@@ -62,6 +62,21 @@ def follow_roots(
             found = np.append(found[~ring.holds(found)], inside[np.imag(inside) >= 0.0])
             left = left[~ring.holds(left)]
     return with_conjugates(found), with_conjugates(np.append(left, upper[count:]))
+
+
+def keep_certain(halves: Halves, roots: np.ndarray, open_poles: np.ndarray) -> Complex[np.ndarray, " root"]:
+    """The ``roots`` that decay, and of those that grow the ones that a circle right of the axis holds.
+
+    One turn of the determinant around it proves that there is a root, whatever others were overlooked.
+    """
+    upper = roots[np.imag(roots) >= 0.0]
+    kept = []
+    for k, s in enumerate(upper):
+        others = np.concatenate([open_poles, np.conj(upper[np.imag(upper) > 0.0]), np.delete(upper, k)])
+        radius = 0.5 * float(min(s.real, np.abs(others - s).min(initial=np.inf)))
+        if s.real <= 0.0 or (radius > 0.0 and holds_one(lambda at: _determinant(halves, at), s, radius)):
+            kept.append(s)
+    return with_conjugates(np.array(kept, dtype=complex))
 
 
 def with_conjugates(upper: np.ndarray) -> Complex[np.ndarray, " root"]:

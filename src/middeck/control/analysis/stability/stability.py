@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from middeck.control.analysis.stability.delayed_roots import (
     find_open_poles,
     follow_roots,
     is_light,
+    keep_certain,
 )
 from middeck.control.analysis.stability.root_count import clear_walls, count_more, direct_gain
 from middeck.control.law.compensator import Compensator
@@ -52,7 +54,8 @@ class LoopStability:
         frequency_hz: Its imaginary part.
         margin: Minus its real part [rad/s]: the least decay, negative for growth.
         damping: Its damping ratio.
-        growing: Number of roots that grow, conjugates counted.
+        growing: Number of roots that grow, conjugates counted; -1 where more may grow than were found, and
+            faster than ``pole``.
         decays: All roots decay by more than rounding: none stays on the axis.
     """
 
@@ -71,12 +74,13 @@ def decide_stability(plant: Plant, law: Compensator) -> LoopStability:
     Loops without delays and sampled loops are decided by eigenvalues. With delays, the poles of an
     approximation valid for all light modes start Newton's method on det(1 - K G); roots right of a line left
     of the axis are also counted by the argument principle. Only roots at which the determinant vanishes count
-    as found; where found and counted disagree the order is raised.
+    as found; where found and counted disagree the order is raised. Where they still do, one root that a
+    circle right of the axis holds proves the loop unstable.
 
     Raises `ConfigError` for halves that do not fit (`form_loop`); `NumericalError` where roots and count
-    disagree at the highest order, right of every line that was tried, or where rounding of the matrices alone
-    may take a root across the axis. Warns (`UserWarning`) where it makes margin or damping uncertain
-    (`measure_known`).
+    disagree at the highest order, right of every line that was tried, and none is sure to grow, or where
+    rounding of the matrices alone may take a root across the axis. Warns (`UserWarning`) where it makes
+    margin or damping uncertain (`measure_known`).
 
     >>> import middeck as md
     >>> integrator = md.make_plant([[0.0]], [[1.0]], [[1.0]])
@@ -98,22 +102,30 @@ def _numbers(found: LoopStability) -> Float[np.ndarray, " number"]:
 @functools.lru_cache(maxsize=KEPT)
 def decide_loop(loop: FeedbackLoop) -> LoopStability:
     """`decide_stability` for a loop already formed; margin and damping may be uncertain."""
-    return judge_roots(find_roots(loop), loop.period_s)
+    roots, counted = _search_roots(loop, known=False)
+    found = judge_roots(roots, loop.period_s)
+    return found if counted else dataclasses.replace(found, growing=-1)
 
 
 def find_roots(loop: FeedbackLoop, *, known: bool = False) -> Complex[np.ndarray, " root"]:
     """Roots of a loop [rad/s]: all that matter for stability, exact, and those left of them as approximated.
 
-    An infinite one stands for a chain of roots on or right of the axis. Raises as `decide_stability`, but not
-    for rounding of the matrices where these are given as ``known``.
+    An infinite one stands for a chain of roots on or right of the axis. Of an unstable loop some may be
+    missing. Raises as `decide_stability`, but not for rounding of the matrices where these are given as
+    ``known``.
     """
+    return _search_roots(loop, known=known)[0]
+
+
+def _search_roots(loop: FeedbackLoop, *, known: bool) -> tuple[Complex[np.ndarray, " root"], bool]:
+    """`find_roots`, and whether the count says that none right of the axis is missing."""
     if not loop.plant.delayed:
         moved, unmoved = split_unmoved(loop)
         if not known:
             require_known(loop, moved)
-        return np.concatenate([loop_poles(moved), unmoved])
+        return np.concatenate([loop_poles(moved), unmoved]), True
     if direct_gain(loop) >= 1.0:  # a neutral equation (Hale and Verduyn Lunel 1993)
-        return np.array([complex(np.inf, np.inf)])
+        return np.array([complex(np.inf, np.inf)]), True
     whole = loop
     loop, unmoved = split_unmoved(whole)
     if not known:
@@ -122,7 +134,7 @@ def find_roots(loop: FeedbackLoop, *, known: bool = False) -> Complex[np.ndarray
     open_poles, rounding = find_open_poles(loop)
     vague = any(map(is_vague, _parts(loop)))
     vague |= bool(np.any(is_light(open_poles) & (rounding > NEAR * np.abs(open_poles))))
-    found, counted = 0, None
+    found, counted, roots = 0, None, np.zeros(0, dtype=complex)
     orders = _orders(loop, open_poles)
     for order, apart in itertools.product(orders, (True,) if vague else (False, True)):
         near, crosses = _near(loop, order, apart)
@@ -135,7 +147,10 @@ def find_roots(loop: FeedbackLoop, *, known: bool = False) -> Complex[np.ndarray
             found = int(np.sum(np.real(roots) > wall))
             counted = None if more is None else int(np.sum(np.real(near) > wall)) + more
             if found == counted:
-                return np.concatenate([roots, others[np.real(others) < wall], unmoved])
+                return np.concatenate([roots, others[np.real(others) < wall], unmoved]), True
+    roots = keep_certain(halves, roots, open_poles)
+    if not none_grows(roots):
+        return np.concatenate([roots, unmoved]), False
     raise NumericalError(
         f"stability with delays cannot be decided: {found} roots found near and right of the axis, "
         f"{'an unclear number' if counted is None else counted} counted",
