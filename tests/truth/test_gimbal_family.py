@@ -314,9 +314,17 @@ def test_a_rest_state_that_jumps_is_no_mode_that_loses_stability(monkeypatch: py
     axes, g = axes / np.linalg.norm(axes, axis=1)[:, None], G * g / np.linalg.norm(g)
     cg, offset = np.array([[-0.03, 0.03, -0.06], [-0.27, -0.18, 0.21]]), np.array([0.2, 0.07, 0.02])
     masses, stiffness, free = (0.46, 2.52), 1.6, 0.98
-    more = {"offset": offset, "stiffness": stiffness, "angle": free, "target": free}
-    payload = joint("b", "a", axes[1], body(masses[1], cg[1], (0.05,) * 3), **more)
-    carried = joint("a", "base", axes[0], body(masses[0], cg[0], (0.01,) * 3))
+    payload = joint(
+        "b",
+        "a",
+        axes[1].tolist(),
+        body(masses[1], cg[1].tolist(), (0.05,) * 3),
+        offset=offset.tolist(),
+        stiffness=stiffness,
+        angle=free,
+        target=free,
+    )
+    carried = joint("a", "base", axes[0].tolist(), body(masses[0], cg[0].tolist(), (0.01,) * 3))
     parts = structure([node("base", (0, 0, 0), body(1.0, inertia=(1.0,) * 3))], joints=[carried, payload])
     place = Environment(title="bench", gravity=g, clamps=(Clamp(node="base"),))
 
