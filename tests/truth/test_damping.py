@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -12,21 +13,26 @@ from middeck.errors import ConfigError
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.model.article import (
+    Actuator,
     AttachPoint,
     Damper,
     DamperPlace,
     Damping,
     DampingTable,
+    Joint,
     JointState,
     Section,
+    Sensor,
     Spring,
     Structure,
 )
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
+from middeck.structure.plants.coupled_response import LEFT_OUT
 from middeck.structure.plants.damping import COUPLING_LIMIT, estimate_damping
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
+from middeck.systems.plants.response import evaluate_plant
 from structure_builders import body, joint, member, node, on_cables, structure
 
 TUBE = Section(EA=1e6, GJ=80.0, EI_y=100.0, EI_z=100.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=1e-4)
@@ -336,3 +342,49 @@ def test_a_damper_at_a_fixed_axis_is_refused():
 def test_bad_values_are_refused(make, message: str):
     with pytest.raises(ConfigError, match=message):
         make()
+
+
+def test_a_path_that_dampers_join_is_warned_about_by_its_own_error():
+    """A port that hardly sees the damped mode: coupling of 1 % is a third of its response, and is told."""
+    rng = np.random.default_rng(5)
+    told, wrong = [], []
+    for _ in range(12):
+        k, c = 10.0 ** rng.uniform(1.0, 3.0, 2), 10.0 ** rng.uniform(-6.0, -0.5, 2)
+        parts = dataclasses.replace(
+            structure(
+                [node("base", (0, 0, 0), body(1.0, inertia=(1.0, 1.0, 1.0)))],
+                joints=[
+                    Joint(
+                        name=name, parent=parent, offset=np.zeros(3), axis=X, angle=0.0, slides=True,
+                        body=body(m, inertia=(0.1, 0.1, 0.1)), state=JointState.SPRUNG, stiffness=stiffness,
+                    )
+                    for name, parent, m, stiffness in (("a", "base", 1.0, k[0]), ("b", "a", 0.5, k[1]))
+                ],
+                actuators=[Actuator(name="push", frame="b", axis=None)],
+                sensors=[Sensor(name=n, frame=n, axis=None) for n in "ab"],
+            ),
+            damping=Damping(dampers=tuple(Damper(DamperPlace.JOINT, "ab"[i], c[i]) for i in (0, 1))),
+        )  # fmt: skip
+        modes = solve_modes(solve_equilibrium(parts, Environment.clamped("base", gravity=0.0)))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            plant = build_plant(modes, inputs=["push"], outputs=["a", "b"])
+        M = np.array([[1.5, 0.5], [0.5, 0.5]])
+        s = 1j * modes.omega
+        exact = [np.linalg.solve(M * x**2 + np.diag(c) * x + np.diag(k), [0.0, 1.0]) for x in s]
+        found = evaluate_plant(plant, modes.frequency_hz).H[:, :2, 0]
+        wrong.append(np.max(np.abs(found - exact) / np.abs(exact).max(axis=0)))
+        told.append(any("losses join the modes" in str(w.message) for w in caught))
+    assert told == [error > LEFT_OUT for error in wrong]
+    assert 3 <= sum(told) <= 9
+
+
+def test_large_loss_factors_are_warned_about():
+    """Root of omega^2 (1 + j eta): sin(atan(eta)/2) for eta/2."""
+    modes = orbit_modes(structure([node("a", (0, 0, 0), body(2.0, inertia=(0.1,) * 3)),
+                                   node("b", (1, 0, 0), body(2.0, inertia=(0.1,) * 3))],
+                                  [member("a", "b", TUBE, 2)]))  # fmt: skip
+    for eta, off in ((0.05, False), (0.06, True)):
+        found = estimate_damping(modes, Damping(loss_factor=(("a-b", eta),)))
+        assert (abs(found.zeta.max() / np.sin(np.arctan(eta) / 2.0) - 1.0) > 1e-3) == off
+        assert bool(found.warnings) == off

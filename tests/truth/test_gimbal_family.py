@@ -10,6 +10,7 @@ import pytest
 from middeck.errors import ConfigError, UnstableEquilibriumError
 from middeck.files.setups import load_setup
 from middeck.plot.gimbal_family import draw_gimbal_family
+from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.gimbals.family import GimbalFamily, sweep_gimbals
 from middeck.structure.model.article import (
     Actuator,
@@ -18,6 +19,7 @@ from middeck.structure.model.article import (
     Sensor,
     Structure,
 )
+from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
@@ -126,6 +128,7 @@ def test_past_the_horizontal_is_a_value_and_the_angle_of_loss_is_found():
     assert [plant is None for plant in found.plants] == [False, False, False, True, True]
     assert all("mode 'payload pendulum p' grows" in text for text in found.diagnosis[3:])
     (limit,) = found.limits
+    assert not limit.jumps
     assert limit.name == "payload pendulum p"
     assert limit.joint == "p"
     # The carrier leans by 1e-8 rad; the angle is sought to 1e-9.
@@ -143,6 +146,7 @@ def test_the_hung_article_is_stable_up_to_the_limit_and_not_beyond():
     parts, lab = load_setup("articles/mace-dm.toml", "environments/lab.toml", coarse)
     found = sweep_gimbals(parts, lab, {"pri_z": np.radians([80.0, 90.0])}, count=10)
     (limit,) = found.limits
+    assert not limit.jumps
     assert limit.name.startswith("payload pendulum pri")
     at = [j.name for j in parts.joints].index("pri_z")
 
@@ -302,3 +306,50 @@ def test_what_cannot_be_swept_is_refused(angles, parts: Structure, message: str)
 def test_a_grid_without_any_stable_point_says_so():
     with pytest.raises(UnstableEquilibriumError, match=r"no point of the grid .* 'payload pendulum p' grows"):
         sweep_gimbals(payload(), held(), {"p": np.radians([120.0, 150.0])})
+
+
+def test_a_rest_state_that_jumps_is_no_mode_that_loses_stability(monkeypatch: pytest.MonkeyPatch):
+    """A sprung axis softer than its payload's weight has several rest angles; by their own energy."""
+    axes, g = np.array([[0.0, -0.32, -0.95], [-0.74, -0.52, -0.44]]), np.array([0.52, -0.83, 0.2])
+    axes, g = axes / np.linalg.norm(axes, axis=1)[:, None], G * g / np.linalg.norm(g)
+    cg, offset = np.array([[-0.03, 0.03, -0.06], [-0.27, -0.18, 0.21]]), np.array([0.2, 0.07, 0.02])
+    masses, stiffness, free = (0.46, 2.52), 1.6, 0.98
+    payload = joint(
+        "b",
+        "a",
+        axes[1].tolist(),
+        body(masses[1], cg[1].tolist(), (0.05,) * 3),
+        offset=offset.tolist(),
+        stiffness=stiffness,
+        angle=free,
+        target=free,
+    )
+    carried = joint("a", "base", axes[0].tolist(), body(masses[0], cg[0].tolist(), (0.01,) * 3))
+    parts = structure([node("base", (0, 0, 0), body(1.0, inertia=(1.0,) * 3))], joints=[carried, payload])
+    place = Environment(title="bench", gravity=g, clamps=(Clamp(node="base"),))
+
+    def energy(q: np.ndarray) -> float:
+        first, last = (rotation_exp(q[i] * axes[i]) for i in (0, 1))
+        fall = masses[0] * first @ cg[0] + masses[1] * first @ (offset + last @ cg[1])
+        return float(0.5 * stiffness * (q[1] - free) ** 2 - g @ fall)
+
+    def curvature(q: np.ndarray, h: float = 1e-3) -> np.ndarray:
+        e = h * np.eye(2)
+        rise = [[energy(q + a + b) - energy(q + a - b) for b in e] for a in (*e, *-e)]
+        return (np.array(rise[:2]) - rise[2:]) / (4.0 * h * h)
+
+    monkeypatch.setattr(
+        "middeck.structure.gimbals.family.FINEST", 1e-5
+    )  # of a jump each digit is a rest state
+    (limit,) = sweep_gimbals(parts, place, {"a": [0.984, 0.986]}).limits
+    assert limit.jumps
+    assert "jumps" in limit.sentence
+    sides = []
+    for step in (-2e-5, 2e-5):
+        there = dataclasses.replace(carried, angle=limit.angle + step)
+        turned = dataclasses.replace(parts, joints=(there, payload))
+        sides.append(solve_equilibrium(turned, place).config.angle)
+    assert abs(sides[1][1] - sides[0][1]) > 1.0
+    least = [np.linalg.eigvalsh(curvature(q))[0] for q in sides]
+    assert least[0] > 0.05
+    assert least[1] < -0.05

@@ -458,6 +458,7 @@ def test_a_parameter_that_drives_a_free_motion_is_refused():
         differentiate_rest(rest, find_parameters(article, orbit, ["environment.gravity.y"]))
 
 
+@pytest.mark.filterwarnings("ignore:dampers couple modes")
 def test_ratios_that_follow_the_shapes():
     """Loss factors and dampers of every place, by their own sizes and by what moves the shapes."""
     article, place = all_kinds_of_springs()

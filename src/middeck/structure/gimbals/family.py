@@ -39,6 +39,8 @@ SURE = 0.9
 HALVINGS = 4
 # An angle at which stability is lost is found to this [rad].
 FINEST = 1e-9
+# Part of its scale that an omega^2 has left where it passes through zero; more on both sides is a jump.
+PASSED = 1e-3
 
 
 @record(kw_only=True)
@@ -46,7 +48,9 @@ class StabilityLimit:
     """A limit, between two neighbours of the grid, from which a branch of the family grows.
 
     ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``unstable`` is the point beyond,
-    ``name`` what the mode that grows is at that point, the same as in its ``diagnosis``.
+    ``name`` what the mode that grows is at that point, the same as in its ``diagnosis``. Where ``jumps``, no
+    omega^2 passes through zero: a sprung axis has several rest states there, and the one that is found
+    changes from a stable to an unstable one.
     """
 
     joint: str
@@ -55,10 +59,16 @@ class StabilityLimit:
     branch: int
     name: str
     unstable: int
+    jumps: bool = False
 
     @property
     def sentence(self) -> str:
         """The limit in words."""
+        if self.jumps:
+            return (
+                f"the rest state jumps at {self.joint} = {np.degrees(self.angle):.6g} deg, to another one "
+                f"where {self.name!r} grows: a sprung axis has several"
+            )
         return f"{self.name!r} loses stability at {self.joint} = {np.degrees(self.angle):.6g} deg"
 
 
@@ -369,11 +379,19 @@ def _limits(
                 found = _zero(followed[good], followed[bad].member, at[good], at[bad], axis, rank, solve)
                 if found is None:
                     continue
-                angle, branch, name = found
+                angle, branch, name, jumps = found
                 where = at[good].copy()
                 where[axis] = angle
                 limits.append(
-                    StabilityLimit(joint=joint, angle=angle, at=where, branch=branch, name=name, unstable=bad)
+                    StabilityLimit(
+                        joint=joint,
+                        angle=angle,
+                        at=where,
+                        branch=branch,
+                        name=name,
+                        unstable=bad,
+                        jumps=jumps,
+                    )
                 )
     return tuple(limits)
 
@@ -386,8 +404,9 @@ def _zero(
     axis: int,
     rank: int,
     solve: Callable[[np.ndarray], _Member],
-) -> tuple[float, int, str] | None:
-    """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name.
+) -> tuple[float, int, str, bool] | None:
+    """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name;
+    and whether it jumps there instead.
 
     The ``rank``-th omega^2 from below, without modes at rest, is continuous in the angle even where modes
     cross; times the sizes of all others that are followed it is also smooth where modes veer. None where a
@@ -409,6 +428,7 @@ def _zero(
 
     try:
         found = float(cast("float", brentq(omega2, float(start[axis]), float(end[axis]), xtol=FINEST)))
+        jumps = all(abs(omega2(found + step)) > PASSED for step in (0.0, -FINEST, FINEST))
     except EquilibriumError:
         return None
     way = sorted(done, key=lambda angle: abs(angle - start[axis]))
@@ -420,7 +440,7 @@ def _zero(
     alike = np.abs(here.spectrum.shapes.T @ (here.spectrum.mass @ lost))
     # One loss, one name: that of the mode at the point beyond, where `diagnosis` speaks of it.
     name = _name(bad.rest, bad.spectrum, int(_swinging(bad.spectrum, rest)[rank]))
-    return found, int(np.argmax(alike)), name
+    return found, int(np.argmax(alike)), name, jumps
 
 
 def _swinging(spectrum: Spectrum, rest: int) -> np.ndarray:

@@ -35,9 +35,11 @@ from middeck.structure.plants.loss_coupling import LossFactors, coupled_pairs
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.values import record
 
-COUPLING_LIMIT = 0.1
-"""Amplitude of a neighbour in a damped mode above which real modes with a ratio each are a poor picture;
-the frequency is then wrong by half its square times the relative distance of the two."""
+COUPLING_LIMIT = 0.03
+"""Amplitude of a neighbour in a damped mode above which its ratio may be off by a thousandth: errors of
+ratios and frequencies are of the order of its square."""
+LARGE_LOSS = 0.026
+"""Ratio from loss factors from which on the complex mode's differs by a thousandth: 3/2 of its square."""
 UNCOUPLED = 1e-9
 """Part of the largest entry of phi' C phi below which an entry is rounding."""
 ROUNDING = 1e-6
@@ -53,8 +55,8 @@ class ModalDamping:
         base, material, device: Parts by energy, rank or table, by loss factors, by dampers; a mode's own
             ratio is its base.
         coupling: Largest amplitude of one mode in another that dampers cause and that is left out.
-        warnings: Coupling above `COUPLING_LIMIT`, modes that share their losses, rigid modes that a damper
-            holds, names that no mode has.
+        warnings: Coupling above `COUPLING_LIMIT`, modes that share their losses, losses above `LARGE_LOSS`,
+            rigid modes that a damper holds, names that no mode has.
     """
 
     zeta: Float[np.ndarray, " mode"]
@@ -100,6 +102,7 @@ def estimate_damping(
             + (", or an article that is farther from falling over" if near else ""),
         )
     warnings += _coupled_losses(modes, damping, base + material, np.abs(parts.sum(axis=0) - 1.0) > ROUNDING)
+    warnings += _large_losses(modes, material)
     coupling, i, j = _coupling(C, omega)
     if coupling > COUPLING_LIMIT:
         pair = f"{modes.name[i]!r} and {modes.name[j]!r}"
@@ -128,6 +131,20 @@ def _coupled_losses(
             modes.equilibrium, modes.omega[:count], modes.shapes[:, :count], zeta, losses, lossless
         )
         if not given & {i, j}
+    )
+
+
+def _large_losses(modes: Modes, material: np.ndarray) -> tuple[str, ...]:
+    """The root of omega^2 (1 + j eta) is off by 3/8 eta^2 in its ratio and by eta^2/4 in its size."""
+    many = np.flatnonzero(material > LARGE_LOSS)
+    if not len(many):
+        return ()
+    worst = int(many[np.argmax(material[many])])
+    root = np.sqrt(1.0 + 2j * material[worst])
+    return (
+        f"loss factors are large for {len(many)} modes, most for {modes.name[worst]!r}: the ratio is half "
+        f"the loss factor, {material[worst]:.3g}, where the complex mode has {np.imag(root) / abs(root):.3g} "
+        f"and a frequency {abs(root) - 1.0:.2%} higher (`solve_damped`)",
     )
 
 

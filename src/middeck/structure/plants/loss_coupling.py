@@ -17,8 +17,8 @@ from jaxtyping import Bool, Float
 from middeck.structure.modes.motions.strain_shares import device_strain, member_energy, strain_energy
 from middeck.structure.rest.equilibrium import Equilibrium
 
-SHIFT = 1e-2
-"""Relative change of a ratio by the coupling of two modes above which it is reported."""
+SHIFT = 3e-4
+"""Relative change of a ratio by the coupling of two modes above which it is reported; several add up."""
 
 
 class LossFactors(NamedTuple):

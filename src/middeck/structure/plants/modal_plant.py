@@ -11,6 +11,7 @@ from middeck.signals.ports import require_names
 from middeck.structure.assembly.wheel_forces import Spin, spinning_wheels
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
+from middeck.structure.plants.coupled_response import coupling_warnings
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.residual_flexibility import residual_flexibility
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
@@ -46,7 +47,8 @@ def build_plant(
 
     Args:
         count: Modes kept.
-        damping: The article's by default; warns where it does not fit these modes.
+        damping: The article's by default; warns where it does not fit these modes, and of the paths whose
+            response lacks what losses between the modes do (`coupling_warnings`).
         static: Add the residual flexibility of the other modes, so that static gains are right: a direct term
             to angles and to an accelerometer's g times tilt. Rates and accelerations have none: their rest
             grows with frequency and has no place in a state space. `compare_static_gain` shows its effect.
@@ -64,8 +66,6 @@ def build_plant(
     drive, read = input_rows(equilibrium, inputs), output_rows(equilibrium, outputs)
     damped = estimate_damping(modes, damping, count=count)
     spin = spinning_wheels(equilibrium.model, equilibrium.config, equilibrium.environment)
-    for text in (*damped.warnings, *momentum_warnings(modes, spin, damped.zeta)):
-        warnings.warn(text, UserWarning, stacklevel=2)
     modal = ModalSystem(
         omega=modes.omega[:count],
         zeta=damped.zeta,
@@ -76,6 +76,12 @@ def build_plant(
         phi_acceleration=read.acceleration @ shapes if np.any(read.acceleration) else None,
         direct=residual_flexibility(modes, drive.force, read.position, count) if static else None,
     )
+    said = (*damped.warnings, *momentum_warnings(modes, spin, damped.zeta))
+    if not spin.turns:
+        chosen = equilibrium.model.structure.damping if damping is None else damping
+        said += coupling_warnings(modes, chosen, modal, (tuple(inputs), tuple(p.name for p in read.ports)))
+    for text in said:
+        warnings.warn(text, UserWarning, stacklevel=2)
     return Plant(
         dynamics=_turning(modal, spin, spin.turn @ shapes) if spin.turns else modal,
         inputs=drive.ports,
