@@ -66,6 +66,16 @@ def test_a_descent_begins_in_states_that_do_not_depend_on_those_given(seed):
     np.testing.assert_allclose(second, first, atol=1e-7 * np.abs(first).max())
 
 
+def test_a_mode_whose_inputs_and_outputs_are_opposed_has_one_phase():
+    """k / (s^2 + 2 z w s + w^2), as of positive position feedback: its residue is imaginary."""
+    law = Law(np.array([[0.0, 1.0], [-9.0, -1.8]]), np.array([[0.0], [1.0]]), np.array([[2.0, 0.0]]))
+    for seed in range(5):
+        T = np.random.default_rng(seed).standard_normal((2, 2)) + 2.0 * np.eye(2)
+        into = np.linalg.inv(T)
+        found = arrange(Law(into @ law.A @ T, into @ law.B, law.C @ T), [])[0]
+        assert np.abs(found.B[:, 0] * found.C[0]).max() < 1e-8 * np.abs(found.B).max() * np.abs(found.C).max()
+
+
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_units_of_states_do_not_matter(seed):

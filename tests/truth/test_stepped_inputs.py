@@ -63,3 +63,18 @@ def test_what_is_measured_is_not_in_steps() -> None:
     assert are_steps(record)
     assert not are_steps(dataclasses.replace(record, u=record.u + noise))
     assert not are_steps(dataclasses.replace(record, u=release))
+
+
+def test_rest_is_no_step() -> None:
+    """Between blows, after a burst or a sweep, half a sample was in the delay, in silence; codes may toggle."""
+    record, time = binary(0, 0.0)[0], np.arange(2000.0)
+    rng = np.random.default_rng(3)
+    blows = np.maximum(1.0 - ((time % 500.0 - 20.0) / 4.0) ** 2, 0.0)
+    burst = np.where(time < 900.0, rng.standard_normal(2000), 0.0)
+    sweep = np.where(time < 900.0, np.sin(1e-3 * time**2), 0.0)
+    codes = np.round(50.0 * blows + 0.5 + 0.3 * rng.standard_normal(2000))
+    for u in (blows, burst, sweep, codes):
+        given = dataclasses.replace(
+            record, u=u[None, None, :, None], y=record.y[:, :, :1].repeat(2000, axis=2)
+        )
+        assert not are_steps(given)

@@ -16,6 +16,8 @@ from middeck.values import record
 
 WORST_BASIS = 1e8
 """Condition number of a law's eigenvectors beyond which its modal form is not used."""
+OPPOSED = 1e-6
+"""Sum of the phases of a mode's inputs and outputs, of length up to two, below which it has no direction."""
 
 
 @record
@@ -172,7 +174,8 @@ def _modal_basis(law: Law) -> Float[np.ndarray, "state state"] | None:
     """Real and imaginary parts of the eigenvectors, slow modes first; None where ill-conditioned.
 
     The phase of an eigenvector decides how a descent couples modes and in which minimum it ends. So each is
-    turned to where the inputs b and the outputs c of its mode have the most real part in common.
+    turned to where the inputs b and the outputs c of its mode have the most real part in common; where these
+    are opposed, as of k/(s^2 + 2 z w s + w^2), to where its inputs are real.
     """
     values, vectors = np.linalg.eig(law.A)
     if len(values) and not np.linalg.cond(vectors) < WORST_BASIS:
@@ -183,7 +186,9 @@ def _modal_basis(law: Law) -> Float[np.ndarray, "state state"] | None:
     for i in np.lexsort((turn, np.hypot(rate, turn))):
         vector = vectors[:, i]
         if turn[i] > 0.0:
-            vector = vector * np.exp(0.5j * np.angle(_square(into[i]) + _square(out[:, i].conj())))
+            both = _square(into[i]) + _square(out[:, i].conj())
+            turned = both if abs(both) > OPPOSED else _square(into[i])
+            vector = vector * np.exp(0.5j * np.angle(turned))
             columns += [np.real(vector), np.imag(vector)]
         elif turn[i] == 0.0:
             columns.append(np.real(vector))

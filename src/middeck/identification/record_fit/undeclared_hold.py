@@ -10,7 +10,8 @@ from middeck.identification.model.measurement_model import MeasurementModel, nat
 from middeck.signals.record import Record
 
 # Share of samples off rest that equal the one before exactly, and jumps, from which an input is in steps.
-STILL, FEWEST_JUMPS = 0.4, 10
+# It rests within this share of its span, as a converter's last digit moves.
+STILL, FEWEST_JUMPS, AT_REST = 0.4, 10, 0.05
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
 IN_STEPS = "inputs are taken as held, as they are given in steps"
 MAYBE_HELD = (
@@ -23,18 +24,20 @@ def are_steps(record: Record) -> bool:
     """Whether all inputs stay at a level for some samples and jump to the next: commands, which are held.
 
     What is band-limited between samples, or measured, has hardly two equal samples in a row. Rest, as between
-    the blows of a hammer or after a burst, is at the value that is there most often, and is no step.
+    the blows of a hammer or after a burst, is at or near the value that is there most often, and is no step.
     """
     inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
     return all(_in_steps(inputs[:, :, i]) for i in range(inputs.shape[2]))
 
 
 def _in_steps(u: Float[np.ndarray, "experiment sample"]) -> bool:
-    level, times = np.unique(u, return_counts=True)
-    moves = u[:, 1:] != level[np.argmax(times)]
     still = np.diff(u, axis=1) == 0.0
-    stays = np.count_nonzero(still & moves) > STILL * max(np.count_nonzero(moves), 1)
-    return bool(stays and np.count_nonzero(~still) >= FEWEST_JUMPS)
+    rest = np.array(
+        [[level[np.argmax(times)]] for level, times in (np.unique(x, return_counts=True) for x in u)]
+    )
+    off = np.abs(u[:, 1:] - rest) > AT_REST * np.ptp(u)
+    stays = np.count_nonzero(still & off) > STILL * max(np.count_nonzero(off), 1)
+    return bool(stays and np.count_nonzero(~still & off) >= FEWEST_JUMPS)
 
 
 def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:

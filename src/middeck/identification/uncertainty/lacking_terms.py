@@ -236,13 +236,14 @@ def lacking_of(terms: list[LackingTerm], found: TermScores, model: MeasurementMo
     told = [k for k in order if terms[k].kind == terms[order[0]].kind and z[k] > TOLD]
     if not told:
         return NOTHING
-    said: dict[int, str] = {}
+    said: dict[tuple[int, int], str] = {}
     for k in told:
         term = terms[k]
-        if term.output in said:
+        of = term.output, term.input if term.kind == "coupled input" else -1
+        if of in said:
             continue
         late = found.value[k] * (-1.0 if term.kind == "input" else 1.0)  # late inputs make outputs early
-        said[term.output] = SAID[term.kind].format(
+        said[of] = SAID[term.kind].format(
             input=model.inputs[term.input].name,
             channel=coupled_channel(term, model, found.value[k]),
             tau=1.0 / max(abs(found.value[k]), np.finfo(float).tiny),
