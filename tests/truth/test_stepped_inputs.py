@@ -66,7 +66,7 @@ def test_what_is_measured_is_not_in_steps() -> None:
 
 
 def test_rest_is_no_step() -> None:
-    """Between blows, after a burst or a sweep, half a sample was in the delay, in silence; codes may toggle."""
+    """Rest after blows, a burst or a sweep: half a sample was in the delay, in silence. Codes may toggle."""
     record, time = binary(0, 0.0)[0], np.arange(2000.0)
     rng = np.random.default_rng(3)
     blows = np.maximum(1.0 - ((time % 500.0 - 20.0) / 4.0) ** 2, 0.0)
