@@ -103,16 +103,17 @@ def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float) 
     decomposition", Japan J. Indust. Appl. Math. 35), and exactly of two that mix, as Jacobi turns.
     """
     coarse = np.flatnonzero(pairs.lam**2 > COARSE * sigma * pairs.noise / ROUNDING)
-    if not len(coarse):
-        return pairs
-    place = np.full(len(pairs.lam), -1)
-    place[coarse] = np.arange(len(coarse))
     lam, X = pairs.lam.copy(), pairs.shapes.copy()
     for _ in range(SHARPENINGS):
+        if not len(coarse):
+            break
+        place = np.full(len(lam), -1)
+        place[coarse] = np.arange(len(coarse))
         high = X[:, coarse]
         strained, moved = K @ high, M @ high
         own = np.einsum("im,im->m", high, moved)
-        top = lam[coarse] = np.einsum("im,im->m", high, strained) / own
+        top = np.einsum("im,im->m", high, strained) / own
+        lam[coarse] = top
         within, gap = X.T @ (strained - moved * top), top - lam[:, None]
         within[coarse, place[coarse]] = 0.0
         part = _turn(within, gap)
@@ -123,9 +124,9 @@ def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float) 
         turn = _turn(within[i, j] + gap[i, j] * both, gap[i, j])
         part[i, j], part[coarse[j], place[i]] = turn - both, -turn - both
         X[:, coarse] = (high + X @ part) / np.sqrt(own + np.einsum("mi,mi->i", part, part))
-        if np.all(np.abs(within * part) <= SHARP * top):
-            break
-    lam[coarse] = top + np.einsum("mi,mi->i", within, part)
+        change = within * part
+        lam[coarse] = top + change.sum(axis=0)
+        coarse = coarse[np.any(np.abs(change) > SHARP * top, axis=0)]
     return Eigenpairs(lam, X, pairs.noise).pick(np.argsort(lam, kind="stable"))
 
 
