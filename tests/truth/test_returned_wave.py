@@ -6,6 +6,8 @@ end and tend to limits, which were looked for up to a thousand times the fastest
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.linalg as sla
@@ -13,6 +15,7 @@ import scipy.linalg as sla
 from cpu_limit import cpu_limit
 from middeck.control.analysis.loop.feedback_loop import form_loop
 from middeck.control.analysis.loop.frequency_lines import place_lines, refine_lines
+from middeck.control.analysis.loop.returned_wave import repeating_loop
 from middeck.control.analysis.margins.crossings import circle_crossings
 from middeck.control.analysis.margins.disk import measure_disk_margin
 from middeck.control.analysis.margins.margins import measure_margins
@@ -201,3 +204,51 @@ def test_margins_of_delays_without_a_common_time_are_those_of_all_phases(seed: i
         assert found.disk.alpha == pytest.approx(2.0 * (1.0 - size) / (1.0 + size), rel=1e-6)
         worst.append(found.disk.alpha)
     assert disk.alpha <= min(worst)
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_a_direct_path_without_delay_keeps_its_phase(seed: int) -> None:
+    """Turned too, it would take the margin of the first loop from 0.67 to 0.35."""
+    delay_s = np.array([[0.0, 0.01], [0.01, 0.01 * np.sqrt(3.0)]])
+    plant, law = _two_loops(seed, delay_s)
+    alpha = measure_disk_margin(plant, law, at="inputs").alpha
+    system = plant.continuous
+    first, second = np.meshgrid(*[np.linspace(0.0, 2.0 * np.pi, 49)] * 2)
+    lag = np.stack([0.0 * first, first, first, second], axis=-1).reshape(-1, 2, 2)
+    at_infinity = _scaled_norms(np.exp(-1j * lag) * system.D).max()
+    s = 1j * np.linspace(0.5, 600.0, 601)
+    G = system.C @ np.linalg.solve(s[:, None, None] * np.eye(6) - system.A, system.B.astype(complex)[None])
+    below = _scaled_norms((G + system.D) * np.exp(-s[:, None, None] * delay_s)).max()
+    assert 1.0 / alpha == pytest.approx(max(at_infinity, below), rel=1e-3)
+
+
+@pytest.mark.parametrize("apart", [np.sqrt(3.0), 1.0001 * np.sqrt(1.0001)])
+def test_delays_of_direct_terms_far_below_the_longest_return_too(apart: float) -> None:
+    """Rounded to a 40th of the longest, which is of a path without a direct term, they were no delays."""
+    short_s = 5e-4
+    plant, law = _two_loops(0, np.array([[0.1, short_s], [0.0, short_s * apart]]))
+    given = plant.continuous
+    D = given.D.copy()
+    D[0, 0] = 0.0
+    plant = dataclasses.replace(plant, dynamics=StateSpace(given.A, given.B, given.C, D))
+    round_trip, own = abs(D[0, 1] * D[1, 0]), abs(D[1, 1])
+    margins = measure_margins(plant, law)
+    assert margins.stable
+    for found, size in zip(margins.loops, (round_trip / (1.0 - own), own + round_trip), strict=True):
+        assert found.gain_limits == (0.0, pytest.approx(1.0 / size, rel=1e-6))
+        assert found.disk.alpha == pytest.approx(2.0 * (1.0 - size) / (1.0 + size), rel=1e-6)
+        assert found.disk.frequency_hz == np.inf
+    # Of both at once, the phases being free: the factor f with det(1 - f |D|) = 0.
+    share = 1.0 / np.abs(np.linalg.eigvals(np.abs(D))).max()
+    both = measure_disk_margin(plant, law, at="inputs").alpha
+    assert both == pytest.approx(2.0 * (share - 1.0) / (share + 1.0), rel=1e-6)
+
+
+def test_lines_are_those_of_the_loop_itself_where_nothing_returns() -> None:
+    plant, law = _two_loops(0, np.array([[0.0, 0.01], [0.01, 0.01 * np.sqrt(3.0)]]))
+    given = plant.continuous
+    strictly = dataclasses.replace(plant, dynamics=StateSpace(given.A, given.B, given.C, np.zeros((2, 2))))
+    loop = form_loop(strictly, law)
+    placed_on, wave = repeating_loop(loop)
+    assert placed_on is loop
+    assert wave is None

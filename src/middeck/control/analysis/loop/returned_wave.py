@@ -89,8 +89,23 @@ def common_time(delay_s: Float[np.ndarray, " delay"]) -> float | None:
     return None
 
 
-def with_common_time(loop: FeedbackLoop) -> FeedbackLoop:
-    """The loop with its delays rounded to parts of the longest: whose lines are those of the loop."""
-    longest = float(loop.plant.delay_s.max())
-    delay_s = np.round(loop.plant.delay_s * PARTS / longest) * longest / PARTS
-    return dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, delay_s=delay_s))
+def repeating_loop(loop: FeedbackLoop) -> tuple[FeedbackLoop, ReturnedWave | None]:
+    """The loop with the wave that returns; with rounded delays where its own have no common time.
+
+    The rounded ones are for lines alone. None, and the loop as it is, where nothing returns.
+    """
+    wave = returned_wave(loop)
+    if wave is not None or not loop.plant.delayed:
+        return loop, wave
+    even = _with_common_time(loop)
+    wave = returned_wave(even)
+    return (loop if wave is None else even), wave
+
+
+def _with_common_time(loop: FeedbackLoop) -> FeedbackLoop:
+    """The loop with its delays rounded to parts of the longest, one at least: whose lines are those of the
+    loop, and whose waves return where those of the loop do."""
+    delay_s = loop.plant.delay_s
+    part_s = float(delay_s.max()) / PARTS
+    parts = np.where(delay_s > 0.0, np.maximum(np.round(delay_s / part_s), 1.0), 0.0)
+    return dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, delay_s=parts * part_s))

@@ -24,7 +24,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     moved_part,
 )
 from middeck.control.analysis.loop.frequency_lines import add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave, with_common_time
+from middeck.control.analysis.loop.returned_wave import ReturnedWave, repeating_loop
 from middeck.control.analysis.margins.all_phases import all_phases, highest_of
 from middeck.control.analysis.margins.crossings import find_peaks
 from middeck.control.analysis.margins.return_ratio import broken_ratio
@@ -89,10 +89,7 @@ def _measure(plant: Plant, law: Compensator, at: At) -> DiskMargin:
     halves, closed = evaluate_halves(loop), closed_round(loop, at)
     ratio = broken_ratio(loop, at)
     half = 0.5 * np.eye(len(broken_at(loop, at)))
-    wave, even = returned_wave(loop), loop
-    if wave is None and loop.plant.delayed:
-        even = with_common_time(loop)
-        wave = returned_wave(even)
+    even, wave = repeating_loop(loop)
     lines = place_lines(even, at, ratio if even is loop else broken_ratio(even, at), zeros=False)
     omega, _ = refine_lines(ratio, lines)
 

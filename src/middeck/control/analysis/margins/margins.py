@@ -21,7 +21,7 @@ from middeck.control.analysis.loop.feedback_loop import (
     open_channel,
 )
 from middeck.control.analysis.loop.frequency_lines import WIDEST, add_ends, place_lines, refine_lines
-from middeck.control.analysis.loop.returned_wave import ReturnedWave, returned_wave, with_common_time
+from middeck.control.analysis.loop.returned_wave import ReturnedWave, repeating_loop
 from middeck.control.analysis.margins.all_phases import all_phases, highest_of, largest_negative
 from middeck.control.analysis.margins.crossings import (
     Crossings,
@@ -221,10 +221,7 @@ def _measure(plant: Plant, compensator: Compensator, at: At, delays: bool) -> Ma
     loop = form_loop(plant, compensator)
     stability, loop = decide_loop(loop), moved_part(loop)
     ratio = broken_ratio(loop, at)
-    wave, even = returned_wave(loop), loop
-    if wave is None and loop.plant.delayed:
-        even = with_common_time(loop)
-        wave = returned_wave(even)
+    even, wave = repeating_loop(loop)
     lines = place_lines(even, at, ratio if even is loop else broken_ratio(even, at))
     curve = refine_lines(ratio, lines)
     # The ends are real: no change of sign shows a crossing there.
