@@ -186,9 +186,7 @@ def _in_own_units(plant: Any, reference: float) -> Any:
     """z times the nominal plant's rms over this one's: the authority keeps its meaning."""
     modal = plant.dynamics
     phi = np.array([[reference / _own_rms(plant)], [1.0]]) * modal.phi  # z, y
-    return dataclasses.replace(
-        plant, plant=dataclasses.replace(remove_delays(plant), dynamics=dataclasses.replace(modal, phi=phi))
-    )
+    return dataclasses.replace(plant, dynamics=dataclasses.replace(modal, phi=phi))
 
 
 def _unseen(designs: dict[str, Compensator], seed: int) -> list[dict[str, Any]]:
