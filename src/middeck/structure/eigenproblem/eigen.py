@@ -31,7 +31,8 @@ SHIFTS = 20
 RUNG = 1e6
 # Modes whose omega^2 is so many shifts high have so many roundings of others in their shapes.
 COARSE = 1e2
-# Most rounds of first-order correction, and the change of an omega^2 that leaves its square to the next.
+# Most rounds of first-order correction; the change of an omega^2, and of a shape, that leaves its square to
+# the next.
 SHARPENINGS, SHARP = 4, 1e-6
 # Part of another mode in a shape above which the two count as mixed.
 TURNED = 1e-2
@@ -126,7 +127,7 @@ def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float) 
         X[:, coarse] = (high + X @ part) / np.sqrt(own + np.einsum("mi,mi->i", part, part))
         change = within * part
         lam[coarse] = top + change.sum(axis=0)
-        coarse = coarse[np.any(np.abs(change) > SHARP * top, axis=0)]
+        coarse = coarse[np.any((np.abs(change) > SHARP * top) | (np.abs(part) > SHARP), axis=0)]
     return Eigenpairs(lam, X, pairs.noise).pick(np.argsort(lam, kind="stable"))
 
 
