@@ -73,3 +73,17 @@ def test_stiff_modes_of_nearly_one_frequency_are_parted(part: float) -> None:
     np.testing.assert_allclose(X.T @ X, np.eye(4), atol=1e-10)
     np.testing.assert_allclose(X * lam @ X.T, K, atol=1e-14 * stiff[-1])
     np.testing.assert_allclose(lam[2:], stiff[2:], rtol=1e-14)
+
+
+def test_shapes_of_stiff_modes_beside_nearly_equal_ones_are_orthogonal() -> None:
+    """A pair 1e-13 to 0.1 apart with others beside it: what is left of each pair's turn couples to the others."""
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        part, count = 10.0 ** rng.uniform(-13.0, -1.0), int(rng.integers(4, 9))
+        turn = np.linalg.qr(rng.standard_normal((count, count)))[0]
+        beside = 10.0 ** rng.uniform(9.0, 13.0, count - 4)
+        stiff = np.concatenate([[1.0, 1e8], beside, [1e13, 1e13 * (1.0 + part)]])
+        modes = solve_all(sp.csr_array(turn * stiff @ turn.T), sp.csr_array(np.eye(count)))
+        assert modes is not None
+        np.testing.assert_allclose(modes.shapes.T @ modes.shapes, np.eye(count), atol=1e-10)
+        np.testing.assert_allclose(modes.lam[-2:], np.sort(stiff)[-2:], rtol=1e-13)

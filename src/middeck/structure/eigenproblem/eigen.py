@@ -31,11 +31,12 @@ SHIFTS = 20
 RUNG = 1e6
 # Modes whose omega^2 is so many shifts high have so many roundings of others in their shapes.
 COARSE = 1e2
-# Most rounds of first-order correction; the change of an omega^2, and of a shape, that leaves its square to
-# the next.
+# Most rounds of first-order correction, and the change of a shape that leaves its square to the next.
 SHARPENINGS, SHARP = 4, 1e-6
 # Part of another mode in a shape above which the two count as mixed.
 TURNED = 1e-2
+# Two modes whose omega^2 are nearer are turned, too: to first order rounding would be most of their change.
+NEAR = 1e-4
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
 # Part of omega^2 that is no gap: a Sturm count in it would be rounding.
@@ -113,21 +114,35 @@ def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float) 
         high = X[:, coarse]
         strained, moved = K @ high, M @ high
         own = np.einsum("im,im->m", high, moved)
-        top = np.einsum("im,im->m", high, strained) / own
-        lam[coarse] = top
+        top = lam[coarse] = np.einsum("im,im->m", high, strained) / own
         within, gap = X.T @ (strained - moved * top), top - lam[:, None]
         within[coarse, place[coarse]] = 0.0
         part = _turn(within, gap)
-        i, j = np.nonzero(np.abs(part) > TURNED)
+        mixed = (np.abs(part) > TURNED) | (np.abs(gap) < NEAR * top)
+        mixed[coarse, place[coarse]] = False
+        i, j = np.nonzero(mixed)
         i, j = i[place[i] > j], j[place[i] > j]
+        k = place[i]
         # Of two modes that mix one turn, forth and back, and half of what keeps them from being orthogonal.
         both = 0.5 * np.einsum("mi,mi->i", X[:, i], moved[:, j])
         turn = _turn(within[i, j] + gap[i, j] * both, gap[i, j])
-        part[i, j], part[coarse[j], place[i]] = turn - both, -turn - both
-        X[:, coarse] = (high + X @ part) / np.sqrt(own + np.einsum("mi,mi->i", part, part))
-        change = within * part
-        lam[coarse] = top + change.sum(axis=0)
-        coarse = coarse[np.any((np.abs(change) > SHARP * top) | (np.abs(part) > SHARP), axis=0)]
+        part[i, j], part[coarse[j], k] = turn - both, -turn - both
+        # Made orthogonal, then turned: their own parts are 1 - turn both and 1 + turn both.
+        own_part = np.zeros(len(coarse))
+        np.add.at(own_part, j, -turn * both)
+        np.add.at(own_part, k, turn * both)
+        norm = own + np.einsum("mi,mi->i", part, part) - 2.0 * own_part
+        X[:, coarse] = (high * (1.0 + own_part) + X @ part) / np.sqrt(norm)
+        lam[coarse] = top + np.einsum("mi,mi->i", within, part)
+        part[i, j] = part[coarse[j], k] = 0.0
+        rest = np.abs(part).max(axis=0, initial=0.0)
+        most = rest.copy()
+        np.maximum.at(most, j, np.abs(turn))
+        np.maximum.at(most, k, np.abs(turn))
+        again = rest * most > SHARP**2
+        for _ in range(2):  # modes of one frequency stay together
+            again[j], again[k] = again[j] | again[k], again[j] | again[k]
+        coarse = coarse[again]
     return Eigenpairs(lam, X, pairs.noise).pick(np.argsort(lam, kind="stable"))
 
 
