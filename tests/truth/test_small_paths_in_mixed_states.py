@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+import scipy.linalg as sla
 
 from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.law.compensator import Compensator
@@ -65,6 +66,46 @@ def test_the_rms_behind_delays_is_right_or_told(seed: int, condition: float) -> 
     assert not told or condition > 1e3
     if not told:
         assert found == pytest.approx(true, rel=1e-3)
+
+
+def _two_bodies(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, C of two free bodies with modes, each with a force and a sensor of its own."""
+    parts = []
+    for _ in range(2):
+        omega = np.append(0.0, 10.0 ** rng.uniform(-0.5, 2.0, rng.integers(1, 4)))
+        n = len(omega)
+        A, B, C = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 1)), np.zeros((1, 2 * n))
+        A[::2, 1::2], A[1::2, ::2], A[1::2, 1::2] = np.eye(n), np.diag(-(omega**2)), np.diag(-0.01 * omega)
+        shape = rng.standard_normal(n)
+        shape[0] = abs(shape[0]) + 0.3
+        B[1::2, 0], C[0, ::2] = shape * 10.0 ** rng.uniform(-1.0, 1.0), shape * 10.0 ** rng.uniform(-1.0, 1.0)
+        parts.append((A, B, C))
+    A, B, C = (np.asarray(sla.block_diag(*each)) for each in zip(*parts, strict=True))
+    return A, B, C
+
+
+@pytest.mark.parametrize("seed", repeats(range(1, 400, 3), 33))
+def test_paths_that_are_zero_are_compared_with_rounding(seed: int) -> None:
+    """The paths from one body to the other are rounding alone: one in ten were refused."""
+    rng = np.random.default_rng(seed)
+    A, B, C = _two_bodies(rng)
+    T = np.linalg.qr(rng.standard_normal(A.shape))[0]
+    ports = {"inputs": ("u", "v"), "outputs": ("y", "z"), "w": ("u", "v"), "u": ("u", "v"), "y": ("y", "z")}
+    ports |= {"z": ("y", "z"), "delay_s": np.full((2, 2), 0.01)}
+    performance = Performance(np.ones(2), np.eye(2), (0.01, 30.0))
+    own = measure_rms(make_plant(A, B, C, **ports), None, performance)
+    assert measure_rms(make_plant(T.T @ A @ T, T.T @ B, C @ T, **ports), None, performance) == pytest.approx(
+        own, rel=1e-8
+    )
+
+
+def test_a_path_that_rounding_may_be_all_of_is_not_taken_for_another() -> None:
+    given = StateSpace(
+        np.diag([-1.0, -2.0]), np.eye(2), np.array([[1.0, 1e-16], [1e-16, 1.0]]), np.zeros((2, 2))
+    )
+    for gap, other in ((1e-13, False), (1e-2, True)):
+        found = StateSpace(given.A, given.B, np.array([[1.0, gap], [0.0, 1.0]]), given.D)
+        assert responds_otherwise(found, given) == other
 
 
 def test_a_small_path_is_compared_with_itself() -> None:

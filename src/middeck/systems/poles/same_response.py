@@ -10,7 +10,7 @@ import dataclasses
 import functools
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from middeck.errors import NumericalError
 from middeck.systems.poles.integrators import PartedSystem, part_integrators
@@ -36,7 +36,8 @@ def responds_otherwise(found: LinearSystem, given: LinearSystem) -> bool:
     """Whether any path responds otherwise between the poles of ``found`` by more than rounding of
     ``given`` can.
 
-    Each path is compared with itself: one of 1e-6 of the others counts as much.
+    Each path is compared with itself: one of 1e-6 of the others counts as much, unless rounding of ``given``
+    may be all of it.
 
     >>> from middeck.systems.state_space.statespace import StateSpace
     >>> lag = StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
@@ -94,11 +95,38 @@ def _differs(found: Resolvent, given: LinearSystem, points: Complex[np.ndarray, 
     gap = np.abs(found(points.ravel()).reshape(shape) - G)
     if not np.any(other := gap > SAME * np.abs(G).max(axis=1, keepdims=True)):
         return False
-    rng, rounding, even = np.random.default_rng(0), np.zeros(shape), balance_states(given)
+    even = balance_states(given)
+    unit = _sensitivity(even, points.ravel()).reshape(shape)
+    other &= gap > SAME * unit * _least_share(np.abs(G), unit)
+    if not np.any(other):
+        return False
+    rng, rounding = np.random.default_rng(0), np.zeros(shape)
     for _ in range(DRAWS):
         moved = by_solving(_moved_as_a_whole(even, rng))(points.ravel()).reshape(shape)
         rounding = np.maximum(rounding, np.abs(moved - G))
     return bool(np.any(other & (gap > BEYOND * rounding.max(axis=1, keepdims=True))))
+
+
+def _sensitivity(
+    system: System, points: Complex[np.ndarray, " line"]
+) -> Float[np.ndarray, "line output input"]:
+    """|C_i R| |A| |R B_j| with R = (s I - A)^-1: most by which a path moves where A does by its norm."""
+    n, m = system.B.shape
+    into = np.hstack([system.B, np.eye(n)])
+    R = by_solving(dataclasses.replace(system, B=into, C=np.eye(n), D=np.zeros((n, n + m))))(points)
+    seen, driven = np.linalg.norm(system.C @ R[:, :, m:], axis=2), np.linalg.norm(R[:, :, :m], axis=1)
+    return np.asarray(seen[:, :, None] * np.linalg.norm(system.A, 2) * driven[:, None, :])
+
+
+def _least_share(size: np.ndarray, unit: np.ndarray) -> Float[np.ndarray, "centre one output input"]:
+    """The share of ``unit`` with which a path is compared that rounding may be all of: the largest of its row
+    and its column. Zero for all others, which are compared with themselves.
+
+    In states mixed by an orthogonal matrix a path that is truly zero responds by rounding of the others.
+    """
+    share = np.divide(size, unit, out=np.zeros_like(size), where=unit > 0.0).max(axis=1, keepdims=True)
+    beside = np.maximum(share.max(axis=2, keepdims=True), share.max(axis=3, keepdims=True))
+    return np.where(share > ROUNDINGS * EPS, 0.0, beside)
 
 
 def _moved_as_a_whole(system: System, rng: np.random.Generator) -> System:
