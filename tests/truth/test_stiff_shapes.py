@@ -76,7 +76,7 @@ def test_stiff_modes_of_nearly_one_frequency_are_parted(part: float) -> None:
 
 
 def test_shapes_of_stiff_modes_beside_nearly_equal_ones_are_orthogonal() -> None:
-    """A pair 1e-13 to 0.1 apart with others beside it: what is left of each pair's turn couples to the others."""
+    """A pair 1e-13 to 0.1 apart with others beside it: what is left of its turn couples to the others."""
     for seed in range(80):
         rng = np.random.default_rng(seed)
         part, count = 10.0 ** rng.uniform(-13.0, -1.0), int(rng.integers(4, 9))

@@ -32,11 +32,13 @@ RUNG = 1e6
 # Modes whose omega^2 is so many shifts high have so many roundings of others in their shapes.
 COARSE = 1e2
 # Most rounds of first-order correction, and the change of a shape that leaves its square to the next.
-SHARPENINGS, SHARP = 4, 1e-6
+SHARPENINGS, SHARP = 8, 1e-6
 # Part of another mode in a shape above which the two count as mixed.
 TURNED = 1e-2
 # Two modes whose omega^2 are nearer are turned, too: to first order rounding would be most of their change.
 NEAR = 1e-4
+# Roundings of omega^2 in what couples two such modes.
+ROUNDED = 16.0
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
 # Part of omega^2 that is no gap: a Sturm count in it would be rounding.
@@ -125,7 +127,9 @@ def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float) 
         k = place[i]
         # Of two modes that mix one turn, forth and back, and half of what keeps them from being orthogonal.
         both = 0.5 * np.einsum("mi,mi->i", X[:, i], moved[:, j])
-        turn = _turn(within[i, j] + gap[i, j] * both, gap[i, j])
+        between = within[i, j] + gap[i, j] * both
+        between[np.abs(between) < ROUNDED * np.finfo(float).eps * top[j]] = 0.0  # any turn would do as well
+        turn = _turn(between, gap[i, j])
         part[i, j], part[coarse[j], k] = turn - both, -turn - both
         # Made orthogonal, then turned: their own parts are 1 - turn both and 1 + turn both.
         own_part = np.zeros(len(coarse))
