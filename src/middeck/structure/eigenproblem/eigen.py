@@ -80,13 +80,16 @@ def all_cost_less(K: sp.csr_array, count: int = 0) -> bool:
 def solve_pairs(K: sp.csr_array, M: sp.csr_array, count: int | None, soft: Soft = None) -> Eigenpairs | None:
     """The lowest ``count`` modes or more, all for None; None if a massless motion has no stiffness."""
     if count is None or all_cost_less(K, count):
-        return solve_all(K, M, soft)
+        return solve_all(K, M, soft, sharp=count)
     return solve_lowest(K, M, count, soft)
 
 
-def solve_all(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> Eigenpairs | None:
+def solve_all(
+    K: sp.csr_array, M: sp.csr_array, soft: Soft = None, *, sharp: int | None = None
+) -> Eigenpairs | None:
     """Every mode of finite frequency; None where a massless motion has no stiffness either.
 
+    The ``sharp`` lowest, all by default, have shapes to rounding; those of the stiffest others may be coarse.
     ``soft`` marks the coordinates in which the low modes move, all of them by default: in carried ones,
     strains of stiff parts are many powers of ten above, and a ladder of shifts serves all.
     """
@@ -96,17 +99,17 @@ def solve_all(K: sp.csr_array, M: sp.csr_array, soft: Soft = None) -> Eigenpairs
         before, sigma = sigma, min(sigma * RUNG, last)
         higher = _solve_shifted(K, M, sigma)
         found = higher and _join(found, higher, np.sqrt(before * sigma))
-    return found and _sharpen(K, M, found, sigma)
+    return found and _sharpen(K, M, found, sigma, len(found.lam) if sharp is None else sharp)
 
 
-def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float) -> Eigenpairs:
-    """The modes far above ``sigma`` with what the others are in their shapes taken out.
+def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float, count: int) -> Eigenpairs:
+    """The lowest ``count`` modes; what others are in shapes far above ``sigma`` is taken out.
 
     The inverse leaves eps lam / sigma of neighbours in a shape. The residual of a mode tells how much, but
     for eps size / lam: to first order (Ogita and Aishima 2018, "Iterative refinement for symmetric eigenvalue
     decomposition", Japan J. Indust. Appl. Math. 35), and exactly of two that mix, as Jacobi turns.
     """
-    coarse = np.flatnonzero(pairs.lam**2 > COARSE * sigma * pairs.noise / ROUNDING)
+    coarse = np.flatnonzero(pairs.lam[:count] ** 2 > COARSE * sigma * pairs.noise[:count] / ROUNDING)
     lam, X = pairs.lam.copy(), pairs.shapes.copy()
     for _ in range(SHARPENINGS):
         if not len(coarse):

@@ -202,7 +202,7 @@ def _null_space(equilibrium: Equilibrium) -> np.ndarray:
     K, M = free.matrix(strain), free.matrix(carried_mass(model, config, equilibrium.loads))
     soft = uncarried(config.since_drawn, len(free.active))[free.active]
     small = all_cost_less(K)
-    pairs = solve_all(K, M, soft) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
+    pairs = solve_all(K, M, soft, sharp=0) if small else solve_lowest(K, M, count_zero(K, M, soft) or 1, soft)
     if pairs is None:
         return np.zeros((model.tree.size, 0))
     still = np.abs(pairs.lam) <= pairs.noise
