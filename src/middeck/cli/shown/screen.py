@@ -63,7 +63,7 @@ def _write(text: str) -> None:
 def plain_table(table: ScreenTable) -> str:
     """Aligned columns.
 
-    >>> print(plain_table(Table("masses", ["node", "kg"], [["n1", "3.5"], ["n20", "12"]])))
+    >>> print(plain_table(ScreenTable("masses", ["node", "kg"], [["n1", "3.5"], ["n20", "12"]])))
     <BLANKLINE>
     masses
     node   kg
