@@ -7,7 +7,7 @@ Motions without mass have mu = 0 and are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from jaxtyping import Bool, Float
+from scipy.sparse.csgraph import connected_components
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
@@ -34,11 +35,9 @@ COARSE = 1e2
 # Most rounds of first-order correction, and the change of a shape that leaves its square to the next.
 SHARPENINGS, SHARP = 8, 1e-6
 # Part of another mode in a shape above which the two count as mixed.
-TURNED = 1e-2
-# Two modes whose omega^2 are nearer are turned, too: to first order rounding would be most of their change.
+MIXED = 1e-2
+# Modes whose omega^2 are nearer count as mixed, too: to first order rounding would be most of their change.
 NEAR = 1e-4
-# Roundings of omega^2 in what couples two such modes.
-ROUNDED = 16.0
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
 # Part of omega^2 that is no gap: a Sturm count in it would be rounding.
@@ -53,6 +52,7 @@ LANCZOS = 1e-10
 SMALL = 600
 
 Soft = Bool[np.ndarray, " n"] | None
+Groups = Sequence[np.ndarray]
 
 
 class Eigenpairs(NamedTuple):
@@ -107,55 +107,71 @@ def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float, 
 
     The inverse leaves eps lam / sigma of neighbours in a shape. The residual of a mode tells how much, but
     for eps size / lam: to first order (Ogita and Aishima 2018, "Iterative refinement for symmetric eigenvalue
-    decomposition", Japan J. Indust. Appl. Math. 35), and exactly of two that mix, as Jacobi turns.
+    decomposition", Japan J. Indust. Appl. Math. 35). Modes of nearly one frequency are parted exactly, within
+    the space of their shapes.
     """
-    coarse = np.flatnonzero(pairs.lam[:count] ** 2 > COARSE * sigma * pairs.noise[:count] / ROUNDING)
     lam, X = pairs.lam.copy(), pairs.shapes.copy()
+    high = lam[:count] ** 2 > COARSE * sigma * pairs.noise[:count] / ROUNDING
+    # Modes of nearly one frequency stay together.
+    label = np.concatenate([[0], np.cumsum(np.diff(lam) > NEAR * np.abs(lam[1:]))])
+    coarse = np.flatnonzero(np.isin(label, label[:count][high]))
     for _ in range(SHARPENINGS):
         if not len(coarse):
             break
-        place = np.full(len(lam), -1)
-        place[coarse] = np.arange(len(coarse))
-        high = X[:, coarse]
-        strained, moved = K @ high, M @ high
-        own = np.einsum("im,im->m", high, moved)
-        top = lam[coarse] = np.einsum("im,im->m", high, strained) / own
-        within, gap = X.T @ (strained - moved * top), top - lam[:, None]
-        within[coarse, place[coarse]] = 0.0
-        part = _turn(within, gap)
-        mixed = (np.abs(part) > TURNED) | (np.abs(gap) < NEAR * top)
-        mixed[coarse, place[coarse]] = False
-        i, j = np.nonzero(mixed)
-        i, j = i[place[i] > j], j[place[i] > j]
-        k = place[i]
-        # Of two modes that mix one turn, forth and back, and half of what keeps them from being orthogonal.
-        both = 0.5 * np.einsum("mi,mi->i", X[:, i], moved[:, j])
-        between = within[i, j] + gap[i, j] * both
-        between[np.abs(between) < ROUNDED * np.finfo(float).eps * top[j]] = 0.0  # any turn would do as well
-        turn = _turn(between, gap[i, j])
-        part[i, j], part[coarse[j], k] = turn - both, -turn - both
-        # Made orthogonal, then turned: their own parts are 1 - turn both and 1 + turn both.
-        own_part = np.zeros(len(coarse))
-        np.add.at(own_part, j, -turn * both)
-        np.add.at(own_part, k, turn * both)
-        norm = own + np.einsum("mi,mi->i", part, part) - 2.0 * own_part
-        X[:, coarse] = (high * (1.0 + own_part) + X @ part) / np.sqrt(norm)
-        lam[coarse] = top + np.einsum("mi,mi->i", within, part)
-        part[i, j] = part[coarse[j], k] = 0.0
-        rest = np.abs(part).max(axis=0, initial=0.0)
-        most = rest.copy()
-        np.maximum.at(most, j, np.abs(turn))
-        np.maximum.at(most, k, np.abs(turn))
-        again = rest * most > SHARP**2
-        for _ in range(2):  # modes of one frequency stay together
-            again[j], again[k] = again[j] | again[k], again[j] | again[k]
+        strained, moved = X.T @ (K @ X[:, coarse]), X.T @ (M @ X[:, coarse])
+        groups = _near(_parts(strained, moved, lam, coarse)[0], lam, coarse)
+        for some in groups:
+            own = coarse[some]
+            turn = _parted(strained[np.ix_(own, some)], moved[np.ix_(own, some)])
+            X[:, own] = X[:, own] @ turn
+            for matrix in (strained, moved):
+                matrix[:, some] = matrix[:, some] @ turn
+                matrix[own] = turn.T @ matrix[own]
+        part, change, norm = _parts(strained, moved, lam, coarse, groups)
+        X[:, coarse] = (X[:, coarse] + X @ part) / np.sqrt(norm)
+        lam[coarse] = change
+        again = np.abs(part).max(axis=0) > SHARP
+        for some in groups:
+            again[some] = again[some].any()
         coarse = coarse[again]
     return Eigenpairs(lam, X, pairs.noise).pick(np.argsort(lam, kind="stable"))
 
 
-def _turn(within: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Tangents of the angles by which pairs of modes are turned; within / gap where that is small."""
-    return 2.0 * within / (gap + np.copysign(np.hypot(gap, 2.0 * within) + np.finfo(float).tiny, gap))
+def _parts(
+    strained: np.ndarray, moved: np.ndarray, lam: np.ndarray, coarse: np.ndarray, groups: Groups = ()
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Parts of all modes to be added to those that are ``coarse``, their omega^2 then, and their square norm.
+
+    None within ``groups``. Updates ``lam`` by Rayleigh's quotients.
+    """
+    at = np.arange(len(coarse))
+    own = moved[coarse, at]
+    top = lam[coarse] = strained[coarse, at] / own
+    within, gap = strained - moved * top, top - lam[:, None]
+    within[coarse, at] = 0.0
+    for some in groups:
+        within[np.ix_(coarse[some], some)] = 0.0
+    # The tangent of the angle by which a pair of modes is turned; within / gap where that is small.
+    whole = gap + np.copysign(np.hypot(gap, 2.0 * within) + np.finfo(float).tiny, gap)
+    part = 2.0 * within / whole
+    return part, top + np.sum(within * part, axis=0), own + np.sum(part**2, axis=0)
+
+
+def _near(part: np.ndarray, lam: np.ndarray, coarse: np.ndarray) -> Groups:
+    """Groups of coarse modes, by their places, that mix or whose frequencies are nearly one."""
+    top = lam[coarse]
+    mixed = (np.abs(part[coarse]) > MIXED) | (np.abs(top[:, None] - top) < NEAR * top)
+    _, label = connected_components(mixed, directed=False)
+    order = np.argsort(label, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    return [some for some in groups if len(some) > 1]
+
+
+def _parted(strained: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Modes within the space of some shapes, by the differences of their omega^2, which are small."""
+    middle = np.trace(strained) / np.trace(moved)
+    off = strained - middle * moved
+    return sla.eigh(0.5 * (off + off.T), 0.5 * (moved + moved.T))[1]
 
 
 def _join(low: Eigenpairs, high: Eigenpairs, at: float) -> Eigenpairs:
