@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError
+from middeck.files.setups import load_structure
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.model.article import (
@@ -388,3 +390,18 @@ def test_large_loss_factors_are_warned_about():
         found = estimate_damping(modes, Damping(loss_factor=(("a-b", eta),)))
         assert (abs(found.zeta.max() / np.sin(np.arctan(eta) / 2.0) - 1.0) > 1e-3) == off
         assert bool(found.warnings) == off
+
+
+def test_a_loss_that_all_members_share_joins_no_modes() -> None:
+    """Paths that are zero by symmetry were compared with their own rounding."""
+    article = load_structure(
+        Path(__file__).parents[2] / "articles/mace-simple.toml", ["mesh.elements_per_strut=1"]
+    )
+    members = tuple((m.name, 0.02) for m in article.members)
+    lossy = dataclasses.replace(article, damping=Damping(loss_factor=members))
+    modes = solve_modes(solve_equilibrium(lossy, Environment.orbit()))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        inputs, outputs = (tuple(p.name for p in ports[:4]) for ports in (article.actuators, article.sensors))
+        build_plant(modes, inputs=inputs, outputs=outputs)
+    assert not any("losses join the modes" in str(w.message) for w in caught)

@@ -87,3 +87,17 @@ def test_shapes_of_stiff_modes_beside_nearly_equal_ones_are_orthogonal() -> None
         assert modes is not None
         np.testing.assert_allclose(modes.shapes.T @ modes.shapes, np.eye(count), atol=1e-10)
         np.testing.assert_allclose(modes.lam[-2:], np.sort(stiff)[-2:], rtol=1e-13)
+
+
+@pytest.mark.parametrize("count", [3, 4, 8])
+@pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-6])
+def test_three_and_more_stiff_modes_of_nearly_one_frequency_are_parted(count: int, spread: float) -> None:
+    """As of equal arms on a hub: turned pair by pair at once they came out alike."""
+    for seed in range(4):
+        rng = np.random.default_rng([count, seed])
+        stiff = np.repeat([1.0, 1e13], count) * (1.0 + spread * rng.standard_normal(2 * count))
+        turn = np.linalg.qr(rng.standard_normal((2 * count, 2 * count)))[0]
+        modes = solve_all(sp.csr_array(turn * stiff @ turn.T), sp.csr_array(np.eye(2 * count)))
+        assert modes is not None
+        np.testing.assert_allclose(modes.shapes.T @ modes.shapes, np.eye(2 * count), atol=1e-10)
+        np.testing.assert_allclose(np.sort(modes.lam)[count:], np.sort(stiff)[count:], rtol=1e-13)

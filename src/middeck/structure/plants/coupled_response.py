@@ -8,7 +8,7 @@ of the ports.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from middeck.structure.model.article import Damping
 from middeck.structure.modes.solve import Modes
@@ -17,6 +17,9 @@ from middeck.systems.state_space.modal_system import ModalSystem
 
 LEFT_OUT = 1e-3
 """Error of a path at the resonances, over its largest response there, above which it is reported."""
+ROUNDED, LINES = 1e-9, 40
+"""Part below which a coupling, or a path beside the terms that cancel in it, is rounding; the most resonances
+that are looked at: those where the coupling does most."""
 
 
 def coupling_warnings(
@@ -31,12 +34,12 @@ def coupling_warnings(
     """
     count = len(modal.omega)
     C, H = shared_losses(modes, modes.equilibrium, damping, modes.omega[:count], modes.shapes[:, :count])
-    apart = 1.0 - np.eye(count)
-    error = _errors(modal, C * apart, H * apart)
+    lines = _lines(modal, *(_apart(loss) for loss in (C, H)))
+    error = _errors(modal, _apart(C), _apart(H), modal.omega[lines])
     if not error.size or error.max() <= LEFT_OUT:
         return ()
     output, column, line = np.unravel_index(int(np.argmax(error)), error.shape)
-    hz = modal.omega[modal.zeta * modal.omega > 0.0][line] / (2.0 * np.pi)
+    hz = modal.omega[lines][line] / (2.0 * np.pi)
     off = error.max(axis=2) > LEFT_OUT
     return (
         f"losses join the modes, which modal damping leaves out: from {names[0][column]!r} to "
@@ -45,15 +48,35 @@ def coupling_warnings(
     )
 
 
-def _errors(
+def _apart(loss: Float[np.ndarray, "mode mode"]) -> Float[np.ndarray, "mode mode"]:
+    """What joins the modes, without what is rounding beside their own losses."""
+    own = np.sqrt(np.abs(np.diag(loss)))
+    return np.where(np.abs(loss) > ROUNDED * own * own[:, None], loss, 0.0) * (1.0 - np.eye(len(loss)))
+
+
+def _lines(
     modal: ModalSystem, C: Float[np.ndarray, "mode mode"], H: Float[np.ndarray, "mode mode"]
+) -> Int[np.ndarray, " line"]:
+    """Damped modes at whose frequencies others are most joined to them; none at that of an undamped one."""
+    omega = modal.omega
+    own = np.abs(omega**2 - omega[:, None] ** 2 + 2j * modal.zeta * omega * omega[:, None])
+    joined = np.abs(omega[:, None] * C) + np.abs(H)
+    sound = np.all(own > 0.0, axis=1) & (joined.max(axis=1, initial=0.0) > 0.0)
+    does = np.max(joined / np.where(own > 0.0, own, np.inf), axis=1, initial=0.0)
+    return np.sort(
+        np.argsort(-np.where(sound, does, -1.0), kind="stable")[: min(LINES, np.count_nonzero(sound))]
+    )
+
+
+def _errors(
+    modal: ModalSystem,
+    C: Float[np.ndarray, "mode mode"],
+    H: Float[np.ndarray, "mode mode"],
+    omega: Float[np.ndarray, " line"],
 ) -> Float[np.ndarray, "output input line"]:
-    """Errors of the response at the frequencies of damped modes, over the largest of each path there."""
-    omega = modal.omega[modal.zeta * modal.omega > 0.0]
-    shape = len(modal.phi), modal.psi.shape[1], len(omega)
-    if not (np.any(C) or np.any(H)):
-        return np.zeros(shape)
-    error, size = np.zeros(shape), np.zeros(shape[:2])
+    """Errors of the response at ``omega``, over the largest of each path there."""
+    error = np.zeros((len(modal.phi), modal.psi.shape[1], len(omega)))
+    size = np.full(error.shape[:2], np.finfo(float).tiny)
     for k, w in enumerate(omega):
         own = modal.omega**2 - w**2 + 2j * modal.zeta * modal.omega * w
         alone = modal.psi / own[:, None]
@@ -62,5 +85,6 @@ def _errors(
         if modal.phi_acceleration is not None:
             read = read - w**2 * modal.phi_acceleration
         error[:, :, k] = np.abs(read @ (joined - alone))
-        size = np.maximum(size, np.abs(read @ joined))
-    return error / np.maximum(size, np.finfo(float).tiny)[:, :, None]
+        terms = ROUNDED * (np.abs(read) @ np.abs(alone))
+        size = np.maximum(size, np.maximum(np.abs(read @ joined), terms))
+    return error / size[:, :, None]
