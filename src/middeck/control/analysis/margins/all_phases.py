@@ -23,6 +23,8 @@ STEP = 1e-5
 REAL = 1e-8
 """Imaginary part of a ratio that counts as real."""
 ASCENT = {"maxiter": 200, "ftol": 1e-12}
+DIGITS = 12
+"""Decimals of a delay, in parts of the longest, that are no rounding."""
 
 Values = Callable[[Complex[np.ndarray, "point output input"]], np.ndarray]
 """Values [point, ...] of the loop where each path has an imaginary lag [rad]."""
@@ -30,7 +32,9 @@ Values = Callable[[Complex[np.ndarray, "point output input"]], np.ndarray]
 
 @record
 class AllPhases:
-    """The phases of the distinct delays of direct terms.
+    """The phases of the distinct delays of direct terms, each free.
+
+    Of delays that are sums of others, as those of inputs and outputs, limits are then on the safe side.
 
     Attributes:
         path: Number of the delay of each path of the plant, from one; zero for a path without delay.
