@@ -7,7 +7,7 @@ Motions without mass have mu = 0 and are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +15,10 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from jaxtyping import Bool, Float
-from scipy.sparse.csgraph import connected_components
 
 from middeck.errors import NumericalError
 from middeck.structure.assembly.factorisation import Factor, factorise, order, positive_factor
+from middeck.structure.eigenproblem.stiff_modes import part_stiff_modes
 
 # A mode is rigid whose energy is below this part of the sum of the absolute terms that cancel in it. Rounding
 # leaves 1e-17 on the two articles; a 0.02 Hz restraint on them leaves 1e-10.
@@ -32,12 +32,6 @@ SHIFTS = 20
 RUNG = 1e6
 # Modes whose omega^2 is so many shifts high have so many roundings of others in their shapes.
 COARSE = 1e2
-# Most rounds of first-order correction, and the change of a shape that leaves its square to the next.
-SHARPENINGS, SHARP = 8, 1e-6
-# Part of another mode in a shape above which the two count as mixed.
-MIXED = 1e-2
-# Modes whose omega^2 are nearer count as mixed, too: to first order rounding would be most of their change.
-NEAR = 1e-4
 # Modes sought beyond those asked for: among them the Sturm count looks for the widest gap.
 SPARE = 8
 # Part of omega^2 that is no gap: a Sturm count in it would be rounding.
@@ -52,7 +46,6 @@ LANCZOS = 1e-10
 SMALL = 600
 
 Soft = Bool[np.ndarray, " n"] | None
-Groups = Sequence[np.ndarray]
 
 
 class Eigenpairs(NamedTuple):
@@ -103,75 +96,11 @@ def solve_all(
 
 
 def _sharpen(K: sp.csr_array, M: sp.csr_array, pairs: Eigenpairs, sigma: float, count: int) -> Eigenpairs:
-    """The lowest ``count`` modes; what others are in shapes far above ``sigma`` is taken out.
-
-    The inverse leaves eps lam / sigma of neighbours in a shape. The residual of a mode tells how much, but
-    for eps size / lam: to first order (Ogita and Aishima 2018, "Iterative refinement for symmetric eigenvalue
-    decomposition", Japan J. Indust. Appl. Math. 35). Modes of nearly one frequency are parted exactly, within
-    the space of their shapes.
-    """
-    lam, X = pairs.lam.copy(), pairs.shapes.copy()
-    high = lam[:count] ** 2 > COARSE * sigma * pairs.noise[:count] / ROUNDING
-    # Modes of nearly one frequency stay together.
-    label = np.concatenate([[0], np.cumsum(np.diff(lam) > NEAR * np.abs(lam[1:]))])
-    coarse = np.flatnonzero(np.isin(label, label[:count][high]))
-    for _ in range(SHARPENINGS):
-        if not len(coarse):
-            break
-        strained, moved = X.T @ (K @ X[:, coarse]), X.T @ (M @ X[:, coarse])
-        groups = _near(_parts(strained, moved, lam, coarse)[0], lam, coarse)
-        for some in groups:
-            own = coarse[some]
-            turn = _parted(strained[np.ix_(own, some)], moved[np.ix_(own, some)])
-            X[:, own] = X[:, own] @ turn
-            for matrix in (strained, moved):
-                matrix[:, some] = matrix[:, some] @ turn
-                matrix[own] = turn.T @ matrix[own]
-        part, change, norm = _parts(strained, moved, lam, coarse, groups)
-        X[:, coarse] = (X[:, coarse] + X @ part) / np.sqrt(norm)
-        lam[coarse] = change
-        again = np.abs(part).max(axis=0) > SHARP
-        for some in groups:
-            again[some] = again[some].any()
-        coarse = coarse[again]
+    """The modes, of which the lowest ``count`` have shapes to rounding where they are far above ``sigma``."""
+    stiff = np.zeros(len(pairs.lam), bool)
+    stiff[:count] = pairs.lam[:count] ** 2 > COARSE * sigma * pairs.noise[:count] / ROUNDING
+    lam, X = part_stiff_modes(K, M, pairs.lam, pairs.shapes, stiff)
     return Eigenpairs(lam, X, pairs.noise).pick(np.argsort(lam, kind="stable"))
-
-
-def _parts(
-    strained: np.ndarray, moved: np.ndarray, lam: np.ndarray, coarse: np.ndarray, groups: Groups = ()
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Parts of all modes to be added to those that are ``coarse``, their omega^2 then, and their square norm.
-
-    None within ``groups``. Updates ``lam`` by Rayleigh's quotients.
-    """
-    at = np.arange(len(coarse))
-    own = moved[coarse, at]
-    top = lam[coarse] = strained[coarse, at] / own
-    within, gap = strained - moved * top, top - lam[:, None]
-    within[coarse, at] = 0.0
-    for some in groups:
-        within[np.ix_(coarse[some], some)] = 0.0
-    # The tangent of the angle by which a pair of modes is turned; within / gap where that is small.
-    whole = gap + np.copysign(np.hypot(gap, 2.0 * within) + np.finfo(float).tiny, gap)
-    part = 2.0 * within / whole
-    return part, top + np.sum(within * part, axis=0), own + np.sum(part**2, axis=0)
-
-
-def _near(part: np.ndarray, lam: np.ndarray, coarse: np.ndarray) -> Groups:
-    """Groups of coarse modes, by their places, that mix or whose frequencies are nearly one."""
-    top = lam[coarse]
-    mixed = (np.abs(part[coarse]) > MIXED) | (np.abs(top[:, None] - top) < NEAR * top)
-    _, label = connected_components(mixed, directed=False)
-    order = np.argsort(label, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
-    return [some for some in groups if len(some) > 1]
-
-
-def _parted(strained: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Modes within the space of some shapes, by the differences of their omega^2, which are small."""
-    middle = np.trace(strained) / np.trace(moved)
-    off = strained - middle * moved
-    return sla.eigh(0.5 * (off + off.T), 0.5 * (moved + moved.T))[1]
 
 
 def _join(low: Eigenpairs, high: Eigenpairs, at: float) -> Eigenpairs:

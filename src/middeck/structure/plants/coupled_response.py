@@ -34,8 +34,9 @@ def coupling_warnings(
     """
     count = len(modal.omega)
     C, H = shared_losses(modes, modes.equilibrium, damping, modes.omega[:count], modes.shapes[:, :count])
-    lines = _lines(modal, *(_apart(loss) for loss in (C, H)))
-    error = _errors(modal, _apart(C), _apart(H), modal.omega[lines])
+    C, H = _apart(C), _apart(H)
+    lines = _lines(modal, C, H)
+    error = _errors(modal, C, H, modal.omega[lines])
     if not error.size or error.max() <= LEFT_OUT:
         return ()
     output, column, line = np.unravel_index(int(np.argmax(error)), error.shape)
