@@ -190,7 +190,7 @@ def test_a_reader_that_has_seen_enough_is_no_error() -> None:
 
 
 def test_of_warnings_that_differ_in_numbers_alone_the_first_is_shown(capfd, monkeypatch):
-    monkeypatch.setattr(main, "SAID", Counter())
+    monkeypatch.setattr(main, "SHOWN", Counter())
     for text in ("modes 'a' couple by 0.21", "modes 'b' couple by 0.21", "modes 'a' couple by 1.9e-05"):
         main._show_warning(text)
     main._count_alike()
@@ -207,7 +207,7 @@ NAMES = tuple(
 
 
 def test_numbers_within_names_are_not_what_warnings_differ_in_alone(capfd, monkeypatch):
-    monkeypatch.setattr(main, "SAID", Counter())
+    monkeypatch.setattr(main, "SHOWN", Counter())
     for name in NAMES:
         main._show_warning(f"{name}: the line at 0 Hz is left out")
         main._show_warning(f"{name}: the line at 1.5e+01 Hz is left out")

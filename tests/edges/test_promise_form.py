@@ -14,7 +14,7 @@ import pytest
 from middeck.cli.main import execute
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import SEAL, seal
-from middeck.files.promises.form import SaidForm
+from middeck.files.promises.form import SealedForm
 from middeck.files.promises.promise_file import read_promise
 from repeats import LONG
 
@@ -141,4 +141,4 @@ def test_what_a_later_version_adds_is_not_in_the_way(tmp_path: Path):
     path = tmp_path / "promise.json"
     path.write_text(json.dumps(changed(whole, ("environments", 0, "moons"), 3)), encoding="utf-8")
     assert read_promise(path)["environments"][0]["moons"] == 3
-    assert SaidForm.model_validate(whole).environments[0].name == "orbit"
+    assert SealedForm.model_validate(whole).environments[0].name == "orbit"

@@ -32,7 +32,7 @@ INTERNAL = 70
 INTERRUPTED = 130
 # None within a name or path: run1.uff, gimbal_1, mode-2, '3', day/4/run.uff.
 NUMBER = re.compile(r"""(?<![\w.'"/])(?<!\w-)\d+(\.\d+)?([eE][+-]?\d+)?(?![\w'"/-]|\.\w)""")
-SAID: Counter[str] = Counter()
+SHOWN: Counter[str] = Counter()
 """How often each warning came, numbers aside."""
 
 
@@ -63,11 +63,11 @@ def execute(arguments: Sequence[str], interrupted: Callable[[], bool]) -> int:
 
             traceback.print_exc()
         if interrupted():  # whatever the interruption was turned into on its way up
-            return _say("interrupted", INTERRUPTED)
+            return _fail("interrupted", INTERRUPTED)
         return _explain(_translated(error, arguments))
     except KeyboardInterrupt:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        return _say("interrupted", INTERRUPTED)
+        return _fail("interrupted", INTERRUPTED)
 
 
 def _translated(error: Exception, arguments: Sequence[str]) -> Exception:
@@ -91,22 +91,22 @@ def _explain(error: Exception) -> int:
 
     match error:
         case MiddeckError():
-            return _say(f"error: {error}", error.exit_code)
+            return _fail(f"error: {error}", error.exit_code)
         case click.Abort():
-            return _say("interrupted", INTERRUPTED)
+            return _fail("interrupted", INTERRUPTED)
         case click.exceptions.NoArgsIsHelpError():
-            return _say(error.format_message(), error.exit_code)
+            return _fail(error.format_message(), error.exit_code)
         case click.UsageError() if error.ctx is not None:
             return _usage(error, error.ctx)
         case click.ClickException():
-            return _say(f"error: {error.format_message()}", error.exit_code)
+            return _fail(f"error: {error.format_message()}", error.exit_code)
         case MemoryError():
-            return _say(f"error: not enough memory: {error}\n  try: fewer states, samples or periods", 5)
+            return _fail(f"error: not enough memory: {error}\n  try: fewer states, samples or periods", 5)
         case OSError() if error.filename is not None:
-            return _say(f"error: {error.filename}: {error.strerror}\n  try: another path", 2)
+            return _fail(f"error: {error.filename}: {error.strerror}\n  try: another path", 2)
         case _:
             what = " ".join(str(error).split())
-            return _say(
+            return _fail(
                 f"error: a fault of middeck: {type(error).__name__}: {what}; "
                 "please report it with what `middeck --version` and the same command with --debug print",
                 INTERNAL,
@@ -128,7 +128,7 @@ def _usage(error: click.UsageError, context: click.Context) -> int:
         meant = [f"'{name}'" for name in known if name.startswith(error.option_name)]
         message = f"{error.message} Did you mean {' or '.join(meant)}?" if meant else message
     advice = f"{context.get_usage()}\n  try: {context.command_path} --help"
-    return _say(f"error: {message}\n{advice}", error.exit_code)
+    return _fail(f"error: {message}\n{advice}", error.exit_code)
 
 
 def _show_warning(message: Warning | str, *place: object) -> None:
@@ -137,18 +137,18 @@ def _show_warning(message: Warning | str, *place: object) -> None:
     Of warnings that differ in numbers alone, as those of the plants of many draws do, it shows the first.
     """
     words = NUMBER.sub("#", str(message))
-    SAID[words] += 1
-    if SAID[words] == 1:
+    SHOWN[words] += 1
+    if SHOWN[words] == 1:
         print(f"warning: {message}", file=sys.stderr)
 
 
 def _count_alike() -> None:
-    alike = SAID.total() - len(SAID)
+    alike = SHOWN.total() - len(SHOWN)
     if alike:
         print(f"warning: more that differ from one above in numbers alone: {alike}", file=sys.stderr)
 
 
-def _say(message: str, code: int) -> int:
+def _fail(message: str, code: int) -> int:
     print(message, file=sys.stderr)
     return code
 

@@ -453,7 +453,7 @@ class ColumnsTyped(NamedTuple):
     sample_hz: float | None
     variable: str
 
-    def told(self) -> Columns | None:
+    def named(self) -> Columns | None:
         """Columns by the options; None without any: a file of channels beside the record is then read."""
         from middeck.files.records import name_columns
 

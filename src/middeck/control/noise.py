@@ -42,7 +42,7 @@ def _numbers(outcome: NoiseOutcome) -> Float[np.ndarray, " number"]:
 def _measure(plant: Plant, compensator: Compensator, weights: LQGWeights) -> NoiseOutcome:
     law = arrange_ports(compensator, measured_ports(plant), driven_ports(plant))
     if law.period_s is None:
-        return _measure_late_modes(plant, law, weights) or integrate_noise(plant, law, weights)
+        return _measure_delayed_modes(plant, law, weights) or integrate_noise(plant, law, weights)
     found = measure_held(plant, law, weights, 1.0)
     decays = np.abs(found.poles).max(initial=0.0) < np.exp(-growth_limit(law.period_s) * law.period_s)
     if not decays:  # whether noise drives it or not
@@ -51,7 +51,7 @@ def _measure(plant: Plant, compensator: Compensator, weights: LQGWeights) -> Noi
     return NoiseOutcome(found.stable, found.metric, effort)
 
 
-def _measure_late_modes(plant: Plant, law: Compensator, weights: LQGWeights) -> NoiseOutcome | None:
+def _measure_delayed_modes(plant: Plant, law: Compensator, weights: LQGWeights) -> NoiseOutcome | None:
     """The outcome for a delayed plant in modal form, three times as fast; None where undecided."""
     if plant.modal is None or not plant.delayed:
         return None

@@ -122,8 +122,8 @@ def take_closed_loop(bench: Bench, compensator: Compensator, rng: np.random.Gene
     cause = run.cause or limit_cycle(run)
     if cause or run.record is None or run.control is None:
         return Taken(None, cause, None)
-    response, said = _estimated(run.record, bench.band_hz)
-    return Taken(response, "", float(np.sqrt(np.mean(run.control**2))), said)
+    response, notes = _estimated(run.record, bench.band_hz)
+    return Taken(response, "", float(np.sqrt(np.mean(run.control**2))), notes)
 
 
 def _estimated(

@@ -74,8 +74,8 @@ def _draw_loops(axes: Axes, place: Mapping[str, Any], at: Mapping[float, int], c
     axes.set_ylim(max(len(rows), 1) - 0.5, -0.5)
     axes.margins(x=0.1)
     axes.set_xlabel("dB above the promised median")
-    said = "95 % of draws; bar: 99 % reach this" if rows else "no compensator"
-    axes.set_title(f"{said}\nopen: without friction" if "friction" in place else said)
+    legend = "95 % of draws; bar: 99 % reach this" if rows else "no compensator"
+    axes.set_title(f"{legend}\nopen: without friction" if "friction" in place else legend)
 
 
 def _called(row: Mapping[str, Any], at: Mapping[float, int]) -> str:

@@ -52,8 +52,8 @@ def tilted(rest: Equilibrium) -> tuple[str, ...]:
     tilt = float(np.degrees(np.linalg.norm(attitude.tilt)))
     if tilt < TILTED_DEG:
         return ()
-    if said := sag(attitude):
-        return (f"{said} (`middeck check` has more)",)
+    if doubt := sag(attitude):
+        return (f"{doubt} (`middeck check` has more)",)
     return (f"the article hangs tilted by {tilt:.0f} deg; it was drawn level (`middeck check` has more)",)
 
 
@@ -119,13 +119,13 @@ def solve_in(
         lab = f"'lab', the {_how_named()} environment, hangs every attach point: give one with --environment"
         hung = [lab] if files[-1] == BUILT_IN["lab"] and not hung_anywhere(structure, *files) else []
         advice = [*doubts, *hung, *error.hint.split("; ")]
-        error.hint = "; ".join(a for i, a in enumerate(advice) if not any(a in told for told in advice[:i]))
+        error.hint = "; ".join(a for i, a in enumerate(advice) if not any(a in b for b in advice[:i]))
         raise
     shown = count or COUNT
     if top_hz is not None:
         shown = min(shown, int(np.searchsorted(modes.frequency_hz, top_hz, side="right")))
-    said = (*doubts, *tilted(rest), *mesh_warnings(modes, shown))
-    return dataclasses.replace(modes, warnings=(*said, *modes.warnings))
+    own_warnings = (*doubts, *tilted(rest), *mesh_warnings(modes, shown))
+    return dataclasses.replace(modes, warnings=(*own_warnings, *modes.warnings))
 
 
 def case_warnings(structure: Structure, environment: Environment, *files: Path) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ class Wanted:
 
 def article_plant(modes: Modes, count: int, wanted: Wanted) -> tuple[Plant, Band]:
     """The lowest ``count`` modes between the ports wanted, and the band that they lie in."""
-    tell_warnings(modes)
+    issue_warnings(modes)
     structure = modes.equilibrium.model.structure
     u = chosen(wanted.control, [a.name for a in structure.actuators], "--control")
     y = chosen(wanted.measure, [s.name for s in structure.sensors], "--measure")
@@ -42,7 +42,7 @@ def article_plant(modes: Modes, count: int, wanted: Wanted) -> tuple[Plant, Band
     return plant, _band_around(solve_gyroscopic_modes(modes, count=count).frequency_hz)
 
 
-def tell_warnings(modes: Modes) -> None:
+def issue_warnings(modes: Modes) -> None:
     """Warnings of the modes, for a verb that does not show them."""
     for text in modes.warnings:
         warnings.warn(text, UserWarning, stacklevel=2)
@@ -72,13 +72,13 @@ def model_plant(
         )
     u = chosen(wanted.control, [p.name for p in model.inputs], "--control")
     y = chosen(wanted.measure, [p.name for p in model.outputs], "--measure")
-    path, said = _path(model, u, y), ()
+    path, notes = _path(model, u, y), ()
     if covariance is not None and _delays(path.model) > 1:
         merged = merge_delays(covariance)
-        path, said = _path(merged.model, u, y), merged.sentences
+        path, notes = _path(merged.model, u, y), merged.sentences
     between = f"from {', '.join(u)} to {', '.join(y)}"
-    said_of_path = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
-    said_of_path += [*said, *_dear_delays(path.model, pade_order)]
+    path_notes = [f"left out of the plant, as it is on no path {between}: {name}" for name in path.dropped]
+    path_notes += [*notes, *_dear_delays(path.model, pade_order)]
     fitted = measured_plant(path.model, w=u, u=u, z=y, y=y)
     if np.any(remove_delays(fitted).system.D):
         raise ConfigError(
@@ -87,7 +87,7 @@ def model_plant(
             "--relative-degree 1; accelerations have one",
         )
     plant = approximate_delays(fitted, pade_order)
-    return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(said_of_path))
+    return FittedPlant(plant, _band_around(natural_hz(path.model)), tuple(path_notes))
 
 
 def _path(model: MeasurementModel, u: Sequence[str], y: Sequence[str]) -> ChannelSelection:

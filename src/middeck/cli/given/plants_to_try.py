@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from middeck.cli.given.cases import solve_case
-from middeck.cli.given.design_plants import tell_warnings
+from middeck.cli.given.design_plants import issue_warnings
 from middeck.cli.options import TypedPlants, TypedSetup, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
@@ -104,7 +104,7 @@ def _new_name(source: str, taken: set[str], environment: str = "") -> str:
 
 def _article(case: TypedSetup, law: Law, count: int) -> tuple[Modes, Plant]:
     modes = solve_case(case, count, standstill=True)
-    tell_warnings(modes)
+    issue_warnings(modes)
     structure = modes.equilibrium.model.structure
     u, y = (tuple(port.name for port in side) for side in (law.outputs, law.inputs))
     with reading(case.article):
@@ -150,31 +150,33 @@ def also_held(gathered: Gathered, law: Law, delay_s: float) -> Gathered:
     return dataclasses.replace(gathered, plants=gathered.plants | held)
 
 
-def say_promised_hold(gathered: Gathered, rates_hz: Sequence[float]) -> list[str]:
+def promised_hold_warnings(gathered: Gathered, rates_hz: Sequence[float]) -> list[str]:
     """Warning for promised plants whose delays, those of the plan, may include a hold that a rate adds."""
-    late_s = [float(plant.delay_s.min()) for one in gathered.promises for plant in one.plants.values()]
+    delays_s = [float(plant.delay_s.min()) for one in gathered.promises for plant in one.plants.values()]
     return [
-        f"promised plants, {rate:g} Hz: their delays (from {1e3 * min(late_s):.4g} ms, the plan's delay_s) "
+        f"promised plants, {rate:g} Hz: their delays (from {1e3 * min(delays_s):.4g} ms, the plan's delay_s) "
         f"count in full, and sample and hold add {500.0 / rate:g} ms; where the plan includes a hold take "
         "that off"
         for rate in rates_hz
-        if late_s and min(late_s) >= 0.5 / rate
+        if delays_s and min(delays_s) >= 0.5 / rate
     ]
 
 
-def say_hold(
+def hold_warnings(
     gathered: Gathered, law: Law, weights: LQGWeights, rates_hz: Sequence[float], delay_s: float
 ) -> list[str]:
     """Warning for each model whose delays may include a hold, which a rate would count twice.
 
     ``delay_s`` is what was added to the delays of the models.
     """
-    said = say_promised_hold(gathered, [1.0 / form.sampled.period_s for form in sampled_forms(law, rates_hz)])
+    found = promised_hold_warnings(
+        gathered, [1.0 / form.sampled.period_s for form in sampled_forms(law, rates_hz)]
+    )
     for name in gathered.hold_unknown:
         for form in sampled_forms(law, rates_hz):
             with reading(name):
-                said.append(_held_or_not(name, gathered.plants[name], form, weights, delay_s))
-    return said
+                found.append(_held_or_not(name, gathered.plants[name], form, weights, delay_s))
+    return found
 
 
 def _held_or_not(name: str, plant: Plant, law: Compensator, weights: LQGWeights, delay_s: float) -> str:

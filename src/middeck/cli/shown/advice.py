@@ -82,12 +82,12 @@ def on_command_line(
     own = options.get(verb, ())
     hint = in_options(hint, own)
     known = {*own, *(o for other in options if re.search(rf"\b{other}\b", hint) for o in options[other])}
-    said = ""
+    kept = ""
     parts = re.split(CLAUSES, hint)
     for joint, clause in zip(["", *parts[1::2]], parts[::2], strict=True):
         if clause.strip() and not _is_foreign(clause, known, names):
-            said += (joint if said else "") + clause
-    return said.strip()
+            kept += (joint if kept else "") + clause
+    return kept.strip()
 
 
 def _is_foreign(clause: str, known: Collection[str], names: Collection[str]) -> bool:

@@ -72,7 +72,7 @@ def _blocks(report: TimingReport) -> list[str | ScreenTable]:
         rows.append([name, *(f"{1e6 * value:.1f}" for value in found)])
         rows.append(["  bare loop", *(f"{1e6 * value:.1f}" for value in floor)])
         rows.append(["  times that", *(f"{a / max(b, 1e-9):.2f}" for a, b in zip(found, floor, strict=True))])
-    granted = ", ".join(f"{name}: {_said(given)}" for name, given in report.granted.items())
+    granted = ", ".join(f"{name}: {_granted(given)}" for name, given in report.granted.items())
     rate = report.operations / max(report.step_s[0], 1e-9) / 1e9
     return [
         "machine      {processor}, {cores} cores, {kernel}, {preemption}".format(**report.machine),
@@ -86,5 +86,5 @@ def _blocks(report: TimingReport) -> list[str | ScreenTable]:
     ]
 
 
-def _said(given: bool | None) -> str:
+def _granted(given: bool | None) -> str:
     return "not asked" if given is None else "yes" if given else "NO"

@@ -185,8 +185,8 @@ def _verdict(document: dict[str, Any]) -> list[str]:
     )
     if document["drifted"] and not by_fits:
         return [f"drifted: {of_lines}, although {of_fits}"]
-    said = [of_fits] if of_lines is None else [of_fits, of_lines]
-    return ["drifted" if document["drifted"] else "no drift", *said]
+    lines = [of_fits] if of_lines is None else [of_fits, of_lines]
+    return ["drifted" if document["drifted"] else "no drift", *lines]
 
 
 def _change(pair: tuple[float, float], deviation: float) -> tuple[str, str]:

@@ -147,7 +147,7 @@ def verb(
     a gate that is killed leaves its steps. The exit code is 1 if a step fails. --set takes the keys of
     articles and environments.
     """
-    from middeck.cli.given.plants_to_try import say_promised_hold
+    from middeck.cli.given.plants_to_try import promised_hold_warnings
     from middeck.files.json.hash_seal import seal
     from middeck.files.json.output import write_json
 
@@ -172,7 +172,7 @@ def verb(
             log.end(verdict)
     document = describe(verdict, margins, trials) | {
         "promises": [promise.sha256 for promise in gathered.promises],
-        "warnings": say_promised_hold(gathered, [1.0 / package.period_s]),
+        "warnings": promised_hold_warnings(gathered, [1.0 / package.period_s]),
     }
     if verdict_file is not None:
         write_json(verdict_file, seal(document))

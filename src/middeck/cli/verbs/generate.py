@@ -114,8 +114,8 @@ def _package(law_file: str, given: dict[str, Any]) -> md.ControllerPackage:
     limits = {key: given[key] for key in LIMITS if given[key] is not None}
     settings: Any = {key: v[0] if len(v) == 1 else v for key, v in limits.items()}
     if looks_like(law_file) == PACKAGE:
-        told = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
-        if settings or told or given["unstable"]:
+        named = [key for key in ("ramp_s", "rate", "rule", "form", "name") if given[key] is not None]
+        if settings or named or given["unstable"]:
             raise ConfigError(
                 "name, rate, form, ranges and limits are fixed in a package and cannot be given again",
                 where=law_file,

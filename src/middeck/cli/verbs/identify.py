@@ -122,15 +122,15 @@ def verb(
     from middeck.files.records import require_record
 
     settings = settle(FitSettings, given, overrides)
-    told = columns.told()
+    named = columns.named()
     for file in validate:
         require_record(file)
-    with status("identify") as tell:
-        found = identify(records, settings, told, tell)
-        tell("zeros of the paths, held-out records, figures")
+    with status("identify") as show_stage:
+        found = identify(records, settings, named, show_stage)
+        show_stage("zeros of the paths, held-out records, figures")
         document = {
             **describe(found),
-            "held_out_nrmse": _validate(found, validate, settings.periods, told),
+            "held_out_nrmse": _validate(found, validate, settings.periods, named),
             "records": records,
         }
         if model_file is not None:
@@ -168,7 +168,7 @@ def _draw(found: Identified, figure_file: str | None, stabilisation_file: str | 
 
 
 def _validate(
-    found: Identified, files: tuple[str, ...], periods: int | None, told: Columns | None
+    found: Identified, files: tuple[str, ...], periods: int | None, named: Columns | None
 ) -> dict[str, float] | None:
     """Error of the simulated outputs on held-out records; None without any.
 
@@ -181,7 +181,7 @@ def _validate(
 
     if not files:
         return None
-    held_out, _ = load_periods(files, periods, told)
+    held_out, _ = load_periods(files, periods, named)
     model = found.fit.model
     with reading(*files):
         error = (

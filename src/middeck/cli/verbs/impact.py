@@ -81,7 +81,7 @@ def verb(
     from middeck.files.records import load_records, write_response
 
     chosen = settle(ImpactSettings, {"states": states, "band_hz": band_hz}, overrides)
-    taken = load_records(records, columns.told())
+    taken = load_records(records, columns.named())
     with reading(*records):
         test = md.identification.average_blows(
             taken, ratio=ratio, window_s=window_s, band_hz=chosen.band_hz, blow_s=blow_s

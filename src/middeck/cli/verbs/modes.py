@@ -106,7 +106,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
     from middeck.structure.modes.warnings.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 
-    zeta, said = _damping(modes, count)
+    zeta, damping_warnings = _damping(modes, count)
     rest = modes.equilibrium
     suspension, environment = rest.suspension, rest.environment
     joints = [j for j in rest.model.structure.joints if j.state.value in HELD_BY]  # no modal coordinates
@@ -116,7 +116,7 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
         "environment": environment.title,
         **summary_numbers(summary),
         **mode_numbers(modes, count),
-        "warnings": (*modes.warnings, *said),
+        "warnings": (*modes.warnings, *damping_warnings),
         "rigid_share": modes.rigid_share[:count],
         "most_strained": most_strained(modes, count),
         "damping": zeta,

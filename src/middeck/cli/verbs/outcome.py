@@ -103,7 +103,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | ScreenTa
         for v in document["verdicts"]
     ]
     s = document["score"]
-    said = [
+    summary = [
         f"promised on   {document['promised_on']}, {document['promise'][:12]}...",
         f"inside        {100.0 * s['coverage']:.0f} % of {s['count']}",
         *([] if s["brier"] is None else [f"Brier score   {s['brier']:.4f}"]),
@@ -115,7 +115,7 @@ def _blocks(document: dict[str, Any], target: str | None) -> list[str | ScreenTa
         ["", "remarks", *(f"  {remark}" for remark in document["remarks"])] if document["remarks"] else []
     )
     return [
-        *said,
+        *summary,
         ScreenTable("outcomes", headers, rows),
         *remarks,
         *(["", f"wrote {target}"] if target else []),

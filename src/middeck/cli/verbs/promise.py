@@ -139,7 +139,7 @@ def _measured(
     from middeck.cli.shown.progress import left_words, status
     from middeck.files.promises.campaign import measured_in_ledger
 
-    with status("promise") as say:
+    with status("promise") as show_stage:
         return measured_in_ledger(
             refined,
             plan,
@@ -147,7 +147,7 @@ def _measured(
             digests,
             ledger,
             workers=workers,
-            progress=lambda p: say(
+            progress=lambda p: show_stage(
                 f"{p.done} of {p.total} blocks of draws; {left_words(p.remaining_s) or 'the rest'}"
             ),
         )

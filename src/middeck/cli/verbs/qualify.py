@@ -68,9 +68,9 @@ def verb(
     the keys of articles and environments.
     """
     requirements = tuple(map(read_requirement, required))
-    law, found, allowed, said = _qualify(law_file, tried, given)
+    law, found, allowed, hold_notes = _qualify(law_file, tried, given)
     rows = [_row(q) for q in found]
-    document = describe(law_file, law, rows, requirements, said) | {"allowed_shift": allowed}
+    document = describe(law_file, law, rows, requirements, hold_notes) | {"allowed_shift": allowed}
     if figure_file is not None:
         from middeck.plot.qualification import qualification_figure
 
@@ -94,7 +94,7 @@ def _qualify(
     import numpy as np
 
     from middeck.cli.given.compensators import load_law
-    from middeck.cli.given.plants_to_try import all_plants, allowed_shifts, gather_plants, say_hold
+    from middeck.cli.given.plants_to_try import all_plants, allowed_shifts, gather_plants, hold_warnings
 
     law = load_law(law_file)
     gathered = gather_plants(tried, law)
@@ -108,7 +108,7 @@ def _qualify(
     )
     rates = tuple(rate for rates in given["rates_hz"] for rate in rates)
     found = md.qualify_compensator(law, plants, weights, rates_hz=rates)
-    return law, found, allowed, say_hold(gathered, law, weights, rates, tried.delay_s)
+    return law, found, allowed, hold_warnings(gathered, law, weights, rates, tried.delay_s)
 
 
 def _row(found: Qualified) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def describe(
     law: Law,
     rows: list[dict[str, Any]],
     requirements: tuple[Requirement, ...],
-    said: list[str],
+    hold_notes: list[str],
 ) -> dict[str, Any]:
     """The JSON document; infinite or unknown values are null."""
     from middeck.files.laws.compensators import how_made
@@ -170,28 +170,28 @@ def describe(
         "stable": sum(row["stable"] for row in rows),
         "requirements": judged,
         "passed": not any(r["failed"] for r in judged),
-        "warnings": [*_warnings(law, rows), *said],
+        "warnings": [*_warnings(law, rows), *hold_notes],
     }
 
 
 def _warnings(law: Law, rows: list[dict[str, Any]]) -> list[str]:
     import numpy as np
 
-    said = [
+    lines = [
         f"{plant}: nothing at these ports holds {', '.join(modes)}, which does not decay"
         for plant, modes in {r["plant"]: r["unheld"] for r in rows if r["unheld"]}.items()
     ]
-    said += [f"{r['plant']}, {r['setting']}: {r['undecided']}" for r in rows if r["undecided"]]
+    lines += [f"{r['plant']}, {r['setting']}: {r['undecided']}" for r in rows if r["undecided"]]
     if np.any(law.dynamics.D) and any(r["setting"] == "continuous" for r in rows):
-        said.append(
+        lines.append(
             "the compensator passes sensor noise on directly: white noise has no rms without a rate (--rate)"
         )
     elif any(row["stable"] and row["db"] is None for row in rows):
-        said.append(
+        lines.append(
             "no dB where the plant does not decay without control: its own rms is infinite; "
             "compare the rms itself"
         )
-    return said
+    return lines
 
 
 def _tables(document: dict[str, Any]) -> list[str | ScreenTable]:

@@ -67,14 +67,14 @@ def verb(
         options.refuse_unused("beside --stream", "periods", "reference", "require", "ascii")
     given = {"sample_hz": columns.sample_hz, "variable": columns.variable or None, "periods": periods}
     chosen = settle(RecordSettings, given, overrides)
-    told = columns._replace(sample_hz=chosen.sample_hz, variable=chosen.variable).told()
+    named = columns._replace(sample_hz=chosen.sample_hz, variable=chosen.variable).named()
     if stream:
         if target is not None:
             options.require_writable(target, options.STREAMS, "--stream -o")
-        _pass_through(files, told, target)
+        _pass_through(files, named, target)
         show(as_json, {"schema": "middeck.record/1", "records": files, "written": target}, f"wrote {target}")
         return
-    taken, excitation, faults = _read(files, told, chosen.periods, reference)
+    taken, excitation, faults = _read(files, named, chosen.periods, reference)
     document = describe(taken, excitation, faults) | {"records": files, "written": target}
     document |= _runs(files)
     if target is not None:
@@ -86,23 +86,23 @@ def verb(
         click.get_current_context().exit(1)
 
 
-def _pass_through(files: tuple[str, ...], told: Columns | None, target: str | None) -> None:
+def _pass_through(files: tuple[str, ...], named: Columns | None, target: str | None) -> None:
     from middeck.files.records import open_record, write_stream
 
     if target is None or len(files) != 1:
         raise ConfigError(
             "--stream writes one record to another", hint="middeck record A.csv -o B.h5 --stream"
         )
-    write_stream(target, open_record(files[0], told))
+    write_stream(target, open_record(files[0], named))
 
 
 def _read(
-    files: tuple[str, ...], told: Columns | None, periods: int | None, reference: str | None
+    files: tuple[str, ...], named: Columns | None, periods: int | None, reference: str | None
 ) -> tuple[md.Record, Recognised | None, tuple[RecordFault, ...]]:
     from middeck.cli.work.fit_records import split_each
     from middeck.files.records import join_records, read_record
 
-    readings = [read_record(path, told) for path in files]
+    readings = [read_record(path, named) for path in files]
     whole = [r.record for r in readings]
     taken = join_records(whole if periods is None else split_each(whole, periods, files), list(files))
     with reading(*files):
@@ -249,7 +249,7 @@ def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
         [f.severity, f.kind, f"{f.side} {f.channel}", number(f.experiment, "", ""), f.what]
         for f in document["faults"]
     ]
-    told = ScreenTable("faults", ["", "kind", "channel", "experiment", "what"], faults)
+    faults_found = ScreenTable("faults", ["", "kind", "channel", "experiment", "what"], faults)
     hints = [f"  {h}" for h in dict.fromkeys(f"{f.kind}: {f.hint}" for f in document["faults"])]
     lines = [f"{size} at {document['sample_hz']:g} Hz, {document['duration_s']:.4g} s an experiment"]
     excitation = document["excitation"]
@@ -260,13 +260,13 @@ def _blocks(document: dict[str, Any]) -> list[str | ScreenTable]:
         ScreenTable("channels (rms and peak about the mean)", heads, rows),
     ]
     blocks += _events(document)
-    return [*blocks, told, "\n".join(["try:", *hints])] if faults else [*blocks, "no faults found"]
+    return [*blocks, faults_found, "\n".join(["try:", *hints])] if faults else [*blocks, "no faults found"]
 
 
 def _cut_by(excitation: dict[str, Any]) -> str:
     """The option that states the periods, if the record holds nothing else."""
-    told = excitation["period"] is not None and excitation["periods"] > 1 and not excitation["offset"]
-    return f"; --periods {excitation['periods']} takes them as steady" if told else ""
+    steady = excitation["period"] is not None and excitation["periods"] > 1 and not excitation["offset"]
+    return f"; --periods {excitation['periods']} takes them as steady" if steady else ""
 
 
 def _calibration(channel: dict[str, Any]) -> str:

@@ -58,10 +58,10 @@ def _run(study: Study, out: Path) -> dict[str, float]:
     called = {c.name: c.name if study.account else c.topic for c in chapters}
     with follow({called[c.name]: c.share for c in chapters}) as (begin, end):
         for name, compute in run_chapters(study):
-            start, told = time.monotonic(), called[name]
-            begin(told)
+            start, title = time.monotonic(), called[name]
+            begin(title)
             writer.add(name, compute())
-            times[told] = time.monotonic() - start
-            end(told, times[told])
+            times[title] = time.monotonic() - start
+            end(title, times[title])
     writer.finish()
     return times

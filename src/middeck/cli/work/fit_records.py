@@ -59,30 +59,30 @@ class Identified:
 def identify(
     files: Sequence[str],
     settings: FitSettings,
-    told: Columns | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    named: Columns | None = None,
+    show_stage: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Fit the records together: the response of their periods, or the samples of one that has none.
 
-    ``tell`` is called with what is done next.
+    ``show_stage`` is called with what is done next.
     """
-    tell("reading")
-    taken, seen = load_periods(files, settings.periods, told)
+    show_stage("reading")
+    taken, seen = load_periods(files, settings.periods, named)
     taken = taken if settings.held is None else dataclasses.replace(taken, held=settings.held)
     with reading(*files):
-        tell("looking for faults")
+        show_stage("looking for faults")
         seen = (*seen, *_faults(taken))
         if settings.friction:
-            tell("looking for friction")
+            show_stage("looking for friction")
             found = _friction(taken, settings)
             done = _fit_response(without_friction(taken, found), settings, seen)
             return dataclasses.replace(done, friction=found)
         if settings.method == "samples" or not (taken.periodic or settings.method or settings.reference):
-            return _fit_record(taken, settings, seen, tell)
+            return _fit_record(taken, settings, seen, show_stage)
         if taken.periodic and settings.method is None and len(taken.u) < len(taken.inputs):
             few = f"{len(taken.u)} experiments cannot tell {len(taken.inputs)} inputs apart line by line"
-            return _fit_record(taken, settings, (*seen, f"{few}: the samples are fitted"), tell)
-        tell("estimating and fitting the response")
+            return _fit_record(taken, settings, (*seen, f"{few}: the samples are fitted"), show_stage)
+        show_stage("estimating and fitting the response")
         return _fit_response(taken, settings, seen)
 
 
@@ -100,12 +100,12 @@ def _as_fitted(measured: FrequencyResponse, fit: FitResult) -> FrequencyResponse
 
 def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -> Identified:
     method = None if settings.method == "samples" else settings.method
-    with python_warnings.catch_warnings(record=True) as said:
+    with python_warnings.catch_warnings(record=True) as caught:
         python_warnings.simplefilter("always")
         measured = estimate_response(
             taken, band_hz=settings.band_hz, method=method, reference=tuple(settings.reference) or None
         )
-    seen = tuple(dict.fromkeys((*seen, *(str(one.message) for one in said))))
+    seen = tuple(dict.fromkeys((*seen, *(str(one.message) for one in caught))))
     reaches = measured.frequency_hz[-1] > HELD_ABOVE * taken.sample_hz
     sampled = _is_sampled(settings, reaches=bool(reaches))
     with named_cause(taken):
@@ -135,7 +135,7 @@ def _faults(taken: Record) -> list[str]:
 
 
 def _fit_record(
-    taken: Record, settings: FitSettings, seen: tuple[str, ...], tell: Callable[[str], None]
+    taken: Record, settings: FitSettings, seen: tuple[str, ...], show_stage: Callable[[str], None]
 ) -> Identified:
     if settings.cost != "weighted":
         raise ConfigError(
@@ -144,11 +144,11 @@ def _fit_record(
         )
     _refuse_unlike(settings)
     asked_hz = below_half_rate(settings.band_hz, taken.sample_hz)
-    fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=asked_hz, tell=tell)
+    fit = fit_samples(taken, _asked(settings), sampled=settings.sampled, band_hz=asked_hz, tell=show_stage)
     sampled = fit.model.sample_hz is not None
     band_hz = asked_hz or recognise_excitation(taken).band_hz
-    told = sampled or fit.model.hold_s is not None  # the record or the data show the hold
-    reaches = not told and band_hz[1] > HELD_ABOVE * taken.sample_hz
+    held = sampled or fit.model.hold_s is not None  # the record or the data show the hold
+    reaches = not held and band_hz[1] > HELD_ABOVE * taken.sample_hz
     warnings = _chosen(settings, band_hz[1], taken, of_samples=True) if reaches else []
     shown_hz = asked_hz if sampled else band_hz
     return Identified(
@@ -222,13 +222,13 @@ def _chosen(settings: FitSettings, last_hz: float, taken: Record, *, of_samples:
 
 
 def load_periods(
-    files: Sequence[str], periods: int | None, told: Columns | None = None
+    files: Sequence[str], periods: int | None, named: Columns | None = None
 ) -> tuple[Record, tuple[str, ...]]:
     """The records together, in whole steady periods where they have any, and remarks on them.
 
     As many periods as is said; otherwise as the file says; otherwise as the input shows.
     """
-    readings = [read_record(path, told) for path in files]
+    readings = [read_record(path, named) for path in files]
     whole = [check_finite(one.record, str(path)) for one, path in zip(readings, files, strict=True)]
     if periods is not None:
         whole = split_each(whole, periods, files)
@@ -278,10 +278,10 @@ def alike(settings: FitSettings, model: MeasurementModel, covariance: ModelCovar
 
 
 def _choices(model: MeasurementModel, structure: ModelStructure) -> dict[str, object]:
-    late = "common" if structure.common_delay else "output" if model.path_delay_s is None else "path"
+    delay_of = "common" if structure.common_delay else "output" if model.path_delay_s is None else "path"
     return {
         "constants": "real" if structure.real_constants else "complex",
-        "delay": late if structure.with_delay else "none",
+        "delay": delay_of if structure.with_delay else "none",
         "residuals": structure.with_lower,
         "relative_degree": _relative_degree(structure),
     }

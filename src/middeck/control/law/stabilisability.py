@@ -150,17 +150,17 @@ def require_reachable(
         total[label] = total.get(label, 0.0) + float(part)
     # A tenth: name every part of a mode spread over several names, but no traces of rounding.
     blamed = tuple(label for label, part in total.items() if part > 0.1)
-    told = not mixed and len(blamed) < SPREAD
+    listed = not mixed and len(blamed) < SPREAD
     raise NotStabilisableError(
-        f"{complaint}, and it does not decay{'' if told else AS_FAR}: "
-        f"{_said(blamed, round(float(share.sum())))}",
-        hint=hint if told else f"{hint}; {HIDDEN}",
+        f"{complaint}, and it does not decay{'' if listed else AS_FAR}: "
+        f"{_modes_named(blamed, round(float(share.sum())))}",
+        hint=hint if listed else f"{hint}; {HIDDEN}",
         modes=blamed,
         shares=share,
     )
 
 
-def _said(blamed: tuple[str, ...], directions: int) -> str:
+def _modes_named(blamed: tuple[str, ...], directions: int) -> str:
     """The modes; combinations of them where more take part than are uncontrollable."""
     names = ", ".join(blamed)
     if directions >= len(blamed):

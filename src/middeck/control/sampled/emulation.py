@@ -19,7 +19,7 @@ from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 from middeck.values import require_kind
 
 Rule = Literal["hold", "tustin", "matched"]
-RINGING, HEARD = 0.2, 0.1
+RINGING, COUNTS = 0.2, 0.1
 """Damping below which a pole rings; its gain, over the largest at any pole, from which that counts.
 
 Chosen: at 500 Hz laws of the study do well with poles of 0.25 to 0.3 beyond 250 Hz, at a tenth of their gain.
@@ -47,7 +47,7 @@ def emulate(
 
     Raises `ConfigError` for a period that is not positive, a frequency beyond half the rate, an unknown rule,
     or a matched compensator of more than one input or output. Warns of a compensator that rings faster than
-    half the rate, at a gain that counts (`RINGING`, `HEARD`): no rule keeps that.
+    half the rate, at a gain that counts (`RINGING`, `COUNTS`): no rule keeps that.
 
     >>> from middeck.signals.ports import Port
     >>> y, u = (Port("y", "m"),), (Port("u", "N"),)
@@ -89,11 +89,11 @@ def _warn_of_fast_poles(compensator: Compensator, period_s: float) -> None:
         return
     beside = 2.0 * np.pi * BESIDE * np.maximum(hz, LOW * half)
     gain = np.abs(statespace_response(compensator.system, beside))
-    told = hz[fast & (gain >= HEARD * gain.max(axis=0)).any(axis=(1, 2))]
-    if len(told):
+    rings = hz[fast & (gain >= COUNTS * gain.max(axis=0)).any(axis=(1, 2))]
+    if len(rings):
         warnings.warn(
-            f"the compensator rings at {told.max():.4g} Hz, half the rate is {half:.4g} Hz: sampled, it is "
-            f"another law; sample it faster than {2.0 * told.max():.4g} Hz",
+            f"the compensator rings at {rings.max():.4g} Hz, half the rate is {half:.4g} Hz: sampled, it is "
+            f"another law; sample it faster than {2.0 * rings.max():.4g} Hz",
             UserWarning, stacklevel=3,
         )  # fmt: skip
 

@@ -22,7 +22,7 @@ from middeck.systems.sampling.delayed_sampling import split_delays, tidy_samples
 from middeck.systems.state_space.statespace import SampledStateSpace
 from middeck.values import record
 
-MOST_LATE = 200
+MOST_PERIODS = 200
 """Largest delay in periods (half a second at 400 Hz); a design costs the cube of the states."""
 
 
@@ -84,8 +84,8 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
         V=noise.B @ weights.process @ noise.B.T,
         C=control.C[len(active.z) :],
         D=control.D[len(active.z) :],
-        late_in=tidy_samples(timed.input_s / period_s),
-        late_out=tidy_samples(timed.output_s / period_s),
+        delay_in=tidy_samples(timed.input_s / period_s),
+        delay_out=tidy_samples(timed.output_s / period_s),
         period_s=period_s,
     )
     system, added, segments = follow_period(between)
@@ -115,10 +115,10 @@ def hold_plant(plant: Plant, weights: LQGWeights, period_s: float) -> HeldPlant:
 
 def _check_delays(plant: Plant, period_s: float) -> None:
     longest = float(plant.delay_s.max(initial=0.0))
-    if longest > MOST_LATE * period_s:
+    if longest > MOST_PERIODS * period_s:
         raise ConfigError(
             f"a delay of {longest:g} s is {longest / period_s:.0f} periods of {period_s:g} s, a state each",
-            hint=f"at most {MOST_LATE} periods: sample slower, and check that the delay is in seconds",
+            hint=f"at most {MOST_PERIODS} periods: sample slower, and check that the delay is in seconds",
         )
 
 
@@ -157,23 +157,23 @@ def place_delays(plant: Plant, disturbed: Sequence[str], process: Float[np.ndarr
     y, z = inside.output_indices(inside.y), inside.output_indices(inside.z)
     inputs, outputs = list(dict.fromkeys([*u, *w])), list(dict.fromkeys([*y, *z]))
     split = split_delays(plant.delay_s[np.ix_(outputs, inputs)])
-    late_in, late_out = (
+    delay_in, delay_out = (
         dict(zip(inputs, split.input_s, strict=True)),
         dict(zip(outputs, split.output_s, strict=True)),
     )
-    _check_disturbances(process, np.array([late_in[i] for i in w]))
+    _check_disturbances(process, np.array([delay_in[i] for i in w]))
     if np.any(split.rest_s > SAME_DELAY_S):
         rest = np.zeros_like(plant.delay_s)
         rest[np.ix_(outputs, inputs)] = split.rest_s
-        late = dataclasses.replace(plant, delay_s=rest)
-        inside = approximate_delays(late, approximation_order(late))
-    of_u, of_y = np.array([late_in[i] for i in u]), np.array([late_out[o] for o in y])
+        delayed = dataclasses.replace(plant, delay_s=rest)
+        inside = approximate_delays(delayed, approximation_order(delayed))
+    of_u, of_y = np.array([delay_in[i] for i in u]), np.array([delay_out[o] for o in y])
     common = float(of_y.min(initial=np.inf)) if len(of_y) else 0.0
     return TimedPlant(inside, of_u + common, of_y - common)
 
 
-def _check_disturbances(process: np.ndarray, late: np.ndarray) -> None:
-    apart = np.abs(late[:, None] - late[None]) > SAME_DELAY_S
+def _check_disturbances(process: np.ndarray, delay: np.ndarray) -> None:
+    apart = np.abs(delay[:, None] - delay[None]) > SAME_DELAY_S
     if np.any(apart & (process != 0.0)):
         raise ConfigError(
             "correlated disturbances have different delays",

@@ -36,8 +36,8 @@ class Between:
     V: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    late_in: np.ndarray
-    late_out: np.ndarray
+    delay_in: np.ndarray
+    delay_out: np.ndarray
     period_s: float
 
 
@@ -51,11 +51,11 @@ class _Layout:
     size: int
     inputs: int
 
-    def input_in_force(self, late_in: np.ndarray, at: float) -> np.ndarray:
+    def input_in_force(self, delay_in: np.ndarray, at: float) -> np.ndarray:
         """Rows that read, of states and new inputs, the inputs in force from ``at`` (in samples) on."""
         rows = np.zeros((self.inputs, self.size + self.inputs))
-        for i, late in enumerate(late_in):
-            age = int(np.ceil(late - at - WHOLE))
+        for i, delay in enumerate(delay_in):
+            age = int(np.ceil(delay - at - WHOLE))
             rows[i, self.size + i if age <= 0 else self.first[i] + age - 1] = 1.0
         return rows
 
@@ -66,11 +66,11 @@ def follow_period(between: Between) -> tuple[SampledStateSpace, np.ndarray, tupl
     The system from u to y, the covariance that noise adds to its states, and the segments between instants.
     """
     n, m = between.B.shape
-    depth, waiting = np.ceil(between.late_in).astype(int), np.ceil(between.late_out).astype(int)
+    depth, waiting = np.ceil(between.delay_in).astype(int), np.ceil(between.delay_out).astype(int)
     first = n + np.concatenate([[0], np.cumsum(depth)])
     chain = int(first[-1]) + np.concatenate([[0], np.cumsum(waiting)])
     layout = _Layout(states=n, first=first, chain=chain, size=int(chain[-1]), inputs=m)
-    looks = waiting - between.late_out
+    looks = waiting - between.delay_out
     x = np.eye(n, layout.size + m)
     spread = np.zeros((n, n))
     seen: list[np.ndarray] = []  # rows of the measurements that wait from now on
@@ -78,8 +78,8 @@ def follow_period(between: Between) -> tuple[SampledStateSpace, np.ndarray, tupl
     own = np.zeros((0, 0))
     order: list[int] = []
     segments: list[Segment] = []
-    for at, until in pairwise(_instants(np.concatenate([between.late_in % 1.0, looks]))):
-        force = layout.input_in_force(between.late_in, at)
+    for at, until in pairwise(_instants(np.concatenate([between.delay_in % 1.0, looks]))):
+        force = layout.input_in_force(between.delay_in, at)
         for o in np.flatnonzero((waiting > 0) & (np.abs(looks - at) < WHOLE)):
             row = between.C[[o]]
             across = row @ spread
@@ -139,7 +139,7 @@ def _assemble(
     added[np.ix_(heads, range(n))], added[np.ix_(range(n), heads)] = crossed, crossed.T
     added[np.ix_(heads, heads)] = own
     read = np.hstack([between.C, np.zeros((len(between.C), size + m - n))])
-    read = read + between.D @ layout.input_in_force(between.late_in, 0.0)
+    read = read + between.D @ layout.input_in_force(between.delay_in, 0.0)
     for o in order:
         start, end = int(layout.chain[o]), int(layout.chain[o + 1])
         for k in range(start + 1, end):

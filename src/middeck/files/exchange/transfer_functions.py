@@ -59,27 +59,27 @@ def real_matrix(value: Any, where: str) -> np.ndarray:
     return np.real(array).astype(float)
 
 
-def settle_period(dt: Any, told_s: float | None, what: str) -> float | None:
+def settle_period(dt: Any, given_s: float | None, what: str) -> float | None:
     """The sampling period of another program's time base, None for a continuous one.
 
-    ``dt`` is None or True where a program has left it open; then ``told_s`` settles it (0: continuous).
+    ``dt`` is None or True where a program has left it open; then ``given_s`` settles it (0: continuous).
 
     >>> settle_period(True, 0.01, "a filter"), settle_period(0, None, "a filter")
     (0.01, None)
     """
     if dt is None or dt is True:
-        if told_s is None:
+        if given_s is None:
             raise ConfigError(
                 f"its time base is {'sampled, of no period' if dt else 'open'} (dt = {dt})",
                 where=what,
                 hint="period_s=, in seconds; 0 for a continuous system",
             )
-        period = float(told_s)
+        period = float(given_s)
     else:
         period = float(dt)
-        if told_s is not None and told_s != period:
+        if given_s is not None and given_s != period:
             raise ConfigError(
-                f"period_s is {told_s:g}, its own dt {period:g}", where=what, hint="leave it out"
+                f"period_s is {given_s:g}, its own dt {period:g}", where=what, hint="leave it out"
             )
     if not (np.isfinite(period) and period >= 0.0):
         raise ConfigError(f"a sampling period of {period:g} s", where=what, hint="> 0 s, or 0")

@@ -125,14 +125,14 @@ def _from_document(data: dict[str, Any], where: str) -> ControllerPackage:
     return package
 
 
-def _same(said: Any, written: Any) -> bool:
+def _same(stated: Any, written: Any) -> bool:
     """Whether two JSON values are one: numbers by their value, all else by its type too."""
-    if isinstance(said, dict) and isinstance(written, dict):
-        return said.keys() == written.keys() and all(_same(said[key], written[key]) for key in written)
-    if isinstance(said, list) and isinstance(written, list):
-        return len(said) == len(written) and all(map(_same, said, written))
-    numbers = type(said) in (int, float) and type(written) in (int, float)
-    return said == written and (numbers or type(said) is type(written))
+    if isinstance(stated, dict) and isinstance(written, dict):
+        return stated.keys() == written.keys() and all(_same(stated[key], written[key]) for key in written)
+    if isinstance(stated, list) and isinstance(written, list):
+        return len(stated) == len(written) and all(map(_same, stated, written))
+    numbers = type(stated) in (int, float) and type(written) in (int, float)
+    return stated == written and (numbers or type(stated) is type(written))
 
 
 def _build(data: dict[str, Any], where: str) -> ControllerPackage:

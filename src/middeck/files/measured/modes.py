@@ -69,8 +69,8 @@ def _load_other(path: Path, ending: str) -> MeasuredModes:
     if not len(high):
         return found
     hz, ratio = found.frequency_hz[high[0]], found.damping[high[0]]
-    said = f"the mode of {hz:.6g} Hz has a damping ratio of {ratio:g}: is it in per cent?"
-    return dataclasses.replace(found, warnings=(*found.warnings, said))
+    doubt = f"the mode of {hz:.6g} Hz has a damping ratio of {ratio:g}: is it in per cent?"
+    return dataclasses.replace(found, warnings=(*found.warnings, doubt))
 
 
 def write_measured_modes(

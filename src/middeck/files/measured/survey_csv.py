@@ -17,7 +17,7 @@ DAMPING = {"": 1.0, "1": 1.0, "-": 1.0, "%": 0.01}
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 ANGLE = {"": 1.0, "rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0}
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
-TOLD = {
+PLAIN_COLUMNS = {
     "frequency": ("frequency", FREQUENCY), "damping": ("damping", DAMPING),
     "frequency std": ("frequency_std_hz", FREQUENCY), "damping std": ("damping_std", DAMPING),
 }  # fmt: skip
@@ -36,7 +36,7 @@ def load_csv(path: Path) -> MeasuredModes:
     Raises `DataError`, with file and line, for headings that are not these, for units that are not known, and
     for cells that are not numbers.
     """
-    rows, said = _rows(path)
+    rows, notes = _rows(path)
     head, body = rows[0], rows[1:]
     _refuse_copies(body, path)
     keys = [_key(cell, f"{path}:{head[0]}") for cell in head[1]]
@@ -47,7 +47,7 @@ def load_csv(path: Path) -> MeasuredModes:
     table = np.array([_numbers(cells, f"{path}:{n}") for n, cells in body])
     table = table.reshape(-1, len(keys)) * np.array([scale for _, scale in keys])
     columns = dict(zip([name for name, _ in keys], table.T, strict=True))
-    plain = {field: columns.pop(name) for name, (field, _) in TOLD.items() if name in columns}
+    plain = {field: columns.pop(name) for name, (field, _) in PLAIN_COLUMNS.items() if name in columns}
     hz = plain.pop("frequency")
     places = [name.rsplit(".", 1) for name in columns]
     try:
@@ -57,7 +57,7 @@ def load_csv(path: Path) -> MeasuredModes:
             node=tuple(node for node, _ in places),
             direction=tuple(way for _, way in places),
             shape=np.array(list(columns.values())).reshape(len(places), len(hz)),
-            warnings=said,
+            warnings=notes,
             **plain,
         )
     except DataError as error:
@@ -69,7 +69,7 @@ def _refuse_copies(body: Sequence[tuple[int, list[str]]], path: Path) -> None:
     lines: dict[tuple[str, ...], int] = {}
     for number, cells in body:
         first = lines.setdefault(tuple(cells), number)
-        if first != number and len(cells) > len(TOLD):
+        if first != number and len(cells) > len(PLAIN_COLUMNS):
             raise DataError(f"the mode of line {first} again", where=f"{path}:{number}", hint="leave one out")
 
 
@@ -80,16 +80,16 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        told = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-        mark = separator_of(told[0][1]) if told else ","
-        found = [(n, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for n, line in told]
+        kept = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+        mark = separator_of(kept[0][1]) if kept else ","
+        found = [(n, [c.strip() for c in next(csv.reader([line], delimiter=mark))]) for n, line in kept]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"not CSV text: {error}", where=str(path), hint="save it as UTF-8 CSV") from None
     if len(found) < 2:
         raise DataError("no modes" if found else "the file has no lines", where=str(path), hint=ADVICE)
     read = [i for i, cell in enumerate(found[0][1]) if cell.lower().replace("_", " ") not in PASSED_OVER]
     width = len(found[0][1])
-    found = [(n, _told(cells, read, width, f"{path}:{n}")) for n, cells in found]
+    found = [(n, _cells_read(cells, read, width, f"{path}:{n}")) for n, cells in found]
     numbers = [(n, cell) for n, cells in found[1:] for cell in cells]
     if mark == "," or not any("," in cell for _, cell in numbers):
         return found, ()
@@ -99,7 +99,7 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
     return [found[0], *body], ("decimal commas are read as points",)
 
 
-def _told(cells: list[str], read: list[int], width: int, where: str) -> list[str]:
+def _cells_read(cells: list[str], read: list[int], width: int, where: str) -> list[str]:
     if len(cells) != width:
         commas = ", and decimal points; where decimals have commas, semicolons between the columns"
         hint = "one number a column" + (commas if len(cells) > width else "")
@@ -124,8 +124,8 @@ def _key(cell: str, where: str) -> tuple[str, float]:
     name, unit = found[1], (found[2] or "").strip()
     plain = name.lower().replace("_", " ")
     plain = ALIKE.get(plain, plain)
-    if plain in TOLD:
-        scales = TOLD[plain][1]
+    if plain in PLAIN_COLUMNS:
+        scales = PLAIN_COLUMNS[plain][1]
         plain_unit = unit or ("Hz" if scales is FREQUENCY else "")
     else:
         node, _, way = name.rpartition(".")

@@ -75,20 +75,20 @@ def load_uff(path: Path) -> MeasuredModes:
             table[k] = _turn(table[k], found[n][1], n, path)
     moved = [(k, a) for k in range(len(numbers)) for a in range(6) if table[k, :, a].any()]
     located = bool(places) and all(n in places for n in numbers)
-    said = dict.fromkeys(w for s in shapes for w in (*s.warnings, *_lacking(s, len(numbers))))
+    notes = dict.fromkeys(w for s in shapes for w in (*s.warnings, *_lacking(s, len(numbers))))
     traced = [line for s in sets if s.number == LINES for line in _traced(s, path)]
     if places and (lost := sorted({n for line in traced for n in line} - places.keys())):
-        said[f"trace lines join nodes without coordinates ({few(lost)}): is the file whole?"] = None
+        notes[f"trace lines join nodes without coordinates ({few(lost)}): is the file whole?"] = None
     if rigid:
-        said[f"{rigid} modes at 0 Hz are left out"] = None
+        notes[f"{rigid} modes at 0 Hz are left out"] = None
     if factor is None and (places or any(a > 2 for _, a in moved)):
-        said["no units (data set 164): lengths are taken as metres"] = None
+        notes["no units (data set 164): lengths are taken as metres"] = None
     if systems.placed_in:
         # The form speaks of the part's system there, programs of the node's; 15 is clear.
         labels = ", ".join(map(str, sorted(systems.placed_in)))
-        said[f"places in data set 2411 are taken along the axes of their own system {labels}"] = None
+        notes[f"places in data set 2411 are taken along the axes of their own system {labels}"] = None
     if places and not located:
-        said["some nodes have no coordinates: nodes are known by their numbers only"] = None
+        notes["some nodes have no coordinates: nodes are known by their numbers only"] = None
     value = np.array([table[k, :, a] for k, a in moved]).reshape(-1, len(shapes))
     try:
         return MeasuredModes(
@@ -102,7 +102,7 @@ def load_uff(path: Path) -> MeasuredModes:
             else None,
             lines=tuple(dict.fromkeys(tuple(map(str, line)) for line in traced)),
             source=_source(heads),
-            warnings=tuple(said),
+            warnings=tuple(notes),
         )
     except DataError as error:
         raise DataError(error.what, where=str(path), hint=error.hint) from None
@@ -118,8 +118,8 @@ def _lacking(shape: Shape, nodes: int) -> tuple[str, ...]:
 def _source(heads: list[TextSet]) -> str:
     """Model, description, program and date of the first header; of our own the name of the model alone."""
     model, about, program, date, *_ = [*(heads[0].lines if heads else ()), "", "", "", ""]
-    told = [model] if program.strip() == "middeck" else [model, about, program, date[:20]]
-    return "; ".join(" ".join(text.split()) for text in told if text.strip().upper() not in ("", "NONE"))
+    parts = [model] if program.strip() == "middeck" else [model, about, program, date[:20]]
+    return "; ".join(" ".join(text.split()) for text in parts if text.strip().upper() not in ("", "NONE"))
 
 
 def _traced(found: TextSet, path: Path) -> list[list[int]]:
@@ -349,12 +349,12 @@ def _shape(found: TextSet, path: Path) -> Shape | None:
             where=lines.where(),
             hint="motions (0, 1, 8, 11 or 12) of 3 or 6 degrees of freedom, real or complex, are read",
         )
-    hz, damping, root, said = _eigenvalue(lines, found.number, analysis)
+    hz, damping, root, notes = _eigenvalue(lines, found.number, analysis)
     is_complex = kind in (5, 6)
     divisor = root if is_complex else abs(root)  # the sign and phase of a real shape are free
     scale = 1.0 / divisor ** DERIVATIVE[quantity] if root else 1.0
     rows = {n: scale * v for n, v in _rows(lines, per_node, is_complex)}
-    return Shape(hz=hz, root=root, damping=damping, rows=rows, is_complex=is_complex, warnings=said)
+    return Shape(hz=hz, root=root, damping=damping, rows=rows, is_complex=is_complex, warnings=notes)
 
 
 def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float, complex, tuple[str, ...]]:
@@ -377,10 +377,10 @@ def _eigenvalue(lines: _Lines, number: int, analysis: int) -> tuple[float, float
         return hz, ratio, root, grows
     hz, viscous, hysteretic = map(float, normal)
     if viscous and hysteretic and abs(hysteretic / (2.0 * viscous) - 1.0) > 0.01:
-        said = (f"the mode of {hz:.6g} Hz states two dampings: the viscous ratio {viscous:g} is taken",)
+        notes = (f"the mode of {hz:.6g} Hz states two dampings: the viscous ratio {viscous:g} is taken",)
     else:
-        said = ()
-    return hz, viscous or 0.5 * hysteretic, complex(2.0 * np.pi * hz), said
+        notes = ()
+    return hz, viscous or 0.5 * hysteretic, complex(2.0 * np.pi * hz), notes
 
 
 def _rows(lines: _Lines, per_node: int, is_complex: bool) -> Iterator[tuple[int, np.ndarray]]:

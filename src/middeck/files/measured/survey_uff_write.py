@@ -40,8 +40,8 @@ def write_uff(
     where = str(path)
     if tuple(sets) not in CHOICES:
         hint = "two: nodes as 2411 or 15, shapes as 55 or 2414"
-        said = f"data sets {' and '.join(map(str, sets)) or 'of none'} are not written"
-        raise ConfigError(said, where="sets", hint=hint)
+        message = f"data sets {' and '.join(map(str, sets)) or 'of none'} are not written"
+        raise ConfigError(message, where="sets", hint=hint)
     odd = sorted({d for d in measured.direction if d not in AXES})
     if odd or not measured.node:
         what = f"the {odd[0]} of a joint" if odd else "frequencies without shapes"
@@ -129,8 +129,8 @@ def _mode_lines(measured: MeasuredModes, numbers: dict[str, int], mode: int, kin
     data = (1, 2 if real else 3, 3 if wide else 2, DISPLACEMENT, REAL if real else COMPLEX, size)
     names = [f"mode {mode + 1}", f"{hz:.6g} Hz", NONE, NONE, NONE]
     if kind == 55:
-        told = [hz, mass, zeta, 0.0] if real else [*root, *[0.0] * 4]
-        lines = [*names, _whole(data), _whole((2, len(told), 1, mode + 1)), *_reals(told)]
+        values = [hz, mass, zeta, 0.0] if real else [*root, *[0.0] * 4]
+        lines = [*names, _whole(data), _whole((2, len(values), 1, mode + 1)), *_reals(values)]
     else:
         lines = [_whole((mode + 1,)), names[0], _whole((1,)), *names, _whole(data)]
         lines += [_whole((1, 1, 1, 0, 1, mode + 1, 0, 0)), _whole((0, 0))]

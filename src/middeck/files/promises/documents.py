@@ -98,11 +98,11 @@ def loads_document(
     }
     if modes is not None:
         place |= _of_shape(refined, modes)
-    said = {
+    content = {
         "not_valid_for": ["contact, yielding and creep: members are elastic at any strain"],
         "environments": [place],
     }
-    return seal(_head(refined, files, date) | said)
+    return seal(_head(refined, files, date) | content)
 
 
 def _of_shape(refined: Refined, modes: Prediction) -> dict[str, Any]:
@@ -194,9 +194,9 @@ def _slips(refined: RefinedFriction) -> dict[str, Any]:
 
 def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
     """Effects that the plants of the promise lack."""
-    said = ["friction, play and saturation: every plant is linear"]
+    limits = ["friction, play and saturation: every plant is linear"]
     if plan.joints:
-        said = [
+        limits = [
             "play, saturation, and friction except at the stated joints",
             "disturbances of another intensity: with friction the decibels depend on it",
             *(
@@ -204,15 +204,15 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
                 for j in plan.joints
             ),
         ]
-        said += [
+        limits += [
             f"{name}: slow motions, whose decay asks for more than the {p.slip_time.record_s:.0f} s simulated"
             for name, p in promises.items()
             if p.slip_time is not None and p.slip_time.short
         ]
     if plan.draws + 1 < 1.0 / (1.0 - LEVELS[-1]):
         held = 100.0 * plan.draws / (plan.draws + 1)
-        said.append(f"quantiles beyond {held:.3g} %, where the worst of {plan.draws} draws is given")
-    said += [
+        limits.append(f"quantiles beyond {held:.3g} %, where the worst of {plan.draws} draws is given")
+    limits += [
         f"{name}: modes above {p.modes.frequency_hz[-1]:.4g} Hz, the last of {plan.modes} modes{_too_few(p)}"
         for name, p in promises.items()
     ]
@@ -220,14 +220,14 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
         if p.lost_to_cable is not None:
             tried = " or ".join(f"{hz:g} Hz" for hz in TRIED_HZ)
             falls = f"; one of {tried} makes {', '.join(p.lost_to_cable)} unstable" if p.lost_to_cable else ""
-            said.append(f"{name}: a weak cable to the article, since umbilical_hz states none{falls}")
+            limits.append(f"{name}: a weak cable to the article, since umbilical_hz states none{falls}")
         names = [p.modes.modes.name[i] for i in p.modes.index]
         unseen = [mode for mode, seen in zip(names, p.modes.seen, strict=True) if seen < SEEN]
         if unseen:
-            said.append(
+            limits.append(
                 f"{name}: modes that no survey measured, predicted by the model alone: {', '.join(unseen)}"
             )
-    return said
+    return limits
 
 
 def _too_few(promise: Promise) -> str:

@@ -19,13 +19,13 @@ Reading = Annotated[float, within(least=-1.0, most=1.0)]
 RISES = rule(lambda ends: ends[0] <= ends[1], "must rise")
 
 
-class Said(Form):
+class SealedTable(Form):
     """A table whose keys in use are checked: later documents may have more."""
 
     model_config = ConfigDict(extra="ignore")
 
 
-class SaidMode(Said):
+class SealedMode(SealedTable):
     """A mode."""
 
     name: str
@@ -35,7 +35,7 @@ class SaidMode(Said):
     seen: Share
 
 
-class SaidShapes(Said):
+class SealedShapes(SealedTable):
     """Shapes of the modes of an environment, a row a channel."""
 
     node: Annotated[tuple[str, ...], Field(strict=False)]
@@ -43,7 +43,7 @@ class SaidShapes(Said):
     shape: Annotated[tuple[Annotated[tuple[Reading, ...], Field(strict=False)], ...], Field(strict=False)]
 
 
-class SaidReading(Said):
+class SealedReading(SealedTable):
     """A promised gauge reading."""
 
     gauge: str
@@ -52,14 +52,14 @@ class SaidReading(Said):
     interval_95: Annotated[tuple[Finite, Finite], Field(strict=False), RISES]
 
 
-class SaidCase(Said):
+class SealedCase(SealedTable):
     """A load case."""
 
     name: str
-    readings: Annotated[tuple[SaidReading, ...], Field(strict=False)]
+    readings: Annotated[tuple[SealedReading, ...], Field(strict=False)]
 
 
-class SaidLoop(Said):
+class SealedLoop(SealedTable):
     """A compensator; levels are null where it is unstable."""
 
     name: str
@@ -68,35 +68,35 @@ class SaidLoop(Said):
     without_friction_db: Annotated[tuple[Finite | None, ...], Field(strict=False)] | None = None
 
 
-class SaidPlace(Said):
+class SealedPlace(SealedTable):
     """An environment."""
 
     name: str
-    modes: Annotated[tuple[SaidMode, ...], Field(strict=False)]
-    shapes: SaidShapes | None = None
-    load_cases: Annotated[tuple[SaidCase, ...], Field(strict=False)] = ()
-    compensators: Annotated[tuple[SaidLoop, ...], Field(strict=False)] = ()
+    modes: Annotated[tuple[SealedMode, ...], Field(strict=False)]
+    shapes: SealedShapes | None = None
+    load_cases: Annotated[tuple[SealedCase, ...], Field(strict=False)] = ()
+    compensators: Annotated[tuple[SealedLoop, ...], Field(strict=False)] = ()
 
 
-class SaidFile(Said):
+class SealedFile(SealedTable):
     """A file that the promise stands on, or that of the plants that were drawn."""
 
     name: str
     sha256: str
 
 
-class SaidForm(Said):
+class SealedForm(SealedTable):
     """A promise."""
 
     schema_: Literal["middeck.promise/1"] = Field(alias="schema")
     date: str
-    files: Annotated[tuple[SaidFile, ...], Field(strict=False)] = ()
+    files: Annotated[tuple[SealedFile, ...], Field(strict=False)] = ()
     shares: Annotated[tuple[Share, ...], Field(strict=False)] = ()
-    plants: SaidFile | None = None
-    environments: Annotated[tuple[SaidPlace, ...], Field(strict=False, min_length=1)]
+    plants: SealedFile | None = None
+    environments: Annotated[tuple[SealedPlace, ...], Field(strict=False, min_length=1)]
 
 
-def further_findings(form: SaidForm) -> Iterator[PathFault]:
+def further_findings(form: SealedForm) -> Iterator[PathFault]:
     """Faults between several keys."""
     yield from _each_once(("environments",), [place.name for place in form.environments])
     for k, place in enumerate(form.environments):
@@ -106,7 +106,7 @@ def further_findings(form: SaidForm) -> Iterator[PathFault]:
             yield from _of_shapes(place.shapes, len(place.modes), (*at, "shapes"))
 
 
-def _of_loops(form: SaidForm, place: SaidPlace, at: tuple[str | int, ...]) -> Iterator[PathFault]:
+def _of_loops(form: SealedForm, place: SealedPlace, at: tuple[str | int, ...]) -> Iterator[PathFault]:
     if place.compensators and not set(STATED) <= set(form.shares):
         yield finding(("shares",), f"must hold {', '.join(map(str, STATED))}", list(form.shares))
     yield from _each_once((*at, "compensators"), [loop.name for loop in place.compensators])
@@ -122,7 +122,7 @@ def _of_loops(form: SaidForm, place: SaidPlace, at: tuple[str | int, ...]) -> It
                 yield finding((*at, "compensators", c, key), "must rise, null last", list(levels))
 
 
-def _of_shapes(shapes: SaidShapes, modes: int, at: tuple[str | int, ...]) -> Iterator[PathFault]:
+def _of_shapes(shapes: SealedShapes, modes: int, at: tuple[str | int, ...]) -> Iterator[PathFault]:
     if not len(shapes.node) == len(shapes.direction) == len(shapes.shape):
         message = f"{len(shapes.node)} nodes, {len(shapes.direction)} directions and {len(shapes.shape)} rows"
         yield finding(at, message)

@@ -149,7 +149,7 @@ def comparison_document(
     named = [(name_of_mode(p.environment, p.index + 1), p) for p in paired]
     outcomes = (*(Scored(kind="mode", name=name, value=p.frequency_hz) for name, p in named), *came.outcomes)
     verdicts = judge(statements, outcomes)
-    said = {(s.kind, s.name): s for s in statements}
+    promised_of = {(s.kind, s.name): s for s in statements}
     first, *others = ({"name": file.name, "sha256": sha256_of(file)} for file in came.files)
     return seal(
         {
@@ -162,7 +162,8 @@ def comparison_document(
             "surveys": others,
             "remarks": [*([] if beside is None else _changed(promise, beside)), *remarks],
             "verdicts": [
-                _row(v, said[v.kind, v.name], o) | (_pairing(dict(named)[v.name]) if v.kind == "mode" else {})
+                _row(v, promised_of[v.kind, v.name], o)
+                | (_pairing(dict(named)[v.name]) if v.kind == "mode" else {})
                 for v, o in zip(verdicts, outcomes, strict=True)
             ],
             "score": score(verdicts),
@@ -251,9 +252,9 @@ def _pair(promised: Mapping[str, PromisedModes], came: Came) -> tuple[list[Paire
     paired: list[PairedMode] = []
     remarks: list[str] = []
     for environment, measured in came.surveys:
-        by_shape, said = pair_by_shape(_place(promised, environment), measured)
+        by_shape, by_survey = pair_by_shape(_place(promised, environment), measured)
         paired += by_shape
-        remarks += [*said, *remarks_on(promised[environment], by_shape)]
+        remarks += [*by_survey, *remarks_on(promised[environment], by_shape)]
     for mode in came.modes:
         by_words = pair_by_words(_place(promised, mode.environment), mode)
         paired.append(by_words)
@@ -271,12 +272,12 @@ def _place(promised: Mapping[str, PromisedModes], environment: str) -> PromisedM
     return promised[environment]
 
 
-def _row(verdict: Verdict, said: Statement, came: Scored) -> dict[str, Any]:
+def _row(verdict: Verdict, statement: Statement, came: Scored) -> dict[str, Any]:
     return {
         "kind": verdict.kind,
         "name": verdict.name,
-        "promised": [few(said.low), few(said.high)],
-        "probability_stable": said.probability,
+        "promised": [few(statement.low), few(statement.high)],
+        "probability_stable": statement.probability,
         "value": came.value,
         "stable": came.stable,
         "inside": verdict.inside,

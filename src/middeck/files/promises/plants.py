@@ -65,19 +65,19 @@ def load_promised_plants(path: str | Path) -> PromisedPlants:
     if found[SEAL] != named[SEAL]:
         raise DataError(f"not the plants that {path} was made on", where=str(file), hint=AGAIN)
     try:
-        plants = {name: _plant(said, f"{file}, {name}") for name, said in found["plants"].items()}
+        plants = {name: _plant(table, f"{file}, {name}") for name, table in found["plants"].items()}
         return PromisedPlants(plants, tuple(found["inner"]), promise[SEAL])
     except (KeyError, TypeError, AttributeError, MiddeckError) as error:  # sealed without being whole
         raise DataError(f"no plants: {error}", where=str(file), hint=AGAIN) from None
 
 
-def _plant(said: Mapping[str, Any], where: str) -> Plant:
-    inputs, outputs = (read_ports(said[side], where, AGAIN) for side in ("inputs", "outputs"))
-    matrices = {name: json_numbers(said[name], where, AGAIN) for name in "ABCD"}
+def _plant(table: Mapping[str, Any], where: str) -> Plant:
+    inputs, outputs = (read_ports(table[side], where, AGAIN) for side in ("inputs", "outputs"))
+    matrices = {name: json_numbers(table[name], where, AGAIN) for name in "ABCD"}
     return Plant(
         dynamics=build_system(matrices, None, (len(inputs), len(outputs)), where),
         inputs=inputs,
         outputs=outputs,
-        state_names=tuple(said["state_names"]),
-        delay_s=json_numbers(said["delay_s"], where, AGAIN),
+        state_names=tuple(table["state_names"]),
+        delay_s=json_numbers(table["delay_s"], where, AGAIN),
     )

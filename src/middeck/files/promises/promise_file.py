@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import read_sealed
-from middeck.files.promises.form import PROMISE, SaidForm, further_findings
+from middeck.files.promises.form import PROMISE, SealedForm, further_findings
 from middeck.files.toml.faults import form_findings
 
 
@@ -25,9 +25,9 @@ def read_promise(path: str | Path) -> dict[str, Any]:
 
 def _require(found: Mapping[str, Any], path: str) -> None:
     try:
-        faults = list(further_findings(SaidForm.model_validate(found)))
+        faults = list(further_findings(SealedForm.model_validate(found)))
     except ValidationError as error:
-        faults = form_findings(error, SaidForm)
+        faults = form_findings(error, SealedForm)
     if not faults:
         return
     first, more = faults[0], len(faults) - 1

@@ -83,10 +83,10 @@ def read_record(path: str | Path, columns: Columns | None = None) -> Reading:
     Raises `DataError` and `ConfigError` as `load_record` does, but for samples that are not finite.
     """
     file = require_record(path)
-    told = columns if columns is not None else columns_beside(file)
-    raw = reader_of(file)(file, "" if told is None else told.variable)
-    taken = build_record(raw, told, str(path))
-    stated = told is not None and told.sample_hz is not None
+    named = columns if columns is not None else columns_beside(file)
+    raw = reader_of(file)(file, "" if named is None else named.variable)
+    taken = build_record(raw, named, str(path))
+    stated = named is not None and named.sample_hz is not None
     # Times that agree with a stated rate leave no doubt of it.
     faults = (f for f in raw.faults if not (stated and f.kind == "rate"))
     return Reading(check_shape(taken, str(path)), tuple(faults))
@@ -114,8 +114,8 @@ def _experiments(path: str | Path, columns: Columns | None) -> list[Record]:
         return [load_record(path, columns)]
     from middeck.files.records.uff import raw_run, read_runs
 
-    told = columns if columns is not None else columns_beside(file)
-    taken = [build_record(raw_run(file, run), told, str(path)) for run in read_runs(file)]
+    named = columns if columns is not None else columns_beside(file)
+    taken = [build_record(raw_run(file, run), named, str(path)) for run in read_runs(file)]
     return [check_finite(check_shape(r, str(path)), str(path)) for r in taken]
 
 
@@ -141,13 +141,13 @@ def open_record(path: str | Path, columns: Columns | None = None) -> RecordStrea
     from middeck.files.records import streams
 
     file = require_record(path)
-    told = columns if columns is not None else columns_beside(file)
+    named = columns if columns is not None else columns_beside(file)
     openers = {".npz": streams.stream_npz, ".csv": streams.stream_csv}
     openers |= dict.fromkeys(UFF, streams.stream_uff) | dict.fromkeys(HDF5, streams.stream_hdf5)
     opener = openers.get(file.suffix.lower())
-    if opener is None or (told is not None and told.variable):
-        return stream_record(load_record(path, told))
-    stream = opener(file, told)
+    if opener is None or (named is not None and named.variable):
+        return stream_record(load_record(path, named))
+    stream = opener(file, named)
     check_channels(stream.sample_hz, stream.inputs, stream.outputs, str(path))
     if stream.samples < 1:
         raise DataError("no samples", where=str(path), hint="record it again")

@@ -96,7 +96,7 @@ def read_csv(file: Path, variable: str) -> Raw:
     table = np.concatenate(tables) if tables else np.empty((0, len(opening.heads) + opening.timed))
     opening.check_samples(len(table), file)
     rate, share = None, SAME_RATE
-    faults = (*_said(file, opening), *cut_short(file, opening.heads, opening.separator))
+    faults = (*_format_notes(file, opening), *cut_short(file, opening.heads, opening.separator))
     if opening.timed:
         digit = _last_digit(file, opening)
         rate, table, gaps = _on_one_grid(table, file, opening.heads, digit)
@@ -136,7 +136,7 @@ def write_csv(path: Path, stream: RecordStream) -> None:
             text.write(f"# periods = {stream.samples // stream.period}\n")
         for side, ports in sides:
             for port in ports:
-                text.write(_told(f"{side}:{port.name}", port.channel))
+                text.write(_channel_comment(f"{side}:{port.name}", port.channel))
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["time [s]", *headings])
         start = 0
@@ -163,7 +163,7 @@ def _heading(side: str, port: Port, path: Path) -> str:
     return heading
 
 
-def _told(name: str, channel: Channel | None) -> str:
+def _channel_comment(name: str, channel: Channel | None) -> str:
     known = {k: v for k in KEYS if (v := getattr(channel or Channel(), k)) not in ("", None)}
     pairs = ", ".join(f"{k} = {_toml(v)}" for k, v in known.items())
     return f"# channel {_toml(name)} = {{ {pairs} }}\n" if known else ""
@@ -187,13 +187,13 @@ def _opened(file: Path) -> Generator[TextIO]:
 
 def read_opening(text: TextIO, file: Path) -> Opening:
     """Comments and the line of names; leaves ``text`` behind it."""
-    told: dict[str, Any] = {}
+    comments: dict[str, Any] = {}
     for number, line in enumerate(iter(text.readline, ""), 1):
         stripped = line.strip()
         if stripped.startswith("#"):
-            told |= _comment(stripped, f"{file}:{number}")
+            comments |= _comment(stripped, f"{file}:{number}")
         elif stripped and not SEPARATOR_LINE.fullmatch(stripped):
-            return _opening(stripped, number, told, file)
+            return _opening(stripped, number, comments, file)
     raise DataError("the file has no lines", where=str(file), hint=AGAIN)
 
 
@@ -211,14 +211,15 @@ def _comment(line: str, where: str) -> dict[str, Any]:
         ) from None
 
 
-def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Opening:
+def _opening(line: str, number: int, comments: dict[str, Any], file: Path) -> Opening:
     where = f"{file}:{number}"
     separator = separator_of(line)
     cells = [c.strip() for c in _unended(next(csv.reader([line], delimiter=separator)))]
-    periods, samples = (_whole(told, key, where) for key in ("periods", "samples"))
+    periods, samples = (_whole(comments, key, where) for key in ("periods", "samples"))
     named = not all(map(_is_number, cells))
     heads = [
-        _head(cell, k, told, where) if named else ChannelHeader("", None, "") for k, cell in enumerate(cells)
+        _head(cell, k, comments, where) if named else ChannelHeader("", None, "")
+        for k, cell in enumerate(cells)
     ]
     times = TIMES.fullmatch(heads[0].name)
     timed = times is not None
@@ -239,15 +240,15 @@ def _opening(line: str, number: int, told: dict[str, Any], file: Path) -> Openin
     )
 
 
-def _said(file: Path, opening: Opening) -> tuple[RecordFault, ...]:
+def _format_notes(file: Path, opening: Opening) -> tuple[RecordFault, ...]:
     """Notes on unusual readings of numbers: decimal commas, times that are not in seconds."""
-    said: list[str] = []
+    notes: list[str] = []
     if any("," in cell for cells in _first_rows(file, opening) for cell in cells):
-        said.append("decimal commas are read as points")
+        notes.append("decimal commas are read as points")
     if opening.second != 1.0:
-        said.append(f"times are read in units of {opening.second:g} s, as the heading says")
+        notes.append(f"times are read in units of {opening.second:g} s, as the heading says")
     hint = "nothing, if the file means it so"
-    return (channel_fault("format", "note", opening.heads[0], "; ".join(said), hint),) if said else ()
+    return (channel_fault("format", "note", opening.heads[0], "; ".join(notes), hint),) if notes else ()
 
 
 def _warnings_on_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[RecordFault, ...]:
@@ -275,8 +276,8 @@ def _first_rows(file: Path, opening: Opening) -> list[list[str]]:
         return [row for row in csv.reader(lines, delimiter=opening.separator) if row and row[0][:1] != "#"]
 
 
-def _whole(told: dict[str, Any], key: str, where: str) -> int | None:
-    number = told.pop(key, None)
+def _whole(comments: dict[str, Any], key: str, where: str) -> int | None:
+    number = comments.pop(key, None)
     if number is not None and not (isinstance(number, int) and number > 0):
         raise DataError(f"{key} is {number!r}", where=where, hint="a whole number above zero")
     return number
@@ -286,14 +287,14 @@ def _is_number(cell: str) -> bool:
     return re.fullmatch(r"[+-]?[\d.,]+([eEdD][+-]?\d+)?|[+-]?(nan|inf)", cell, re.IGNORECASE) is not None
 
 
-def _head(cell: str, k: int, told: dict[str, Any], where: str) -> ChannelHeader:
+def _head(cell: str, k: int, comments: dict[str, Any], where: str) -> ChannelHeader:
     found = HEADING.fullmatch(cell)
     letter, name, *units = found.groups() if found else ("u", "")
     unit = next((u for u in units if u is not None), None)
     if letter and unit is None:
         raise DataError(f"column {k + 1} is headed {cell!r}", where=where, hint=ADVICE)
     side: Side = "input" if letter == "u" else "output" if letter == "y" else ""
-    channel = build_channel(told.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
+    channel = build_channel(comments.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
     return ChannelHeader(name, None if unit is None else unit.strip(), side, channel)
 
 
@@ -396,15 +397,15 @@ def _with_gaps(
     usual = float(np.sort(steps)[len(steps) // 2])
     # The mean of those that rounding makes unlike: the median is a rounded step itself.
     usual = float(steps[np.abs(steps - usual) <= 1.001 * digit].mean()) if usual > 2.0 * digit else usual
-    late = np.abs(steps - usual)
+    error_s = np.abs(steps - usual)
     leap = np.rint(steps / usual) if usual > 0.0 else np.zeros(len(time) - 1)
     index = np.concatenate([[0], np.cumsum(leap)]).astype(int)
     # No gap may outgrow the record: a stamp that leaps so far is wrong itself.
     fits = leap.min() >= 1.0 and index[-1] < 2 * len(time)
     step = float(np.polyfit(index, time - time[0], 1)[0]) if fits else 0.0
     if not is_even(time, index, step, digit):
-        worst = int(late.argmax()) + 1
-        coarse = 0.0 <= usual <= 2.0 * digit and late.max() <= 2.0 * digit
+        worst = int(error_s.argmax()) + 1
+        coarse = 0.0 <= usual <= 2.0 * digit and error_s.max() <= 2.0 * digit
         if usual < 0.0:
             raise DataError("time falls", where=f"{file}, channel time", hint="sort the lines by time")
         if steps.min() < -2.0 * digit:
@@ -414,7 +415,7 @@ def _with_gaps(
                 where=f"{file}, channel time", hint="part the file there: it holds two recordings",
             )  # fmt: skip
         raise DataError(
-            f"uneven time steps: sample {worst} is {late[worst - 1]:.3g} s off steps of {usual:.6g} s",
+            f"uneven time steps: sample {worst} is {error_s[worst - 1]:.3g} s off steps of {usual:.6g} s",
             where=f"{file}, channel time",
             hint=f"stamps are printed to {digit:g} s: print more digits, or leave the column out and state "
             "name_columns(sample_hz=RATE)" if coarse else "resample all channels to one rate",
@@ -467,10 +468,10 @@ def pieces_csv(file: Path, sample_hz: float | None, size: int) -> Iterator[np.nd
     for line, table in _tables(file, opening, size):
         if opening.timed and sample_hz is not None:
             origin = table[0, 0] if origin is None else origin
-            late = np.abs(table[:, 0] - origin - (start + np.arange(len(table))) / sample_hz)
-            if not late.max() <= slack * (1.0 + 1e-6):
+            error_s = np.abs(table[:, 0] - origin - (start + np.arange(len(table))) / sample_hz)
+            if not error_s.max() <= slack * (1.0 + 1e-6):
                 raise DataError(
-                    f"uneven time steps: sample {start + int(late.argmax())} is {late.max():.3g} s off",
+                    f"uneven time steps: sample {start + int(error_s.argmax())} is {error_s.max():.3g} s off",
                     where=f"{file}, channel time, near line {line}",
                     hint="load_record says whether there are gaps; resample all channels to one rate",
                 )

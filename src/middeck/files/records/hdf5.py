@@ -76,10 +76,10 @@ def write_hdf5_stream(path: Path, stream: RecordStream) -> None:
     if stream.period:
         shape = (stream.experiments, stream.samples // stream.period, stream.period)
     with replacing(path) as temporary, h5py.File(temporary, "w") as archive:
-        told = describe(
+        attributes = describe(
             stream.sample_hz, stream.period is not None, stream.inputs, stream.outputs, stream.held
         )
-        for key, value in told.items():
+        for key, value in attributes.items():
             archive.create_dataset(key, data=_storable(value))
         u, y = (
             archive.create_dataset(

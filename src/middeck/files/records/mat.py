@@ -49,8 +49,8 @@ def read_mat(file: Path, variable: str) -> Raw:
     stem = "" if variable else _run_of(arrays)
     fields = {name.removeprefix(stem): x for name, x in arrays.items() if name.startswith(stem)}
     if is_own(list(fields)) and not variable:
-        told = _told(arrays, stem)
-        _refuse_rates(_rates(told), told, SAME_RATE, file)
+        stated = _stated(arrays, stem)
+        _refuse_rates(_rates(stated), stated, SAME_RATE, file)
         return build_raw({k: _four_axes(v) if k in ("u", "y") else v for k, v in fields.items()}, str(file))
     if set(fields) >= SYSTEM and not variable:
         raise DataError(
@@ -102,31 +102,31 @@ def _rate(
     arrays: dict[str, np.ndarray], stem: str, samples: int, head: ChannelHeader, file: Path
 ) -> tuple[float | None, float, tuple[RecordFault, ...]]:
     """The rate [Hz] of all that states one, None where nothing does; the share that it leaves open."""
-    told = _told(arrays, stem)
-    rates = _rates(told)
+    stated = _stated(arrays, stem)
+    rates = _rates(stated)
     share, faults = SAME_RATE, ()
     times = {n: x.ravel() for n, x in _around(arrays, stem, TIMES).items() if x.size == samples > 1}
     for name, time in times.items():
         rate, digit = _rate_of_times(time, f"{file}, {name}")
         rates[name], share = rate, max(share, open_share(rate, samples, digit))
-        if not told:
+        if not stated:
             doubt = warning_on_seconds(rate, rate == 1.0, float(time[0]))
             what = doubt or f"the times {name}, taken as seconds, give {rate:.9g} Hz: no fs or Ts is there"
             hint = "state the rate (fs or Ts) if it is another one"
             faults = (channel_fault("rate", "serious" if doubt else "note", head, what, hint),)
-    _refuse_rates(rates, told, share, file)
-    doubts = () if times else _warnings_on_told(told, head)  # the times say the same rate
+    _refuse_rates(rates, stated, share, file)
+    doubts = () if times else _warnings_on_rates(stated, head)  # the times say the same rate
     return next(iter(rates.values()), None), share, faults or doubts
 
 
-def _warnings_on_told(told: dict[str, float], head: ChannelHeader) -> tuple[RecordFault, ...]:
+def _warnings_on_rates(stated: dict[str, float], head: ChannelHeader) -> tuple[RecordFault, ...]:
     """A fault where a rate below 1 Hz is stated: rather a period as fs, or a rate as Ts."""
-    rates = _rates(told)
-    slow = next((n for n in told if rates[n] < 1.0), None)
+    rates = _rates(stated)
+    slow = next((n for n in stated if rates[n] < 1.0), None)
     if slow is None:
         return ()
-    meant, hz = ("period", 1.0 / told[slow]) if rates[slow] == told[slow] else ("rate", told[slow])
-    what = f"{slow} = {told[slow]:g} means {rates[slow]:.6g} Hz: if it is a {meant}, it is {hz:.6g} Hz"
+    meant, hz = ("period", 1.0 / stated[slow]) if rates[slow] == stated[slow] else ("rate", stated[slow])
+    what = f"{slow} = {stated[slow]:g} means {rates[slow]:.6g} Hz: if it is a {meant}, it is {hz:.6g} Hz"
     hint = "fs, Fs and sample_hz are rates [Hz], Ts is a period [s]: rename it, unless it is meant so"
     return (channel_fault("rate", "serious", head, what, hint),)
 
@@ -137,22 +137,22 @@ def _around(arrays: dict[str, np.ndarray], stem: str, names: Sequence[str]) -> d
     return {name: arrays[name] for name in every if name in arrays}
 
 
-def _told(arrays: dict[str, np.ndarray], stem: str) -> dict[str, float]:
+def _stated(arrays: dict[str, np.ndarray], stem: str) -> dict[str, float]:
     return {n: float(x.item()) for n, x in _around(arrays, stem, RATES).items() if x.size == 1}
 
 
-def _rates(told: dict[str, float]) -> dict[str, float]:
-    """Rates [Hz] of what is ``told``, some of it periods [s]."""
-    return {n: 1.0 / v if n.rpartition(".")[2] == "Ts" and v else v for n, v in told.items()}
+def _rates(stated: dict[str, float]) -> dict[str, float]:
+    """Rates [Hz] of what is ``stated``, some of it periods [s]."""
+    return {n: 1.0 / v if n.rpartition(".")[2] == "Ts" and v else v for n, v in stated.items()}
 
 
-def _refuse_rates(rates: dict[str, float], told: dict[str, float], share: float, file: Path) -> None:
+def _refuse_rates(rates: dict[str, float], stated: dict[str, float], share: float, file: Path) -> None:
     """Raise `DataError` unless all ``rates`` are one, up to a ``share`` of it."""
     first = next(iter(rates.values()), 1.0)
     if all(np.isfinite(r) and r > 0.0 and abs(r / first - 1.0) <= share for r in rates.values()):
         return
-    said = ", ".join(f"{n} = {told[n]:g}" if n in told else f"{n} for {r:g} Hz" for n, r in rates.items())
-    raise DataError(f"no one sampling rate: {said}", where=str(file), hint="fs [Hz], or Ts = 1 / fs [s]")
+    each = ", ".join(f"{n} = {stated[n]:g}" if n in stated else f"{n} for {r:g} Hz" for n, r in rates.items())
+    raise DataError(f"no one sampling rate: {each}", where=str(file), hint="fs [Hz], or Ts = 1 / fs [s]")
 
 
 def _rate_of_times(time: np.ndarray, where: str) -> tuple[float, float]:

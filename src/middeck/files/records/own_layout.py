@@ -47,8 +47,8 @@ def describe(
 
 def contents_of(record: Record) -> dict[str, Any]:
     """All arrays of ``record``."""
-    told = describe(record.sample_hz, record.periodic, record.inputs, record.outputs, record.held)
-    return told | {"u": record.u, "y": record.y}
+    head = describe(record.sample_hz, record.periodic, record.inputs, record.outputs, record.held)
+    return head | {"u": record.u, "y": record.y}
 
 
 def check_contents(arrays: Mapping[str, Any], where: str) -> None:
@@ -112,9 +112,9 @@ def read_heads(arrays: Mapping[str, Any], side: Side, channels: int, where: str)
             f"{names.size} names and {units.size} units for {channels} {side} channels", where=where,
             hint=f"one of {side}_names and {side}_units for each channel",
         )  # fmt: skip
-    told = {key: _values(arrays, f"{side}_{key}", channels, where) for key in KEYS}
+    stated = {key: _values(arrays, f"{side}_{key}", channels, where) for key in KEYS}
     known = [
-        build_channel({k: v[n] for k, v in told.items() if v}, f"{where}, {side} {name}")
+        build_channel({k: v[n] for k, v in stated.items() if v}, f"{where}, {side} {name}")
         for n, name in enumerate(names.ravel())
     ]
     pairs = zip(names.ravel(), units.ravel(), known, strict=True)

@@ -117,8 +117,8 @@ def choose(heads: tuple[ChannelHeader, ...], columns: Columns | None, where: str
     if any(c.side for c in named):
         picks = [(_position(heads, c, n, where), c) for n, c in enumerate(named)]
     else:
-        told = {_position(heads, c, n, where): c for n, c in enumerate(named)}
-        picks = [(k, told.get(k, NamedColumn(name=h.name, side=""))) for k, h in enumerate(heads)]
+        by_column = {_position(heads, c, n, where): c for n, c in enumerate(named)}
+        picks = [(k, by_column.get(k, NamedColumn(name=h.name, side=""))) for k, h in enumerate(heads)]
     sides: dict[str, list[tuple[int, Port]]] = {"input": [], "output": [], "": []}
     for k, column in picks:
         side = column.side or heads[k].side

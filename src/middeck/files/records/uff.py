@@ -155,19 +155,19 @@ def _heads(channels: Sequence[Sequence[Dataset]], file: Path) -> tuple[ChannelHe
 
 def _head(name: str, data: Dataset, file: Path) -> ChannelHeader:
     node, direction = data.response.node, _direction(data.response)
-    told = _told_channel(data.texts[4]) if _is_ours(data) else {}
-    table = told | {"node": node, "direction": direction}
+    of_channel = _stated_channel(data.texts[4]) if _is_ours(data) else {}
+    table = of_channel | {"node": node, "direction": direction}
     channel = build_channel(table, f"{file}:{data.line}, channel {name}")
     unit = data.unit if data.unit or _is_ours(data) else UNITS.get(data.quantity) if is_si(file) else None
     return ChannelHeader(name, unit, _side(data), channel)
 
 
-def _told_channel(text: str) -> dict[str, Any]:
+def _stated_channel(text: str) -> dict[str, Any]:
     """The channel in a text of `_known`."""
-    told: dict[str, Any] = dict(re.findall(r"(role|gain|calibrated)=(\S+)", text))
+    of_channel: dict[str, Any] = dict(re.findall(r"(role|gain|calibrated)=(\S+)", text))
     raw_unit = re.search(r"raw_unit=(.*)", text)
-    gain = {"gain": float(told["gain"])} if "gain" in told else {}
-    return told | gain | ({} if raw_unit is None else {"raw_unit": raw_unit.group(1)})
+    gain = {"gain": float(of_channel["gain"])} if "gain" in of_channel else {}
+    return of_channel | gain | ({} if raw_unit is None else {"raw_unit": raw_unit.group(1)})
 
 
 def _is_ours(data: Dataset) -> bool:
@@ -207,12 +207,12 @@ def _run(heads: tuple[ChannelHeader, ...], sets: tuple[Dataset, ...], file: Path
         )
     whole = tuple(int(s) for s in np.rint(skips))
     samples = min(d.count - s for d, s in zip(sets, whole, strict=True))
-    periods = _told(sets[0], "periods")
+    periods = _stated_number(sets[0], "periods")
     if samples < 1 or (periods is not None and samples % int(periods)):
         what = f"{samples} samples are in all channels"
         raise DataError(what, where=str(file), hint="the channels were not recorded together")
     faults = _cut_faults(heads, sets, whole, samples)
-    count, held = None if periods is None else int(periods), _told(sets[0], "held")
+    count, held = None if periods is None else int(periods), _stated_number(sets[0], "held")
     return Experiment(
         heads=heads,
         sets=sets,
@@ -239,7 +239,7 @@ def _cut_faults(
     return tuple(found)
 
 
-def _told(data: Dataset, key: str) -> float | None:
+def _stated_number(data: Dataset, key: str) -> float | None:
     found = re.search(rf"\b{key}=(\S+)", data.texts[3]) if _is_ours(data) else None
     return float(found.group(1)) if found else None
 
@@ -250,9 +250,9 @@ def _sample_hz(data: Dataset) -> float:
     A step of 1.66667E-04 s stands for 6000 Hz, not for 5999.99.
     """
     assert data.step is not None
-    told = _told(data, "hz")
-    if told is not None and abs(told * data.step - 1.0) < SAME_RATE:
-        return told
+    exact_hz = _stated_number(data, "hz")
+    if exact_hz is not None and abs(exact_hz * data.step - 1.0) < SAME_RATE:
+        return exact_hz
     mantissa = re.match(r"[+-]?([\d.]*)", data.step_text)
     digits = len(mantissa.group(1).replace(".", "").lstrip("0")) if mantissa else 1
     slack = 0.5 * 10.0 ** (np.floor(np.log10(data.step)) - digits + 1)
@@ -263,14 +263,14 @@ def _sample_hz(data: Dataset) -> float:
 def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
     """Write ``held`` as data sets 58b, or 58 in ASCII with 13 digits; one for each channel and experiment."""
     experiments, periods, _, _ = held.u.shape
-    told = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
-    told += "" if held.held is None else f" held={int(held.held)}"
+    extra = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
+    extra += "" if held.held is None else f" held={int(held.held)}"
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         write_count(stream, experiments * (held.u.shape[3] + held.y.shape[3]))
         for e in range(experiments):
             for side, ports, x in (("input", held.inputs, held.u), ("output", held.outputs, held.y)):
                 for k, port in enumerate(ports):
-                    header = _header(port, f"{OURS} {side} {told}", side, str(path))
+                    header = _header(port, f"{OURS} {side} {extra}", side, str(path))
                     write_58(stream, header, 0.0, 1.0 / held.sample_hz, x[e, :, :, k].ravel(), binary=binary)
 
 
@@ -407,9 +407,9 @@ def _end_name(end: End) -> str:
     return end[1] or _place_name(end[0])
 
 
-def _end(end: End, unit: str, told: str, file: Path) -> Port:
+def _end(end: End, unit: str, text: str, file: Path) -> Port:
     place, name = end
-    table = _told_channel(told) if name else {}
+    table = _stated_channel(text) if name else {}
     channel = build_channel(
         table | {"node": place.node, "direction": _direction(place)}, f"{file}, channel {_end_name(end)}"
     )
@@ -424,7 +424,7 @@ def _response(file: Path, data: Dataset) -> tuple[np.ndarray, np.ndarray]:
         frequency, part = values[:, 0], values[:, 1:]
     else:
         first, step = (
-            exact if (exact := _told(data, key)) is not None else printed
+            exact if (exact := _stated_number(data, key)) is not None else printed
             for key, printed in (("first", data.first), ("step", data.step))
         )
         frequency, part = first + step * np.arange(data.count), values
@@ -436,11 +436,11 @@ def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = Tr
     f = held.frequency_hz
     step = float(f[-1] - f[0]) / (len(f) - 1) if len(f) > 1 else 1.0
     even = step > 0.0 and np.abs(f - f[0] - step * np.arange(len(f))).max() <= EVEN * f[-1]
-    told = f" first={float(f[0])!r} step={step!r}" if even else ""
+    extra = f" first={float(f[0])!r} step={step!r}" if even else ""
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         write_count(stream, held.H[0].size)
         for o, i in np.ndindex(held.H.shape[1:]):
-            header = _response_header(held.outputs[o], held.inputs[i], told, str(path))
+            header = _response_header(held.outputs[o], held.inputs[i], extra, str(path))
             H = held.H[:, o, i]
             if even:
                 write_58(stream, header, float(f[0]), step, H, binary=binary)
@@ -449,10 +449,16 @@ def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = Tr
                 write_58(stream, header, 0.0, None, rows, binary=binary)
 
 
-def _response_header(output: Port, at: Port, told: str, where: str) -> Header:
+def _response_header(output: Port, at: Port, extra: str, where: str) -> Header:
     ends = [port.channel or Channel() for port in (output, at)]
     places = [_place(c, f"{where}, channel {p.name}") for c, p in zip(ends, (output, at), strict=True)]
-    texts = (stated(output.name), stated(at.name), _known(ends[1]), f"{OURS} response{told}", _known(ends[0]))
+    texts = (
+        stated(output.name),
+        stated(at.name),
+        _known(ends[1]),
+        f"{OURS} response{extra}",
+        _known(ends[0]),
+    )
     divisor = FORCE if at.unit in ("N", "N m") else QUANTITY.get(at.unit, 0)
     quantity = QUANTITY.get(output.unit, 0)
     return Header(

@@ -97,15 +97,15 @@ def scan_58(cursor: Cursor, head: str) -> Dataset:
     data = _dataset(lines, begin, order, start, where)
     if not order:
         return replace(data, size=to_mark(cursor) - start)
-    told = _whole(head, 31, 43, where, "the number of bytes")
-    for size in dict.fromkeys((told, *_sizes(data))):  # pyuff 2.5 leaves the imaginary parts out
+    stated = _whole(head, 31, 43, where, "the number of bytes")
+    for size in dict.fromkeys((stated, *_sizes(data))):  # pyuff 2.5 leaves the imaginary parts out
         cursor.stream.seek(start)
         if cursor.fits(size) and _ends(cursor, size):
             return replace(data, size=size)
     cursor.stream.seek(start)
     held = cursor.left()
     what = "truncated" if held < _sizes(data)[-1] else "the numbers do not end where the header says"
-    raise DataError(f"{what}: {held} bytes follow, {told} are announced", where=where, hint=AGAIN)
+    raise DataError(f"{what}: {held} bytes follow, {stated} are announced", where=where, hint=AGAIN)
 
 
 def _sizes(data: Dataset) -> tuple[int, ...]:

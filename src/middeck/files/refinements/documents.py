@@ -122,8 +122,8 @@ def load_refinement(path: str | Path, article: str | Path) -> Refinement:
         for t, place in zip(form.static, rests, strict=True)
     )
     unknowns = tuple(build_unknown(u) for u in form.unknown)
-    heard = [Path(path).parent / s.response.file for s in form.survey if s.response is not None]
-    files = dict.fromkeys((Path(path), *modes, *heard, *environments, *rests))
+    responses = [Path(path).parent / s.response.file for s in form.survey if s.response is not None]
+    files = dict.fromkeys((Path(path), *modes, *responses, *environments, *rests))
     return Refinement(
         surveys=surveys,
         unknowns=unknowns,

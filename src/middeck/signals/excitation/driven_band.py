@@ -84,8 +84,8 @@ def _faded(u: Float[np.ndarray, "experiment sample input"]) -> Float[np.ndarray,
     x = (np.arange(samples) + 0.5) / samples
     r = np.clip(np.minimum(x, 1.0 - x) / ENDS, 0.0, 1.0)
     fade = r**4 * (35.0 - 84.0 * r + 70.0 * r**2 - 20.0 * r**3)
-    heard = np.sum(np.sin(np.pi * np.outer(np.arange(1, TAPERS + 1), x)) ** 2, axis=0)
-    kept = np.sum(heard * fade**2) / np.sum(heard)
+    tapers = np.sum(np.sin(np.pi * np.outer(np.arange(1, TAPERS + 1), x)) ** 2, axis=0)
+    kept = np.sum(tapers * fade**2) / np.sum(tapers)
     return (u - u.mean(axis=1, keepdims=True)) * (fade / np.sqrt(kept))[:, None]
 
 

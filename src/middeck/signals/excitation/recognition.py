@@ -171,8 +171,8 @@ def _steady_from(u: np.ndarray, y: np.ndarray) -> int:
     away = np.mean((both[:, :-1] - both[:, -1:]) ** 2, axis=(0, 2, 3))
     if len(away) < 2:  # two periods: nothing tells a transient from noise
         return 0
-    late = np.flatnonzero(away > STEADY * away[-1] + 1e-12)
-    return int(late[-1]) + 1 if len(late) else 0
+    unsettled = np.flatnonzero(away > STEADY * away[-1] + 1e-12)
+    return int(unsettled[-1]) + 1 if len(unsettled) else 0
 
 
 def _main_lines(power: Float[np.ndarray, " line"], lines: np.ndarray) -> np.ndarray:

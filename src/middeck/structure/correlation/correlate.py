@@ -298,12 +298,12 @@ def _warnings(
     unpaired: tuple[int, ...],
     unmeasured: tuple[int, ...],
 ) -> tuple[str, ...]:
-    said: list[str] = []
+    remarks: list[str] = []
     recalled = sum(c.recalled for c in profile.criteria)
     if recalled:
-        said.append(f"{recalled} of {len(profile.criteria)} limits of {profile.name} are {RECALLED}")
-    said += [f"{called(measured, j)} has no partner in the model" for j in unpaired]
-    said += not_measured(modes, unmeasured)
-    said += below_the_test(modes, measured, pairs[:, 0])
-    said += not_judged(modes, profile, [f.criterion for f in findings if not f.items])
-    return tuple(said)
+        remarks.append(f"{recalled} of {len(profile.criteria)} limits of {profile.name} are {RECALLED}")
+    remarks += [f"{called(measured, j)} has no partner in the model" for j in unpaired]
+    remarks += not_measured(modes, unmeasured)
+    remarks += below_the_test(modes, measured, pairs[:, 0])
+    remarks += not_judged(modes, profile, [f.criterion for f in findings if not f.items])
+    return tuple(remarks)

@@ -139,16 +139,18 @@ def _judge(
 def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
     modes, hz = found.modes, found.measured.frequency_hz
     partner = dict(zip(found.pairs[:, 1].tolist(), found.pairs[:, 0].tolist(), strict=True))
-    said = list(found.measured.warnings)
-    said += warnings_on_survey_units(modes, found.measured)
-    said += ["frequencies alone: pairs rest on their order of size, not on shapes"]
+    remarks = list(found.measured.warnings)
+    remarks += warnings_on_survey_units(modes, found.measured)
+    remarks += ["frequencies alone: pairs rest on their order of size, not on shapes"]
     if found.unjudged:
-        said.append(f"{len(found.unjudged)} criteria of {found.profile.name} need shapes and are not judged")
+        remarks.append(
+            f"{len(found.unjudged)} criteria of {found.profile.name} need shapes and are not judged"
+        )
     if any(f.criterion.recalled for f in found.findings):
-        said.append(f"limits of {found.profile.name} are {RECALLED}")
+        remarks.append(f"limits of {found.profile.name} are {RECALLED}")
     for j in found.undecided:
         left = np.delete(modes.frequency_hz, partner[j])
-        said.append(
+        remarks.append(
             f"{called(found.measured, j)}: {modes.name[partner[j]]!r} of "
             f"{modes.frequency_hz[partner[j]]:.4g} Hz is an ambiguous partner: "
             f"{_nearest(left, hz[j]):.4g} Hz fits too"
@@ -157,11 +159,11 @@ def _warnings(found: FrequencyComparison) -> tuple[str, ...]:
     for j in found.unpaired:
         near = _nearest(left, hz[j])
         off = f": {near:.4g} Hz, the nearest left, is off by {100.0 * (near / hz[j] - 1.0):+.0f} %"
-        said.append(f"{called(found.measured, j)} has no partner in the model{off if near > 0.0 else ''}")
-    said += not_measured(modes, found.unmeasured)
-    said += below_the_test(modes, found.measured, found.pairs[:, 0])
-    said += not_judged(modes, found.profile, [f.criterion for f in found.findings if f.worst is None])
-    return tuple(said)
+        remarks.append(f"{called(found.measured, j)} has no partner in the model{off if near > 0.0 else ''}")
+    remarks += not_measured(modes, found.unmeasured)
+    remarks += below_the_test(modes, found.measured, found.pairs[:, 0])
+    remarks += not_judged(modes, found.profile, [f.criterion for f in found.findings if f.worst is None])
+    return tuple(remarks)
 
 
 def _nearest(ours_hz: np.ndarray, hz: float) -> float:

@@ -386,11 +386,11 @@ def called(measured: MeasuredModes, j: int) -> str:
 
 def not_measured(modes: Modes, missing: Sequence[int]) -> list[str]:
     """A sentence for each of the first modes of the model that a test lacks, and one for the others."""
-    said = [
+    remarks = [
         f"mode {i} {modes.name[i]!r} of {modes.frequency_hz[i]:.4g} Hz was not measured"
         for i in missing[:NAMED]
     ]
     if len(missing) > NAMED:
         last = modes.frequency_hz[missing[-1]]
-        said.append(f"nor were {len(missing) - NAMED} more modes of the model, up to {last:.4g} Hz")
-    return said
+        remarks.append(f"nor were {len(missing) - NAMED} more modes of the model, up to {last:.4g} Hz")
+    return remarks

@@ -70,11 +70,11 @@ def hardly_seen(
 
 def not_judged(modes: Modes, profile: Profile, criteria: Sequence[Criterion]) -> list[str]:
     """Why ``criteria`` apply to no pair: a sentence for each group of modes."""
-    said: list[str] = []
+    remarks: list[str] = []
     for group, some in groupby(sorted(criteria, key=lambda c: c.group.value), lambda c: c.group):
         what = ", ".join(dict.fromkeys(c.quantity.value for c in some))
-        said.append(f"no pair is judged as {group.value} ({what}){_why(modes, profile, group)}")
-    return said
+        remarks.append(f"no pair is judged as {group.value} ({what}){_why(modes, profile, group)}")
+    return remarks
 
 
 def _why(modes: Modes, profile: Profile, group: Scope) -> str:

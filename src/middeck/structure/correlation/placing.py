@@ -40,14 +40,14 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
     located = {} if here is None else kinds[0]
     numbers = dict.fromkeys(n for n in measured.node if n.isdigit() and (n not in known or n in located))
     found: dict[str, str | None] = {}
-    said: list[str] = []
+    remarks: list[str] = []
     for number in numbers:
         at = None if here is None else here[measured.node.index(number)]
         found[number], odd = _place(model, number, at, kinds)
-        said += odd
+        remarks += odd
     for exact in dict.fromkeys(n for n in measured.node if n in known and n not in numbers):
         if here is not None:
-            said += _elsewhere(model, exact, exact, here[measured.node.index(exact)])
+            remarks += _elsewhere(model, exact, exact, here[measured.node.index(exact)])
     absent = [n for n, name in found.items() if name is None]
     keep = [k for k, n in enumerate(measured.node) if found.get(n, n) is not None]
     if absent and not keep:
@@ -59,7 +59,9 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
         )
     if absent:
         left = len(measured.node) - len(keep)
-        said.append(f"{left} channels of nodes that are not in the model are left out: {list_names(absent)}")
+        remarks.append(
+            f"{left} channels of nodes that are not in the model are left out: {list_names(absent)}"
+        )
     std = measured.shape_std
     lines = [[_named(n, found, known, kinds) for n in line] for line in measured.lines]
     return replace(
@@ -70,7 +72,7 @@ def place_channels(model: Model, measured: MeasuredModes) -> MeasuredModes:
         shape_std=None if std is None else std[keep],
         position_m=None if here is None else here[keep],
         lines=tuple(tuple(part) for line in lines for part in unbroken(line)),
-        warnings=(*measured.warnings, *said),
+        warnings=(*measured.warnings, *remarks),
     )
 
 

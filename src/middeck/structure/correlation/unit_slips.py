@@ -77,13 +77,13 @@ def warnings_on_units(
     alike = _matches(phi, np.asarray(measured.shape), straight)
     near = _nearest(modes.frequency_hz[index], measured.frequency_hz)
     ours, theirs = (alike if len(alike) >= FEWEST else near).T
-    said = [levels] if levels else []
-    said += warnings_on_frequencies_of_shapes(modes.frequency_hz[index], phi, measured, straight)
-    said += _damping(modes, measured, index[ours], theirs)
+    remarks = [levels] if levels else []
+    remarks += warnings_on_frequencies_of_shapes(modes.frequency_hz[index], phi, measured, straight)
+    remarks += _damping(modes, measured, index[ours], theirs)
     sorts = _sorts(phi, np.asarray(measured.shape), straight, alike)
     # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
     channels = sorts or _channels(phi, measured, straight, alike) or _channels(phi, measured, straight, near)
-    return tuple(said + ([] if levels else channels))
+    return tuple(remarks + ([] if levels else channels))
 
 
 def warnings_on_frequencies_of_shapes(
@@ -160,12 +160,12 @@ def warnings_on_frequencies(
         return (f"{modes} {factor:.4g} times the model's of the same shapes: {unit}?",)
     if factor is not None and abs(np.log(factor)) < AGREE:
         return ()
-    said = (
+    powers = (
         power
         for (size, p), power in POWERS.items()
         if len(ours) >= FEWEST and _unit(_factor(theirs / ours**p), {size: power})
     )
-    return tuple(f"the frequencies are not those of the same shapes: {power}?" for power in said)
+    return tuple(f"the frequencies are not those of the same shapes: {power}?" for power in powers)
 
 
 def _damping(modes: Modes, measured: MeasuredModes, ours: np.ndarray, theirs: np.ndarray) -> list[str]:

@@ -91,7 +91,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     found = [(i, int(j)) for i, j in enumerate(paired.end.found) if orbit.kind[i] == "flexible" and j < count]
     pairs = np.array(found, dtype=int).reshape(-1, 2)
     shares = shares_of(paired.at_rest, lab)
-    told = tuple(_disputed(orbit, lab, pairs, shares))
+    disputed = tuple(_disputed(orbit, lab, pairs, shares))
     pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs.tolist()]]
     return ModeComparison(
         orbit=orbit,
@@ -102,7 +102,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
         pairs=pairs,
         ratio=lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
         subspace_angle=_subspace_angles(orbit, lab, free),
-        warnings=told,
+        warnings=disputed,
     )
 
 

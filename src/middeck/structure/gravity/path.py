@@ -196,7 +196,7 @@ def follow_gravity(
         if stop is not None:
             break
         arrived += 1
-    stations, events, order, said = _resolve_runs(stations, legs, modes.name)
+    stations, events, order, path_warnings = _resolve_runs(stations, legs, modes.name)
     if stop is not None:
         stop = _Stop(reorder(stop.good, order), stop.bad and reorder(stop.bad, order))
         events.append(_ending(stop, full.suspension.name, modes.name))
@@ -210,7 +210,7 @@ def follow_gravity(
         omega2=np.array([x.spectrum.lam for x in stations]),
         match=np.array([x.match for x in stations]),
         events=tuple(events),
-        warnings=(*modes.warnings, *said),
+        warnings=(*modes.warnings, *path_warnings),
     )
 
 
@@ -252,21 +252,21 @@ def _resolve_runs(
 
     done: list[PathState] = []
     events: list[GravityEvent] = []
-    order, said = np.arange(len(names)), list[str]()
+    order, path_warnings = np.arange(len(names)), list[str]()
     for heavy, group in itertools.groupby(stations, key=lambda x: bool(np.any(x.gravity))):
         run = [reorder(x, order) for x in group]
         if heavy:
             found = resolve_exchanges(run, Course(advance, come), names)
             run, order = found.stations, order[found.order]
             events += found.events
-            said += [
+            path_warnings += [
                 f"{names[i]!r} and {names[j]!r} change their order, and no crossing of these two alone was "
                 "found: three or more modes come close together there, and beyond it their names may be "
                 "exchanged"
                 for i, j in found.unexplained
             ]
         done += run
-    return done, events, order, said
+    return done, events, order, path_warnings
 
 
 def _check(structure: Structure, environment: Environment, places: tuple[GravityLevel, ...]) -> None:

@@ -261,11 +261,11 @@ def _rate(task: _Task, at: _Hung, motion: np.ndarray) -> np.ndarray:
 def _unreached(task: _Task, at: _Hung, what: str, history: Sequence[float]) -> EquilibriumError:
     found = {f"{name} {axis}": float(by) for (name, axis), by in zip(task.free, at.change, strict=True)}
     hint = "free other offsets, across the line of the attach points, or hang it by points out of line"
-    said = sag(at.attitude)
+    tilt = sag(at.attitude)
     return EquilibriumError(
-        f"with the offsets {', '.join(found)} the article {what}" + (f"; {said}" if said else ""),
+        f"with the offsets {', '.join(found)} the article {what}" + (f"; {tilt}" if tilt else ""),
         where="level",
-        hint=SAG_HINT if said else hint,
+        hint=SAG_HINT if tilt else hint,
         change_m=found,
         history=tuple(history),
     )

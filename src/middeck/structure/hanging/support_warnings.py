@@ -58,8 +58,8 @@ def warnings_on_attitude(attitude: Attitude, environment: Environment) -> Iterat
             "", f"the article has turned over: it hangs tilted by {np.degrees(tilt):.0f} deg", OVER_HINT
         )
         return
-    if said := sag(attitude):
-        yield SupportWarning("", said, SAG_HINT)
+    if doubt := sag(attitude):
+        yield SupportWarning("", doubt, SAG_HINT)
         return
     yield SupportWarning(
         "",

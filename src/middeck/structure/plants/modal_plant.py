@@ -76,11 +76,11 @@ def build_plant(
         phi_acceleration=read.acceleration @ shapes if np.any(read.acceleration) else None,
         direct=residual_flexibility(modes, drive.force, read.position, count) if static else None,
     )
-    said = (*damped.warnings, *momentum_warnings(modes, spin, damped.zeta))
+    texts = (*damped.warnings, *momentum_warnings(modes, spin, damped.zeta))
     if not spin.turns:
         chosen = equilibrium.model.structure.damping if damping is None else damping
-        said += coupling_warnings(modes, chosen, modal, (tuple(inputs), tuple(p.name for p in read.ports)))
-    for text in said:
+        texts += coupling_warnings(modes, chosen, modal, (tuple(inputs), tuple(p.name for p in read.ports)))
+    for text in texts:
         warnings.warn(text, UserWarning, stacklevel=2)
     return Plant(
         dynamics=_turning(modal, spin, spin.turn @ shapes) if spin.turns else modal,
@@ -98,6 +98,6 @@ def _turning(modal: ModalSystem, spin: Spin, turn: np.ndarray) -> StateSpace:
     wheels = dataclasses.replace(
         modal, psi=turn.T, phi=np.zeros_like(turn), phi_rate=turn, phi_acceleration=None, direct=None
     )
-    heard = ~(inert_modes(modal) & inert_modes(wheels))
-    turn = turn[:, heard]
-    return couple_rates(select_modes(modal, heard), turn.T @ spin.forces(turn))
+    coupled = ~(inert_modes(modal) & inert_modes(wheels))
+    turn = turn[:, coupled]
+    return couple_rates(select_modes(modal, coupled), turn.T @ spin.forces(turn))

@@ -170,7 +170,7 @@ def measure_loop(
         static_db=None if closed is None else _static_db(case.measured, closed),
         modes=() if closed is None else _mode_reductions(case, closed),
         on_rig=judge_loops(views, compensator),
-        warnings=tuple(f"{name}: {said}" for said in taken.warnings),
+        warnings=tuple(f"{name}: {warning}" for warning in taken.warnings),
     )
 
 

@@ -59,7 +59,7 @@ def _approximate(
     whole: StateSpace, modal: ModalSystem | None, names: tuple[str, ...], delay_s: np.ndarray, order: int
 ) -> Named:
     if is_sum(delay_s, SAME_DELAY_S):
-        return _late_channels(whole, names, delay_s, order)
+        return _delayed_channels(whole, names, delay_s, order)
     if modal is not None:
         parts, apart = _part_modes(modal), None
     else:
@@ -106,7 +106,7 @@ def evaluate_approximation(
 
 def _evaluate_sum(delay_s: np.ndarray, order: int, s: np.ndarray) -> np.ndarray:
     before, after = (
-        np.stack([evaluate_pade(_if_late(tau), order, s) for tau in side], axis=-1)
+        np.stack([evaluate_pade(_without_rounding(tau), order, s) for tau in side], axis=-1)
         for side in _put_delays(delay_s)
     )
     return after[:, :, None] * before[:, None, :]
@@ -168,11 +168,11 @@ def _part_states(system: StateSpace, names: tuple[str, ...]) -> _Parts:
 def _bank(delay_s: np.ndarray, i: int, order: int) -> StateSpace:
     """Approximate delays from input ``i`` to each output, path by path as in `_by_channel`."""
     if delay_s.shape[1] <= delay_s.shape[0]:
-        return _late_channels(gain_system(np.ones((len(delay_s), 1))), (), delay_s[:, [i]], order)[0]
+        return _delayed_channels(gain_system(np.ones((len(delay_s), 1))), (), delay_s[:, [i]], order)[0]
     common = delay_s.min(axis=1)
-    late = series(_late(common, order), _late(delay_s[:, i] - common, order))
-    B, D = (matrix.sum(axis=1, keepdims=True) for matrix in (late.B, late.D))
-    return StateSpace(late.A, B, late.C, D)
+    delayed = series(_pade_of_channels(common, order), _pade_of_channels(delay_s[:, i] - common, order))
+    B, D = (matrix.sum(axis=1, keepdims=True) for matrix in (delayed.B, delayed.D))
+    return StateSpace(delayed.A, B, delayed.C, D)
 
 
 def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
@@ -192,7 +192,7 @@ def _by_channel(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray,
             system.D[rows][:, columns],
         )
         own = tuple(name for name, there in zip(names, kept, strict=True) if there)
-        parts.append(_late_channels(alone, own, delay_s[rows][:, columns], order))
+        parts.append(_delayed_channels(alone, own, delay_s[rows][:, columns], order))
     return _join_channels(parts, by_input=by_input)
 
 
@@ -214,11 +214,11 @@ def _join_channels(parts: Sequence[Named], *, by_input: bool) -> Named:
     return joined, tuple(name for _, names in parts for name in names)
 
 
-def _late_channels(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
+def _delayed_channels(system: StateSpace, names: tuple[str, ...], delay_s: np.ndarray, order: int) -> Named:
     """Approximate delays that are sums: of inputs in front, of outputs behind, common ones on one side."""
-    before, after = (_late(side, order) for side in _put_delays(delay_s))
-    late = series(series(before, system), after)
-    return late, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))
+    before, after = (_pade_of_channels(side, order) for side in _put_delays(delay_s))
+    delayed = series(series(before, system), after)
+    return delayed, (*("delay",) * len(before.A), *names, *("delay",) * len(after.A))
 
 
 def _put_delays(delay_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -231,13 +231,13 @@ def _put_delays(delay_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return of_input, of_output
 
 
-def _late(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
+def _pade_of_channels(delay_s: Float[np.ndarray, " channel"], order: int) -> StateSpace:
     """A Pade approximation for each delayed channel."""
-    each = {tau: pade(_if_late(tau), order) for tau in dict.fromkeys(delay_s)}
+    each = {tau: pade(_without_rounding(tau), order) for tau in dict.fromkeys(delay_s)}
     return beside(*(each[tau] for tau in delay_s))
 
 
-def _if_late(tau: float) -> float:
+def _without_rounding(tau: float) -> float:
     return tau if tau > SAME_DELAY_S else 0.0
 
 

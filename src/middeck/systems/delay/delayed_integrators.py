@@ -33,7 +33,7 @@ def approximate_delayed_integrators(
     ``banks`` hold P to each output, input by input. ``still`` has the same residues; where it has more states
     than they require it is kept whole, so that a design can refuse its uncontrollable or unobservable states.
     """
-    late = np.array(residues)
+    delayed = np.array(residues)
     behind: list[StateSpace] = []
     for i, bank in enumerate(banks):
         rest = direct[:, [i]] * bank.C
@@ -44,11 +44,11 @@ def approximate_delayed_integrators(
             # The coefficient of s^(k + 1) in P is -C A^-(k + 2) B; of s^0 it is one.
             further = -np.linalg.solve(bank.A.T, seen.T).T @ bank.B
             count = len(residues) - k - 1
-            late[:count, :, i] += further.T * residues[k + 1 :, :, i]
+            delayed[:count, :, i] += further.T * residues[k + 1 :, :, i]
         drive = np.arange(len(banks))[None] == i
         behind.append(StateSpace(bank.A, bank.B * drive, rest, direct[:, [i]] * bank.D * drive))
     unmoved = len(still.A) > len(realise_residues(residues).A)
-    integrals = add(still, realise_residues(late - residues)) if unmoved else realise_residues(late)
+    integrals = add(still, realise_residues(delayed - residues)) if unmoved else realise_residues(delayed)
     whole = integrals
     for each in behind:
         whole = add(whole, each)

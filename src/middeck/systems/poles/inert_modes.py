@@ -39,13 +39,13 @@ def observed_modes(modal: ModalSystem) -> Bool[np.ndarray, " mode"]:
 
 def silence_inert(modal: ModalSystem) -> ModalSystem:
     """The system with exact zeros between inert modes and ports, which mark these modes from then on."""
-    heard = ~inert_modes(modal)
+    active = ~inert_modes(modal)
     return dataclasses.replace(
         modal,
-        psi=modal.psi * heard[:, None],
-        phi=modal.phi * heard,
-        phi_rate=modal.phi_rate * heard,
-        phi_acceleration=None if modal.phi_acceleration is None else modal.phi_acceleration * heard,
+        psi=modal.psi * active[:, None],
+        phi=modal.phi * active,
+        phi_rate=modal.phi_rate * active,
+        phi_acceleration=None if modal.phi_acceleration is None else modal.phi_acceleration * active,
     )
 
 

@@ -78,19 +78,19 @@ def sample_delayed(
             f"delays of shape {delay_s.shape} for {system.D.shape} outputs and inputs, or one is negative",
             hint="one delay of zero or more for each path",
         )
-    late = tidy_samples(delay_s / period_s)
-    if not late.max(initial=0.0) <= LONGEST:
+    samples = tidy_samples(delay_s / period_s)
+    if not samples.max(initial=0.0) <= LONGEST:
         raise ConfigError(
-            f"a delay of {late.max():.3g} periods of {period_s:g} s",
+            f"a delay of {samples.max():.3g} periods of {period_s:g} s",
             hint=f"{LONGEST} at most: each is a state; a longer period or a shorter delay",
         )
-    split = split_delays(late)
-    if is_sum(late):
+    split = split_delays(samples)
+    if is_sum(samples):
         return _sample(system, period_s, tidy_samples(split.input_s), tidy_samples(split.output_s))
     alone = [
         _sample(StateSpace(system.A, system.B[:, [i]], system.C, system.D[:, [i]]), period_s,
-                np.zeros(1), late[:, i])
-        for i in range(late.shape[1])
+                np.zeros(1), samples[:, i])
+        for i in range(samples.shape[1])
     ]  # fmt: skip
     return _side_by_side(alone, len(system.A))
 
@@ -140,9 +140,9 @@ def _look_ahead(system: StateSpace, period_s: float, alpha: np.ndarray, eta: flo
     n, m = system.B.shape
     oldest = int(np.ceil(alpha.max(initial=0.0)))
     gain = np.zeros((oldest + 1, n, m))
-    for i, late in enumerate(alpha):
-        for age in range(int(np.ceil(late)) + 1):
-            start, end = max(0.0, late - age), min(eta, late - age + 1.0)
+    for i, delay in enumerate(alpha):
+        for age in range(int(np.ceil(delay)) + 1):
+            start, end = max(0.0, delay - age), min(eta, delay - age + 1.0)
             if end > start:
                 held = hold_inputs(system.select([i], []), (end - start) * period_s)[1]
                 after = np.asarray(scipy.linalg.expm(system.A * ((eta - end) * period_s)))

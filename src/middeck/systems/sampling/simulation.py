@@ -204,9 +204,9 @@ def _write_out(system: SampledStateSpace, samples: int) -> _Blocks | None:
         seen.append(seen[-1] @ A)
     markov = [system.D, *(C @ gain for gain in drive[:-1])]
     through = np.zeros((length, p, length, m))
-    for late, gain in enumerate(markov):
-        for k in range(late, length):
-            through[k, :, k - late] = gain
+    for delay, gain in enumerate(markov):
+        for k in range(delay, length):
+            through[k, :, k - delay] = gain
     return _Blocks(
         after=after,
         rest=rest,

@@ -117,10 +117,10 @@ def _promised(
 ) -> tuple[Promised, ...]:
     found: list[Promised] = []
     for name, place in places.items():
-        told = predict_at(refined, place)
+        predicted = predict_at(refined, place)
         found += [
-            Promised(where=name, name=told.modes.name[i], value=float(hz), unit="Hz", std=float(std))
-            for i, hz, std in zip(told.index, told.frequency_hz, told.log_std, strict=True)
+            Promised(where=name, name=predicted.modes.name[i], value=float(hz), unit="Hz", std=float(std))
+            for i, hz, std in zip(predicted.index, predicted.frequency_hz, predicted.log_std, strict=True)
         ]
     cases = readings(refined) if readings else ()
     most: dict[str, float] = {}

@@ -117,7 +117,7 @@ def pair_by_shape(
         what = "no channel of the survey is in the promise" if there else "the survey has no shapes"
         hint = f"channels as {list_names([' '.join(channel) for channel in here])}, or modes by name"
         raise DataError(what, where=where, hint=hint)
-    said = promised.shape[[here.index(channel) for channel in common]]
+    shapes = promised.shape[[here.index(channel) for channel in common]]
     seen = dataclasses.replace(
         measured,
         node=tuple(node for node, _ in common),
@@ -125,7 +125,7 @@ def pair_by_shape(
         shape=measured.shape[[there.index(channel) for channel in common]],
         shape_std=None,
     )
-    alike = modal_assurance(said, seen.shape)
+    alike = modal_assurance(shapes, seen.shape)
     apart = np.abs(np.log(promised.frequency_hz[:, None] / measured.frequency_hz))
     pairs = pair_shapes(alike, apart)
     paired = tuple(
@@ -140,7 +140,7 @@ def pair_by_shape(
         for i, j in sorted(pairs.tolist())
     )
     straight = np.array([way in STRAIGHT for way in seen.direction])
-    units = warnings_on_frequencies_of_shapes(promised.frequency_hz, said, seen, straight)
+    units = warnings_on_frequencies_of_shapes(promised.frequency_hz, shapes, seen, straight)
     found = _of_the_survey(promised, measured, len(common), set(pairs[:, 1].tolist()))
     return paired, (*(f"{promised.environment}: {unit}" for unit in units), *found)
 
@@ -211,14 +211,14 @@ def _as_alike(promised: PromisedModes, index: int, mac: np.ndarray) -> str:
 def _of_the_survey(
     promised: PromisedModes, measured: MeasuredModes, common: int, paired: set[int]
 ) -> tuple[str, ...]:
-    said: list[str] = []
+    remarks: list[str] = []
     if common < len(measured.node):
         channels = f"{common} of {len(measured.node)} channels of the survey"
-        said.append(f"{promised.environment}: {channels} are in the promise")
-    said += [
+        remarks.append(f"{promised.environment}: {channels} are in the promise")
+    remarks += [
         f"{promised.environment}: the measured mode of {hz:.5g} Hz resembles none that was promised, and is"
         " not scored"
         for j, hz in enumerate(measured.frequency_hz.tolist())
         if j not in paired
     ]
-    return tuple(said)
+    return tuple(remarks)

@@ -87,11 +87,11 @@ def judge(statements: Sequence[Statement], outcomes: Sequence[Scored]) -> tuple[
     _each_once("statements", statements, "promise", "another name for one of them")
     for outcome in outcomes:
         if (outcome.kind, outcome.name) not in known:
-            said = ", ".join(name for kind, name in known if kind == outcome.kind)
+            names = ", ".join(name for kind, name in known if kind == outcome.kind)
             raise DataError(
                 f"the promise has no {outcome.kind} {outcome.name!r}",
                 where="outcome",
-                hint=f"one of {said}" if said else f"it has no {outcome.kind}",
+                hint=f"one of {names}" if names else f"it has no {outcome.kind}",
             )
     _each_once("outcomes", outcomes, "outcome", "one of each")
     return tuple(_verdict(known[o.kind, o.name], o) for o in outcomes)
@@ -118,14 +118,14 @@ def score(verdicts: Sequence[Verdict]) -> Score:
     )
 
 
-def _verdict(said: Statement, came: Scored) -> Verdict:
+def _verdict(statement: Statement, came: Scored) -> Verdict:
     lost = not came.stable or came.value is None
     value = np.inf if lost else float(came.value or 0.0)
-    cautious = said.cautious
+    cautious = statement.cautious
     return Verdict(
-        kind=said.kind,
-        name=said.name,
-        inside=bool(said.low <= value <= said.high),
-        brier=None if said.probability is None else (said.probability - float(came.stable)) ** 2,
+        kind=statement.kind,
+        name=statement.name,
+        inside=bool(statement.low <= value <= statement.high),
+        brier=None if statement.probability is None else (statement.probability - float(came.stable)) ** 2,
         pessimism=None if cautious is None or lost or not np.isfinite(cautious) else cautious - value,
     )

@@ -63,10 +63,10 @@ def around_sliders(plant: Plant, law: Compensator | None, wiring: SlipPorts, ord
     system = remove_delays(plant).system
     if law is None:
         return system.select(columns, rows)
-    late_s = float(plant.delay_s.max(initial=0.0))
+    delay_s = float(plant.delay_s.max(initial=0.0))
     delayed = law.system
-    if late_s > 0.0:
-        one = pade(late_s, order)
+    if delay_s > 0.0:
+        one = pade(delay_s, order)
         each = (np.asarray(sla.block_diag(*[getattr(one, k)] * len(law.outputs))) for k in "ABCD")
         delayed = series(delayed, StateSpace(*each))
     u, y = locate_ports(law, plant.inputs, plant.outputs)
@@ -191,13 +191,13 @@ def noise_response(
     if law is None or answer is None:
         return open_response[:, np.array(rows)[:, None], w]
     u, y = locate_ports(law, plant.inputs, plant.outputs)
-    late_s = float(plant.delay_s.max(initial=0.0))
+    delay_s = float(plant.delay_s.max(initial=0.0))
     reads, makes = np.array(y)[:, None], np.array(rows)[:, None]
     found = np.empty((len(frequency_hz), len(rows), len(w) + len(y)), dtype=complex)
     for first in range(0, len(found), LINES_AT_ONCE):
         piece = slice(first, first + LINES_AT_ONCE)
         G = open_response[piece]
-        K = answer[: len(found)][piece] * np.exp(-2j * np.pi * frequency_hz[piece] * late_s)[:, None, None]
+        K = answer[: len(found)][piece] * np.exp(-2j * np.pi * frequency_hz[piece] * delay_s)[:, None, None]
         # Commands, by what is read without the law and by its noise.
         commands = np.linalg.solve(np.eye(len(u)) - K @ G[:, reads, u], K)
         commands = np.concatenate([commands @ G[:, reads, w], commands], axis=2)

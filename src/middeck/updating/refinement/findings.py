@@ -66,23 +66,23 @@ def findings(refined: Refined) -> tuple[str, ...]:
     """A sentence for each warning before the refined article is used."""
     return (
         *(
-            f"{c.survey.name}: {said}"
+            f"{c.survey.name}: {warning}"
             for c in refined.compared
-            for said in warnings_on_survey_units(c.modes, c.survey.measured)
+            for warning in warnings_on_survey_units(c.modes, c.survey.measured)
         ),
         *_of_the_search(refined),
         *repeated_tests([c.survey for c in refined.compared], [c.test for c in refined.statics]),
         *_of_contradictions(refined),
         *_of_unknowns(refined),
         *_of_the_model(refined),
-        *(said for c in refined.compared for said in _of_unpaired(c)),
-        *(f"{c.survey.name}: {said}" for c in refined.compared for said in c.survey.measured.warnings),
+        *(warning for c in refined.compared for warning in _of_unpaired(c)),
+        *(f"{c.survey.name}: {warning}" for c in refined.compared for warning in c.survey.measured.warnings),
         *_of_responses(refined),
         *_of_damping(refined),
         *other_frequencies(refined),
         *(_mixing(c, some) for c in refined.compared if (some := left_open(c))),
         *_of_other_pairs(refined),
-        *(said for c in refined.compared for said in wrong_channels(c)),
+        *(warning for c in refined.compared for warning in wrong_channels(c)),
         *wrong_readings(refined),
     )
 
@@ -93,16 +93,16 @@ def _of_unpaired(c: Compared) -> Iterator[str]:
     for j in c.unpaired:
         hz = measured.frequency_hz[j]
         none = "has no partner by its frequency" if alike is None else "resembles none of the model's"
-        said = f"{c.survey.name}: the measured mode of {hz:.4g} Hz {none}"
+        mode = f"{c.survey.name}: the measured mode of {hz:.4g} Hz {none}"
         i = 0 if alike is None else int(np.argmax(np.where(free.omega > 0.0, alike[:, j], 0.0)))
         ours = free.frequency_hz[i]
         if alike is not None and alike[i, j] > SAME and max(hz / ours, ours / hz) > WINDOW:
             yield (
-                f"{said} within a factor of {WINDOW:g} in frequency and was left out: its shape is that of "
+                f"{mode} within a factor of {WINDOW:g} in frequency and was left out: its shape is that of "
                 f"the mode of {ours:.4g} Hz. Are frequencies in Hz, and of this article in this environment?"
             )
         else:
-            yield f"{said} and was left out"
+            yield f"{mode} and was left out"
 
 
 def _of_other_pairs(refined: Refined) -> Iterator[str]:
@@ -172,10 +172,10 @@ def _of_unknowns(refined: Refined) -> Iterator[str]:
     for group in together(refined):
         yield f"the tests determine a combination of {' and '.join(group)}, but not each of them"
     if fixed := fixed_inertias(refined):
-        yield _said_of(fixed)
+        yield _warn_of_inertias(fixed)
 
 
-def _said_of(fixed: FixedInertias) -> str:
+def _warn_of_inertias(fixed: FixedInertias) -> str:
     bodies = ", ".join(fixed.bodies[:NAMED]) + ", ..." * (len(fixed.bodies) > NAMED)
     reasons = ["the tests would fit better"] * fixed.fits
     if fixed.larger > LARGER:
@@ -227,16 +227,16 @@ def _of_responses(refined: Refined) -> Iterator[str]:
                 "joint that sticks makes others: leave the response out, or take friction out of the record "
                 "before the fit (identify --friction)"
             )
-    for heard in refined.responses:
-        if heard.miss > MISSED:
+    for r in refined.responses:
+        if r.miss > MISSED:
             yield (
-                f"{heard.survey}: the response is off by {heard.magnitude_db:.2g} dB and "
-                f"{heard.phase_deg:.2g} deg, {heard.miss:.1f} times what noise and the stated model error "
+                f"{r.survey}: the response is off by {r.magnitude_db:.2g} dB and "
+                f"{r.phase_deg:.2g} deg, {r.miss:.1f} times what noise and the stated model error "
                 "explain: its weight is reduced by that factor"
             )
-        for zero in heard.lost:
+        for zero in r.lost:
             yield (
-                f"{heard.survey}: the model has no anti-resonance from {zero.input} to {zero.output} near "
+                f"{r.survey}: the model has no anti-resonance from {zero.input} to {zero.output} near "
                 f"{zero.frequency_hz:.4g} Hz: the measured one was left out"
             )
 
@@ -244,7 +244,7 @@ def _of_responses(refined: Refined) -> Iterator[str]:
 def _of_damping(refined: Refined) -> Iterator[str]:
     with_losses = {d.survey.name for d in refined.damped}
     yield from (
-        said for c in refined.compared if c.survey.name not in with_losses for said in _of_undamped(c)
+        warning for c in refined.compared if c.survey.name not in with_losses for warning in _of_undamped(c)
     )
     if not refined.damped:
         return
@@ -272,7 +272,7 @@ def _of_damping(refined: Refined) -> Iterator[str]:
         )
     if joints := ", ".join(f.joint for f in refined.friction()):
         yield f"predicted modes are of the article without the friction of joints: {joints}"
-        yield from (said for c in refined.compared for said in _of_joints_taken_for_free(c, refined))
+        yield from (warning for c in refined.compared for warning in _of_joints_taken_for_free(c, refined))
     if not several:
         return
     size, known = refined.estimate.tau[-1], np.median(np.concatenate([d.std for d in several]))

@@ -362,9 +362,9 @@ def place_tests(
                 hint="one joint has one; what it may be is the spread of an unknown",
             )
     for k, unknown in enumerate(unknowns):
-        heard = [s.response.ports for s in surveys if s.response is not None]
+        responses = [s.response.ports for s in surveys if s.response is not None]
         rubbed = [f for s in surveys for f in s.friction]
-        elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in heard) or any(
+        elsewhere = any(loop_slopes([unknown.parameters], *ports).any[0] for ports in responses) or any(
             np.any(friction.moved_by([unknown.parameters])) for friction in rubbed
         )
         places = (*surveyed, *(place.loaded for place in loaded))

@@ -55,10 +55,12 @@ def wrong_channels(compared: Compared) -> tuple[str, ...]:
     rows = np.flatnonzero(~kept & wrong)
     odd = [r for r in rows if not _by_a_factor(shapes.read[r], moved[r])]
     odd = odd if len(odd) > ALONE else []
-    said = [
-        _said(compared, r, how_it_reads(shapes.read[r], moved[r], still[r])) for r in rows if r not in odd
+    warnings = [
+        _channel_warning(compared, r, how_it_reads(shapes.read[r], moved[r], still[r]))
+        for r in rows
+        if r not in odd
     ]
-    return (*said, *([_said_of_many(compared, odd)] if odd else []))
+    return (*warnings, *([_warning_on_many(compared, odd)] if odd else []))
 
 
 @record(kw_only=True)
@@ -107,12 +109,12 @@ class _Shapes:
         for k, own in enumerate(self.near):
             basis = self.motion[:, self.column[k, own]]
             # Where the model stands still, a deviation in parts of what is read is one of rounding.
-            told = kept & (np.linalg.norm(basis[:count], axis=1) > STILL * self.elsewhere(basis))
-            if np.count_nonzero(told) < 2 * basis.shape[1] + 1:
+            usable = kept & (np.linalg.norm(basis[:count], axis=1) > STILL * self.elsewhere(basis))
+            if np.count_nonzero(usable) < 2 * basis.shape[1] + 1:
                 return None
-            weight = 1.0 / self.std[told, k]
-            at = basis[:count][told]
-            parts = np.linalg.lstsq(weight[:, None] * at, weight * self.read[told, k], rcond=None)[0]
+            weight = 1.0 / self.std[usable, k]
+            at = basis[:count][usable]
+            parts = np.linalg.lstsq(weight[:, None] * at, weight * self.read[usable, k], rcond=None)[0]
             out[:, k] = basis @ parts
         return out
 
@@ -156,7 +158,7 @@ def how_it_reads(read: np.ndarray, moved: np.ndarray, still: float) -> str:
     return f"reads {by:.2g} times the model's motion there: its calibration or unit? The"
 
 
-def _said(compared: Compared, row: int, matter: str) -> str:
+def _channel_warning(compared: Compared, row: int, matter: str) -> str:
     measured = compared.survey.measured
     channel = f"channel {measured.node[row]} {measured.direction[row]}"
     return (
@@ -165,7 +167,7 @@ def _said(compared: Compared, row: int, matter: str) -> str:
     )
 
 
-def _said_of_many(compared: Compared, rows: Sequence[int]) -> str:
+def _warning_on_many(compared: Compared, rows: Sequence[int]) -> str:
     measured = compared.survey.measured
     some = ", ".join(f"{measured.node[r]} {measured.direction[r]}" for r in rows[:SHOWN])
     more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""

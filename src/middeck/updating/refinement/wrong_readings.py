@@ -26,12 +26,12 @@ def wrong_readings(refined: Refined) -> tuple[str, ...]:
     # What is far off draws the model along, so that the others no longer agree with it.
     values = [np.concatenate([c.value for c in statics]), np.concatenate(refined.before)]
     right = RIGHT if refined.converged else FAR_OFF
-    said = (
+    warnings = (
         _off_alone(what, names, read, value / scale, whole, std, right)
         for value in values
         for what, names in (("gauge", gauges), ("test", tests))
     )
-    return tuple(itertools.islice(filter(None, said), 1))
+    return tuple(itertools.islice(filter(None, warnings), 1))
 
 
 def _lengths(c: ComparedStatic) -> np.ndarray:

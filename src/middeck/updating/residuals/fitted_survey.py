@@ -70,10 +70,10 @@ def survey_from_fit(
     sensors = [_find_sensor(structure, p.name) for p in model.outputs]
     actuators = [_find_actuator(structure, p.name) for p in model.inputs]
     std = uncertainty_of(covariance)
-    kept, said = _kept(covariance, standing, std.natural_hz)
+    kept, left_out = _kept(covariance, standing, std.natural_hz)
     if not kept:
         raise DataError(
-            f"the fit has no mode to be sure of: {'; '.join(said) or 'it has no pair of poles'}",
+            f"the fit has no mode to be sure of: {'; '.join(left_out) or 'it has no pair of poles'}",
             where="fitted modes",
             hint="take friction out of the record, more states, or a longer record",
         )
@@ -90,7 +90,7 @@ def survey_from_fit(
         frequency_std_hz=np.hypot(std.natural_hz[index], LEAST * hz),
         damping_std=_finite(std.damping[index]),
         shape_std=np.stack([deviation for _, deviation in shapes], axis=1)[channel],
-        warnings=tuple(said),
+        warnings=tuple(left_out),
     )
 
 
@@ -101,7 +101,7 @@ def _kept(
     model = covariance.model
     hz, zeta, clear = natural_hz(model), damping_ratio(model), mode_significance(covariance) >= DOUBTFUL
     kept: list[int] = []
-    said: list[str] = []
+    left_out: list[str] = []
     for m in sorted(distinct_poles(model), key=lambda m: hz[m]):
         why = (
             "is a real pole"
@@ -117,10 +117,10 @@ def _kept(
             else ""
         )
         if why:
-            said.append(f"the pole at {hz[m]:.4g} Hz {why}: left out")
+            left_out.append(f"the pole at {hz[m]:.4g} Hz {why}: left out")
         else:
             kept.append(m)
-    return kept, said
+    return kept, left_out
 
 
 def _shape(

@@ -86,12 +86,12 @@ class MeasuredResponse:
         if isinstance(self.response, ModelCovariance) and not (self.band_hz and self.band_hz[0] > 0.0):
             yield "a fitted response without its band", "band_hz, from above 0"
         for zero in self.anti_resonances:
-            if (zero.output, zero.input) in self._heard:
+            if (zero.output, zero.input) in self._measured_pairs:
                 what = f"the response from {zero.input} to {zero.output} is given"
                 yield f"{what}, its anti-resonances again", "either"
 
     @property
-    def _heard(self) -> list[tuple[str, str]]:
+    def _measured_pairs(self) -> list[tuple[str, str]]:
         """Output and input of each path of the response."""
         if self.response is None:
             return []
@@ -101,7 +101,7 @@ class MeasuredResponse:
     @property
     def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Names of inputs and outputs, each once."""
-        paths = [*self._heard, *((z.output, z.input) for z in self.anti_resonances)]
+        paths = [*self._measured_pairs, *((z.output, z.input) for z in self.anti_resonances)]
         return tuple(dict.fromkeys(i for _, i in paths)), tuple(dict.fromkeys(o for o, _ in paths))
 
     @property
@@ -137,8 +137,8 @@ def measured_paths(test: MeasuredResponse) -> tuple[MeasuredPath, ...]:
     if test.response is None:
         return ()
     if isinstance(test.response, ModelCovariance):
-        return tuple(_heard_only(path) for path in _fitted(test, test.response))
-    return tuple(_heard_only(path) for path in _measured(test, test.response))
+        return tuple(_without_noisy_lines(path) for path in _fitted(test, test.response))
+    return tuple(_without_noisy_lines(path) for path in _measured(test, test.response))
 
 
 def _measured(test: MeasuredResponse, response: FrequencyResponse) -> list[MeasuredPath]:
@@ -187,10 +187,10 @@ def _fitted(test: MeasuredResponse, known: ModelCovariance) -> list[MeasuredPath
     return found
 
 
-def _heard_only(path: MeasuredPath) -> MeasuredPath:
+def _without_noisy_lines(path: MeasuredPath) -> MeasuredPath:
     off = np.hypot(path.noise, np.linalg.norm(path.common, axis=1))
-    heard = np.isfinite(path.H) & np.isfinite(off) & (off < NOISY * np.abs(path.H))
-    rows = {name: getattr(path, name)[heard] for name in ("hz", "H", "noise", "common")}
+    clear = np.isfinite(path.H) & np.isfinite(off) & (off < NOISY * np.abs(path.H))
+    rows = {name: getattr(path, name)[clear] for name in ("hz", "H", "noise", "common")}
     return dataclasses.replace(path, **rows)
 
 

@@ -43,7 +43,7 @@ SHAPE_STD = 0.05
 # Modes whose frequencies differ by less than this, in logarithms, are neighbours that a small change may mix.
 NEIGHBOURS = 0.15
 # Relative uncertainty of parts of a measured shape beyond which the channels do not determine them.
-TOLD = 0.25
+DETERMINED = 0.25
 # Shapes that differ by less than this part of themselves at all channels are one to rounding.
 SAME = 1e-10
 
@@ -174,9 +174,9 @@ def left_open(compared: Compared) -> tuple[tuple[float, float], ...]:
     """Frequencies [Hz] of measured neighbours whose mixing the survey's shapes leave open."""
     column = compared.paired.column
     near = neighbours(compared.modes, column)
-    said = compared.rows[len(compared.pairs) :]
+    resolved = compared.rows[len(compared.pairs) :]
     hz = compared.survey.measured.frequency_hz[compared.pairs[:, 1]]
-    known = {(int(a), int(i)) for a, i in said}
+    known = {(int(a), int(i)) for a, i in resolved}
     return tuple(
         (float(hz[a]), float(hz[b]))
         for a, b in zip(*np.nonzero(np.triu(near)), strict=True)
@@ -331,7 +331,7 @@ def _mixtures(
         weight, basis = 1.0 / std[:, a], read[:, column[k]]
         for own in (np.arange(count), np.flatnonzero(near[k])):
             part = _parts(weight[:, None] * basis[:, own], weight * shape[:, a], own == k)
-            if part is not None and part[1][near[k, own]].max() <= TOLD:
+            if part is not None and part[1][near[k, own]].max() <= DETERMINED:
                 c[k, own], c_std[k, own] = part
                 break
     return c, c_std

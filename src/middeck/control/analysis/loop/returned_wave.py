@@ -65,10 +65,10 @@ def returned_wave(loop: FeedbackLoop) -> ReturnedWave | None:
     if loop.plant.period_s is not None or not loop.plant.delayed:
         return None
     through, law = remove_delays(loop.plant).system.D, loop.law.D
-    late = np.unique(loop.plant.delay_s[through != 0.0])
-    if not np.any(law @ through) or not late.max():
+    delays = np.unique(loop.plant.delay_s[through != 0.0])
+    if not np.any(law @ through) or not delays.max():
         return None
-    common_s = common_time(late[late > 0.0])
+    common_s = common_time(delays[delays > 0.0])
     if common_s is None:
         return None
     multiples = np.where(through != 0.0, np.round(loop.plant.delay_s / common_s), 0.0)

@@ -45,33 +45,33 @@ def delayed_channels(
     """
     path, period = moved_part(FeedbackLoop(path, loop.law)).plant, float(loop.period_s or 0.0)
     halves, system, now = approximate_halves(loop), remove_delays(path).system, closed_ratio(loop, at)
-    late, z, (ny, nu) = path.delay_s / period, np.exp(1j * lines * period), system.D.shape
+    delay, z, (ny, nu) = path.delay_s / period, np.exp(1j * lines * period), system.D.shape
     found: list[DelayedChannel] = []
 
-    def add(paths: StateSpace, late: np.ndarray, closed: LinearSystem) -> None:
+    def add(paths: StateSpace, delay: np.ndarray, closed: LinearSystem) -> None:
         k = len(found)
         found.append(
-            _channel(paths, late, _remembered(resolve(closed), z), lambda s: now(s)[:, k], z, period)
+            _channel(paths, delay, _remembered(resolve(closed), z), lambda s: now(s)[:, k], z, period)
         )
 
     for i in range(nu) if at != "outputs" else ():
         closed = close_channels(halves, [i]).select(range(nu, nu + ny), [i])
-        add(system.select([i], range(ny)), late[:, i], closed)
+        add(system.select([i], range(ny)), delay[:, i], closed)
     for o in range(ny) if at != "inputs" else ():
         closed = close_channels(halves, [nu + o]).select([nu + o], range(nu))
-        add(dual(system.select(range(nu), [o])), late[o], closed)
+        add(dual(system.select(range(nu), [o])), delay[o], closed)
     return found
 
 
 def _channel(
     paths: StateSpace,
-    late: Float[np.ndarray, " path"],
+    delay: Float[np.ndarray, " path"],
     back: Resolvent,
     now: Resolvent,
     z: Complex[np.ndarray, " line"],
     period: float,
 ) -> DelayedChannel:
-    """From one input through ``paths``, ``late`` by samples, and ``back``; ``now`` is L without a delay more.
+    """One input through ``paths``, ``delay`` in samples, and ``back``; ``now`` is L without a delay more.
 
     Of a measurement the paths are transposed.
     """
@@ -80,7 +80,7 @@ def _channel(
     states = _remembered(resolve(held), z)
 
     def delayed(part: float) -> Callable[[np.ndarray], np.ndarray]:
-        samples = tidy_samples(late + part)
+        samples = tidy_samples(delay + part)
         whole = np.ceil(samples)
         C, D = paths.C.copy(), paths.D[:, 0].copy()
         for o in np.flatnonzero(whole > samples):

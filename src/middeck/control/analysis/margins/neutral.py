@@ -29,16 +29,16 @@ def bears_no_delay(loop: FeedbackLoop, at: At) -> Bool[np.ndarray, " channel"]:
     if loop.plant.period_s is not None:
         return np.zeros(count, dtype=bool)
     through, law = remove_delays(loop.plant).system.D, loop.law.D
-    late = loop.plant.delay_s[through != 0.0]
-    if not late.size or not np.any(law):
+    delays = loop.plant.delay_s[through != 0.0]
+    if not delays.size or not np.any(law):
         return np.zeros(count, dtype=bool)
     around = [law @ through] if at == "inputs" else [through @ law]
     around = [law @ through, through @ law] if at == "both" else around
     gain = [
-        _gain_alone(P, i) if not np.any(late) else _most_turned(P, i)
+        _gain_alone(P, i) if not np.any(delays) else _most_turned(P, i)
         for P in around
         for i in range(len(P))
-    ] if np.all(late == late[0]) else [0.0] * count  # fmt: skip
+    ] if np.all(delays == delays[0]) else [0.0] * count  # fmt: skip
     return np.array([g >= 1.0 - AT_ONE for g in gain], dtype=bool)
 
 

@@ -68,14 +68,14 @@ def _phase(
     loop: FeedbackLoop, halves: Halves, order: int
 ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """f / f_n of size one, and its phase where both loops are small."""
-    late = loop.plant.delay_s
+    delay_s = loop.plant.delay_s
 
     def evaluate(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         G, K = halves(s)
         identity = np.eye(K.shape[1])
         exact = identity - K @ G
-        smoothed = evaluate_approximation(late, order, s)
-        near = identity - K @ (G * np.exp(s[:, None, None] * late) * smoothed)
+        smoothed = evaluate_approximation(delay_s, order, s)
+        near = identity - K @ (G * np.exp(s[:, None, None] * delay_s) * smoothed)
         ratio = np.linalg.slogdet(exact)[0] * np.conj(np.linalg.slogdet(near)[0])
         away = [np.angle(np.linalg.eigvals(M[-1])).sum() for M in (exact, near)]
         return ratio, np.full(len(s), away[0] - away[1])
@@ -93,8 +93,8 @@ def _wall_lines(
     top = _where_small(halves, wall, high, direct_gain(loop))
     centre, width = np.abs(np.imag(roots)), np.abs(np.real(roots) - wall)
     beside = centre[:, None] + width[:, None] * np.concatenate([-HALF_WIDTHS, HALF_WIDTHS])
-    late = float(loop.plant.delay_s.max())
-    waves = np.arange(1, min(int(2.0 * top * late) + 1, MOST_DELAY_LINES)) * 0.5 / late
+    longest = float(loop.plant.delay_s.max())
+    waves = np.arange(1, min(int(2.0 * top * longest) + 1, MOST_DELAY_LINES)) * 0.5 / longest
     lines = np.geomspace(low, top, int(PER_DECADE * np.log10(top / low)) + 2)
     omega = np.unique(np.concatenate([[0.0], lines, beside.ravel(), waves]))
     return omega[(omega >= 0.0) & (omega <= top)]
@@ -121,10 +121,10 @@ def direct_gain(loop: FeedbackLoop) -> float:
     if not loop.plant.delayed:
         return 0.0
     through, law = remove_delays(loop.plant).system.D, loop.law.D
-    late = loop.plant.delay_s[through != 0.0]
-    if not np.any(late):
+    delays = loop.plant.delay_s[through != 0.0]
+    if not np.any(delays):
         return 0.0
-    alike = bool(np.all(late == late[0]))
+    alike = bool(np.all(delays == delays[0]))
     if not alike:
         through, law = np.abs(through), np.abs(law)
     gain = float(np.abs(np.linalg.eigvals(law @ through)).max(initial=0.0))

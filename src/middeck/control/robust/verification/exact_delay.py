@@ -53,15 +53,15 @@ def _corrected(plant: Plant, law: Law, poles: Complex[np.ndarray, " pole"]) -> C
     active = remove_delays(partition_modes(plant).active)
     system = active.system
     u, y = active.input_indices(active.u), active.output_indices(active.y)
-    late = plant.delay_s[np.ix_(y, u)]
+    delay_s = plant.delay_s[np.ix_(y, u)]
     G = system.A, system.B[:, u], system.C[y], system.D[np.ix_(y, u)]
     root, near = poles.copy(), np.ones(len(poles), dtype=bool)
     for _ in range(NEWTON_STEPS):
         try:
             g, dg = _transfer(*G, root)
             k, dk = _transfer(law.A, law.B, law.C, np.zeros((len(u), len(y))), root)
-            delay = np.exp(-root[:, None, None] * late)
-            g, dg = g * delay, (dg - late * g) * delay
+            delay = np.exp(-root[:, None, None] * delay_s)
+            g, dg = g * delay, (dg - delay_s * g) * delay
             loop = np.eye(len(u)) - k @ g
             # d log det M / ds = tr(M^-1 M'); the step of Newton is minus its inverse.
             slope = np.trace(np.linalg.solve(loop, -(dk @ g + k @ dg)), axis1=1, axis2=2)

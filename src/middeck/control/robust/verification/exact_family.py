@@ -123,8 +123,8 @@ def measure_in_family(
 
 def _path(modal: ModalSystem, delay_s: np.ndarray, rows: Sequence[int], columns: Sequence[int]) -> Resolvent:
     """Some rows and columns with their delays."""
-    evaluate, late = transfer_of(_part(modal, rows, columns)), delay_s[np.ix_(rows, columns)]
-    return lambda s: evaluate(s) * np.exp(-s[:, None, None] * late)
+    evaluate, delay = transfer_of(_part(modal, rows, columns)), delay_s[np.ix_(rows, columns)]
+    return lambda s: evaluate(s) * np.exp(-s[:, None, None] * delay)
 
 
 def _part(modal: ModalSystem, rows: Sequence[int], columns: Sequence[int]) -> ModalSystem:
@@ -154,10 +154,10 @@ def _poles_of(modal: ModalSystem, rows: Sequence[int], columns: Sequence[int]) -
 
 
 def _growing(
-    plant: _Poles, late: np.ndarray, known: FamilyLaw, path: Resolvent, most_lines: int
+    plant: _Poles, delay_s: np.ndarray, known: FamilyLaw, path: Resolvent, most_lines: int
 ) -> tuple[int, Float[np.ndarray, " line"]] | None:
     """Number of roots right of the axis, and edges of panels; None where lines run out or come too close."""
-    top = _small_beyond(plant, late, known.law)
+    top = _small_beyond(plant, delay_s, known.law)
     if top is None:
         return None
     omega = _first_lines(np.concatenate([plant.poles, known.law.poles]), top)
@@ -168,9 +168,9 @@ def _growing(
     for _ in range(ROUNDS):
         at = np.flatnonzero(~safe)
         width = omega[at + 1] - omega[at]
-        bent = 0.125 * width**2 * _most_bent(plant, late, known.law, omega[at], omega[at + 1])
+        bent = 0.125 * width**2 * _most_bent(plant, delay_s, known.law, omega[at], omega[at + 1])
         turn = np.linalg.norm(back[at] @ (loop[at + 1] - loop[at]), axis=(1, 2))
-        need = (turn + np.linalg.norm(back[at], axis=(1, 2)) * bent) * late.shape[1] / RHO
+        need = (turn + np.linalg.norm(back[at], axis=(1, 2)) * bent) * delay_s.shape[1] / RHO
         safe[at[need <= 1.0]] = True
         rough, pieces = at[need > 1.0], np.clip(np.ceil(np.sqrt(need[need > 1.0])), 2, SPLIT).astype(int)
         if not len(rough):
@@ -212,13 +212,13 @@ def _returned(path: Resolvent, law: Resolvent, omega: np.ndarray) -> Complex[np.
 
 
 def _most_bent(
-    plant: _Poles, late: np.ndarray, law: _Poles, low: np.ndarray, high: np.ndarray
+    plant: _Poles, delay_s: np.ndarray, law: _Poles, low: np.ndarray, high: np.ndarray
 ) -> Float[np.ndarray, " interval"]:
     """A bound of the second derivative of K G between lines, from residues over powers of the distances."""
-    g, dg, ddg = (x.reshape(len(low), *late.shape) for x in _sizes(plant, low, high))
-    k, dk, ddk = (x.reshape(len(low), *late.shape[::-1]) for x in _sizes(law, low, high))
+    g, dg, ddg = (x.reshape(len(low), *delay_s.shape) for x in _sizes(plant, low, high))
+    k, dk, ddk = (x.reshape(len(low), *delay_s.shape[::-1]) for x in _sizes(law, low, high))
     g = g + plant.direct
-    g, dg, ddg = g, dg + late * g, ddg + 2.0 * late * dg + late**2 * g
+    g, dg, ddg = g, dg + delay_s * g, ddg + 2.0 * delay_s * dg + delay_s**2 * g
     return np.linalg.norm(ddk @ g + 2.0 * dk @ dg + k @ ddg, axis=(1, 2))
 
 
@@ -231,13 +231,13 @@ def _sizes(of: _Poles, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, n
     return near @ of.size, square @ of.size, 2.0 * (square * near) @ of.size
 
 
-def _small_beyond(plant: _Poles, late: np.ndarray, law: _Poles) -> float | None:
+def _small_beyond(plant: _Poles, delay_s: np.ndarray, law: _Poles) -> float | None:
     """Frequency above which K G is smaller than one half, so that f keeps to the right of one half."""
     top = 2.0 * float(np.abs(np.concatenate([plant.poles, law.poles])).max())
     for _ in range(ROUNDS):
         ends = np.array([top]), np.array([np.inf])
         g, k = (_sizes(of, *ends)[0].reshape(-1, *shape) for of, shape in
-                ((plant, late.shape), (law, late.shape[::-1])))  # fmt: skip
+                ((plant, delay_s.shape), (law, delay_s.shape[::-1])))  # fmt: skip
         if np.linalg.norm(k[0] @ (g[0] + plant.direct)) < SMALL:
             return top
         top *= 2.0

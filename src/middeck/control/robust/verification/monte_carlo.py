@@ -146,10 +146,10 @@ def _require_ports(plant: Plant, compensator: Compensator) -> None:
 
 def _uncontrolled(plant: Plant, weights: LQGWeights) -> Plant:
     """The plant from w to z without the delays common to all paths of an output."""
-    late = np.zeros_like(plant.delay_s)
+    delay_s = np.zeros_like(plant.delay_s)
     kept = np.ix_(plant.output_indices(plant.z), plant.input_indices(weights.disturbed))
-    late[kept] = plant.delay_s[kept] - plant.delay_s[kept].min(axis=1, keepdims=True, initial=np.inf)
-    return dataclasses.replace(plant, delay_s=late)
+    delay_s[kept] = plant.delay_s[kept] - plant.delay_s[kept].min(axis=1, keepdims=True, initial=np.inf)
+    return dataclasses.replace(plant, delay_s=delay_s)
 
 
 def uncontrolled_rms(
@@ -279,8 +279,8 @@ def _model(plant: Plant, order: int, weights: LQGWeights) -> GeneralizedPlant:
 
 def _small_above(plants: Sequence[Plant], law: StateSpace, turning: float) -> list[bool]:
     """Loops whose gain above their plant's modes is so small that no phase there decides stability."""
-    late = [p for p in plants if p.delayed]
-    low = min((_top(p) for p in late), default=turning)
+    delayed = [p for p in plants if p.delayed]
+    low = min((_top(p) for p in delayed), default=turning)
     if turning <= low:
         return [False] * len(plants)
     with warnings.catch_warnings():

@@ -84,9 +84,9 @@ def _is_known(plant: Plant, law: Compensator) -> bool:
 
 
 def _sampled_loop(plant: Plant, law: SampledStateSpace, weights: LQGWeights, period: float) -> _SampledLoop:
-    active, late = delay_at_the_hold(plant, period)
+    active, held_delay = delay_at_the_hold(plant, period)
     active = partition_modes(active).active
-    held = sample_dynamics(subsystem(active, active.u, (*active.z, *active.y)), period, late)
+    held = sample_dynamics(subsystem(active, active.u, (*active.z, *active.y)), period, held_delay)
     noise = subsystem(active, weights.disturbed, active.y)
     n, size = len(noise.A), len(held.A)
     Q = np.zeros((size, size))
@@ -129,15 +129,15 @@ def delay_at_the_hold(plant: Plant, period_s: float) -> tuple[Plant, float]:
     """
     if not plant.delayed:
         return plant, 0.0
-    late = plant.delay_s.copy()
+    delay_s = plant.delay_s.copy()
     rows, columns = plant.output_indices(plant.y), plant.input_indices(plant.u)
     shared = sorted(set(plant.y) & set(plant.z)), sorted(set(plant.u) & set(plant.w))
-    of_y = 0.0 if shared[0] else float(late[rows].min(initial=np.inf))
-    late[rows] -= of_y
-    of_u = 0.0 if shared[1] else float(late[:, columns].min(initial=np.inf))
-    late[:, columns] -= of_u
+    of_y = 0.0 if shared[0] else float(delay_s[rows].min(initial=np.inf))
+    delay_s[rows] -= of_y
+    of_u = 0.0 if shared[1] else float(delay_s[:, columns].min(initial=np.inf))
+    delay_s[:, columns] -= of_u
     grid = GRID * period_s
-    rest = dataclasses.replace(plant, delay_s=np.maximum(grid * np.round(late / grid), 0.0))
+    rest = dataclasses.replace(plant, delay_s=np.maximum(grid * np.round(delay_s / grid), 0.0))
     return approximate_delays(rest, pade_order(phase_of_modes(rest))), of_y + of_u
 
 

@@ -57,7 +57,7 @@ def write_documents(name: str, settled: StandingDeck, components: Mapping[str, C
     basis, parts, standing = settled.basis, settled.parts, settled.standing
     sets = LoadSets(basis, parts, standing, settled.ground)
     cases = sets.cases(basis.units)
-    members, told = _members(basis, parts, standing)
+    members, member_notes = _members(basis, parts, standing)
     points, bushings, grounds = spring_tables(basis, parts, standing)
     single, scalars = scalar_tables(basis, parts)
     clamps = ground_clamps(basis, parts, standing)
@@ -78,7 +78,7 @@ def write_documents(name: str, settled: StandingDeck, components: Mapping[str, C
         environment=_filled({"schema": 1, "name": f"{name}-supports"} | environment),
         coordinates=6 * len(members["node"]) + len(single.nodes) + modal,
         clamped=len(clamps),
-        notes=[*told, *scalars, *unheld, *gravity],
+        notes=[*member_notes, *scalars, *unheld, *gravity],
         refused=sets.refused,
     )
 

@@ -61,5 +61,5 @@ def _points(names: list[str]) -> str:
     """Grids and scalar points by number."""
     scalars = [name[1:] for name in names if name[0] == "s"]
     grids = [name for name in names if name[0] != "s"]
-    said = [f"grid {some_names(grids)}"] if grids else []
-    return " and ".join([*said, *([f"scalar point {some_names(scalars)}"] if scalars else [])])
+    named = [f"grid {some_names(grids)}"] if grids else []
+    return " and ".join([*named, *([f"scalar point {some_names(scalars)}"] if scalars else [])])

@@ -134,13 +134,13 @@ class LoadSets:
         down = self.down()
         there = any(entry.name == "GRAV" for entry in self.entries)
         has = "GRAV of several directions" if there else "no GRAV, which would tell the vertical"
-        says = (
+        source = (
             f"the deck has {has}"
             if down is None
             else f"down is {down.round(6).tolist()} by a GRAV that is not selected"
         )
         return (
-            f"{says}: in an environment gravity acts along -y unless [constants] has a gravity_direction, "
+            f"{source}: in an environment gravity acts along -y unless [constants] has a gravity_direction, "
             "such as [0.0, 0.0, -1.0] for z up"
         )
 

@@ -124,8 +124,8 @@ def _moved(part: Component, by: np.ndarray, units: Units) -> Iterator[str]:
     """A note on a component that all its grids take elsewhere."""
     if np.any(by):
         rounding = NEAR * max(np.abs(by).max(), np.abs(part.positions).max())
-        said = ", ".join(f"{x:.6g}" for x in np.where(np.abs(by) > rounding, by, 0.0) / units.length)
-        yield f"{part.name} is moved by ({said}) ({units.name}) to the grids that it is joined to"
+        listed = ", ".join(f"{x:.6g}" for x in np.where(np.abs(by) > rounding, by, 0.0) / units.length)
+        yield f"{part.name} is moved by ({listed}) ({units.name}) to the grids that it is joined to"
 
 
 def _bridged(part: Component, units: Units) -> Iterator[str]:

@@ -31,10 +31,10 @@ def as_printed(part: Component, rounding: np.ndarray | None) -> Component:
     moved, left = _moves_by_stiffness(part)
     size = np.abs(part.positions).max()
     if left < CAUSE and LARGE * size < np.abs(moved).max() <= NEAR * size:
-        told = dataclasses.replace(part, positions=part.positions + moved, offsets=moved)
-        free = None if rounding is None else _free(told, rounding)
+        placed = dataclasses.replace(part, positions=part.positions + moved, offsets=moved)
+        free = None if rounding is None else _free(placed, rounding)
         try:
-            return require_component(free or told)
+            return require_component(free or placed)
         except ConfigError:  # its faults are others
             pass
     return require_component(part)

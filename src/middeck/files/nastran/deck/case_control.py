@@ -140,8 +140,8 @@ def _unlike(cases: dict[int | None, dict[str, _Choice]]) -> list[DocumentFault]:
         chosen = {name: case.get(command) for name, case in cases.items()}
         if len({c and c.value for c in chosen.values()}) > 1:
             first = next(c for c in chosen.values() if c is not None)
-            said = ", ".join(f"{c.value if c else 'none'} in {name}" for name, c in chosen.items())
-            message = f"subcases select different ones, {said}: each is another structure"
+            listed = ", ".join(f"{c.value if c else 'none'} in {name}" for name, c in chosen.items())
+            message = f"subcases select different ones, {listed}: each is another structure"
             hint = f"name one with --subcase: {_listed(cases)}"
             faults.append(fault_on(first.line, command, message, hint=hint))
     return faults

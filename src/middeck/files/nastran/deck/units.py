@@ -95,10 +95,10 @@ def warnings_on_modulus(units: Units, E: float) -> str:
     found = E * units.force / units.length**2
     if E <= 0.0 or YOUNG[0] <= found <= YOUNG[1] or abs(math.remainder(math.log10(E), 1.0)) < ROUNDING:
         return ""
-    said = f"a Young's modulus of {found:.4g} Pa, which nothing has that is built with"
+    message = f"a Young's modulus of {found:.4g} Pa, which nothing has that is built with"
     others = [(u, E * u.force / u.length**2) for u in map(parse_units, COMMON)]
     better = [(u, e) for u, e in others if BUILT[0] <= e <= BUILT[1]]
-    return said + (f"; in {better[0][0].name} it is {better[0][1]:.4g} Pa" if better else "")
+    return message + (f"; in {better[0][0].name} it is {better[0][1]:.4g} Pa" if better else "")
 
 
 def _plausible(units: Units, materials: Sequence[tuple[float, float]], size: float) -> bool:

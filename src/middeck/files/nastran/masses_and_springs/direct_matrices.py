@@ -46,18 +46,18 @@ def direct_ties(lone: Lone, places: GridPlaces, faults: list[DocumentFault]) -> 
                 refusal = _few if _is_noise(K, about) else _no_sum
                 faults.append(refusal(lone, f"what grids {a} and {b} do to each other"))
                 return []
-            told = _told(K, about)[0]
-            if np.any(np.abs(0.5 * (K + K.T) - told) > LEFT * np.outer(lone.size(j), lone.size(j))):
+            certain = _certain_part(K, about)[0]
+            if np.any(np.abs(0.5 * (K + K.T) - certain) > LEFT * np.outer(lone.size(j), lone.size(j))):
                 faults.append(_few(lone, f"what grids {a} and {b} do to each other"))
                 return []
             own[i] -= carried.T @ K @ carried
             own[j] -= K
             doubt[i] += known @ np.abs(carried)
             doubt[j] += about
-            if np.any(told):
-                found.append(_tie(lone, (a, b), (places.grids[b],) * 2, told))
+            if np.any(certain):
+                found.append(_tie(lone, (a, b), (places.grids[b],) * 2, certain))
     for k, grid in enumerate(grids):
-        ground, lowest = _told(own[k], doubt[k])
+        ground, lowest = _certain_part(own[k], doubt[k])
         size = np.outer(lone.size(k), lone.size(k))
         if np.any(np.abs(own[k] - ground) > LEFT * size):
             few = lowest >= -1.0 or _is_stiffness(own[k], lone.size(k))
@@ -74,7 +74,7 @@ def _sizes(lone: Lone, places: GridPlaces, row: int, column: int) -> np.ndarray:
     return np.abs(left) @ np.abs(left.T @ lone.block(row, column) @ right) @ np.abs(right.T)
 
 
-def _told(rest: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, float]:
+def _certain_part(rest: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, float]:
     """The part of ``rest`` that is a stiffness beyond ``doubt``, and its lowest value over that."""
     values, vectors, noise = _over(rest, doubt)
     kept = np.where(values > max(1.0, -NOISE * values[0]), values, 0.0)
@@ -139,12 +139,12 @@ def _tie(lone: Lone, grids: tuple[int, ...], points: tuple[np.ndarray, ...], K: 
 
 def _no_sum(lone: Lone, what: str) -> DocumentFault:
     hint = "M2GG beside it, or the matrix of a part that is no reduction"
-    said = f"a stiffness without a mass is converted as bushings, and {what} is no stiffness"
-    return lone.entry.fault(said, hint=hint)
+    message = f"a stiffness without a mass is converted as bushings, and {what} is no stiffness"
+    return lone.entry.fault(message, hint=hint)
 
 
 def _few(lone: Lone, what: str) -> DocumentFault:
     """The fault for an entry that could be rounding or a spring."""
     hint = "print it as 16.9E or more, and it and the grids in large fields"
-    said = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"
-    return lone.entry.fault(said, hint=hint)
+    message = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"
+    return lone.entry.fault(message, hint=hint)

@@ -79,11 +79,11 @@ def member_parts(structure: Structure) -> tuple[str, ...]:
     ]
     sections = [STATION.sub("", m.section_name) if m.stations else m.section_name for m in structure.members]
     groups = [stems, sections]
-    told = [
+    distinct = [
         g for g in groups if 1 < len(set(g)) < len(g) and max(Counter(g).values()) < MOST * len(g) and all(g)
     ]
-    if told:
-        return tuple(max(told, key=lambda g: len(set(g))))
+    if distinct:
+        return tuple(max(distinct, key=lambda g: len(set(g))))
     lines = straight_lines(structure)
     if len(set(lines)) == 1:
         return tuple(names)

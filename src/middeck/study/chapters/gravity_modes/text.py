@@ -12,11 +12,11 @@ def figure_3(figures: Numbers) -> str:
     """The shape under gravity."""
     lab = figures["figure_4"]["lab"]
     loads, torques = lab["reactions_n"], lab["holding_torque_nm"]
-    said = [f"its cables carry {fixed(sum(loads.values()), 1)} N"] if loads else []
+    facts = [f"its cables carry {fixed(sum(loads.values()), 1)} N"] if loads else []
     if torques:
         joint, torque = max(torques.items(), key=lambda item: abs(item[1]))
-        said.append(f"the gimbal motor {joint} has to hold {fixed(torque, 2)} N m")
-    where = f", where {' and '.join(said)}" if said else ""
+        facts.append(f"the gimbal motor {joint} has to hold {fixed(torque, 2)} N m")
+    where = f", where {' and '.join(facts)}" if facts else ""
     return f"The article as it floats in 0-g and as it {'hangs' if loads else 'stands'} in 1-g{where}."
 
 
@@ -44,7 +44,7 @@ def figure_5(figures: Numbers) -> str:
     pairs = np.array(figures["figure_4"]["pairs"], dtype=int).reshape(-1, 2)
     sides = [figures["figure_4"][side]["kind"] for side in ("orbit", "lab")]
     rigid, hung = ([i for i, k in enumerate(kinds) if k != "flexible"] for kinds in sides)
-    said = "Without gravity and suspension the matrix would be diagonal."
+    ideal = "Without gravity and suspension the matrix would be diagonal."
     parts = []
     if rigid and hung:
         mixed = int(np.count_nonzero(matrix[np.ix_(rigid, hung)] > COUPLED))
@@ -54,7 +54,7 @@ def figure_5(figures: Numbers) -> str:
         )
     if len(pairs) > 1:
         parts.append(_flexible_couplings(matrix, pairs))
-    return said + "".join(parts)
+    return ideal + "".join(parts)
 
 
 def _flexible_couplings(matrix: np.ndarray, pairs: np.ndarray) -> str:

@@ -177,7 +177,7 @@ def _frequencies(promised: Promise, sheet: Modes, truth: Modes) -> FlexibleHz:
 
 def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list[Scored]:
     """Outcomes of what was promised: modes that can be paired, and compensators."""
-    said, index = {o.name for o in promised.outlooks}, promised.modes.index
+    named, index = {o.name for o in promised.outlooks}, promised.modes.index
     true = _true_pairs(promised.modes.modes, truth, index)
     modes = [
         Scored(kind="mode", name=name_of_mode("orbit", number), value=true[i])
@@ -192,7 +192,7 @@ def _outcomes(promised: Promise, truth: Modes, flown: tuple[Flown, ...]) -> list
             stable=one.stable,
         )
         for one in flown
-        if one.name in said
+        if one.name in named
     ]
     return [*modes, *loops]
 

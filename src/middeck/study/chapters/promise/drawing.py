@@ -28,11 +28,11 @@ def routes(kept: PromiseKept) -> Figure:
     """Loss of two designs against one on a record from orbit, over authority."""
     figure = new_figure(3.0)
     axes = figure.subplots()
-    said = numbers_and_claims.promise(kept)
-    by = {way: np.array(db, dtype=float) for way, db in numbers_and_claims.routes(said).items()}
+    document = numbers_and_claims.promise(kept)
+    by = {way: np.array(db, dtype=float) for way, db in numbers_and_claims.routes(document).items()}
     for way, (colour, marker) in WAYS.items():
         axes.plot(
-            said["authority_log10"], by[way] - by["measured"], marker=marker, color=COLOUR[colour],
+            document["authority_log10"], by[way] - by["measured"], marker=marker, color=COLOUR[colour],
             label=text.ROUTES[way],
         )  # fmt: skip
     axes.axhline(0.0, color=COLOUR["ink"], linewidth=0.8)

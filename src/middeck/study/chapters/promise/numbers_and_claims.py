@@ -59,7 +59,7 @@ def promise(kept: PromiseKept) -> Numbers:
         },
         "warnings": [
             *findings(kept.ground.refined),
-            *(f"record from orbit: {said}" for said in kept.measured.warnings),
+            *(f"record from orbit: {warning}" for warning in kept.measured.warnings),
         ],
     }
 

@@ -13,7 +13,7 @@ from middeck.study.measured_loop.text import (
 )
 from middeck.study.words import Line, Numbers, Table, cells, deviation, fixed, percent, signed
 
-TOLD = 3.0  # standard deviations from the axis beyond which the half-plane of a zero is certain
+CERTAIN = 3.0  # standard deviations from the axis beyond which the half-plane of a zero is certain
 
 
 def title_10(figures: Numbers, entry: str) -> str:
@@ -43,14 +43,14 @@ def figure_10(figures: Numbers, entry: str) -> str:
 def half_plane(zero: Numbers) -> str:
     """The half-plane of a zero; both where its deviation allows either."""
     deviation = zero["damping_deviation"]
-    if deviation is None or abs(zero["damping"]) < TOLD * deviation:
+    if deviation is None or abs(zero["damping"]) < CERTAIN * deviation:
         return "left or right"
     return "right" if zero["nonminimum_phase"] else "left"
 
 
 def _on_the_right(zeros: list[Numbers]) -> str:
     """Zeros in the right half-plane, and those that may lie there."""
-    said: list[str] = []
+    clauses: list[str] = []
     for side, words in (
         ("right", "non-minimum-phase zeros"),
         ("left or right", "zeros that may lie in either half-plane"),
@@ -59,8 +59,8 @@ def _on_the_right(zeros: list[Numbers]) -> str:
         listed = " and ".join(
             f"{'a pair' if z['pair'] else 'a real one'} at {fixed(z['frequency_hz'], 2)} Hz" for z in there
         )
-        said += [f"{words}: {listed}"] if there else []
-    return ", and ".join(said)
+        clauses += [f"{words}: {listed}"] if there else []
+    return ", and ".join(clauses)
 
 
 def figure_11(figures: Numbers) -> str:
