@@ -55,7 +55,7 @@ def is_mat(path: str | Path) -> bool:
 
 
 def _to_mat(path: str | Path, value: object) -> bool:
-    """Whether to write MATLAB's form in place of JSON; raises `ConfigError` for the ending of neither."""
+    """Whether to write a MAT file, not JSON; raises `ConfigError` for any ending but .json and .mat."""
     ending = Path(path).suffix
     if ending.lower() not in (".json", ".mat"):
         what = f"no writer for a {type(value).__name__} in {ending!r} files"

@@ -43,7 +43,7 @@ def read_sealed(path: str | Path, schema: str) -> dict[str, Any]:
 
 
 def _is_text(values: Mapping[str, Any]) -> bool:
-    """Whether all texts can be written again: JSON has escapes for halves of characters, UTF-8 has not."""
+    """Whether all texts can be written as UTF-8, which has no lone surrogates; JSON has escapes for them."""
     try:
         json.dumps(values, ensure_ascii=False).encode()
     except UnicodeEncodeError:

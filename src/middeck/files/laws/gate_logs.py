@@ -159,7 +159,7 @@ def _changed(path: str | Path, number: int) -> DataError:
 
 
 def _ends_torn(path: str | Path) -> bool:
-    """Whether the log that is there ends within a line; raises `DataError` for another file."""
+    """Whether an existing log of the gate ends within a line; raises `DataError` for any other file."""
     if not os.path.lexists(path) or os.path.getsize(path) == 0:
         return False
     with open(path, "rb") as file:

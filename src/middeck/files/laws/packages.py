@@ -126,7 +126,7 @@ def _from_document(data: dict[str, Any], where: str) -> ControllerPackage:
 
 
 def _same(stated: Any, written: Any) -> bool:
-    """Whether two JSON values are one: numbers by their value, all else by its type too."""
+    """Whether two JSON values are equal: numbers by their value, all else by value and type."""
     if isinstance(stated, dict) and isinstance(written, dict):
         return stated.keys() == written.keys() and all(_same(stated[key], written[key]) for key in written)
     if isinstance(stated, list) and isinstance(written, list):

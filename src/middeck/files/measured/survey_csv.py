@@ -74,9 +74,9 @@ def _refuse_copies(body: Sequence[tuple[int, list[str]]], path: Path) -> None:
 
 
 def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
-    """Line number and cells of each line that says something, without the columns that count the modes.
+    """Line number and cells of each line with data, without columns that number or name the modes.
 
-    And a word on how they were read, where others write numbers otherwise.
+    Also notes on decimal commas.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()

@@ -27,7 +27,7 @@ from middeck.updating.refinement.refine import Refined, refine
 FIELDS = ("environment", "block")
 """Fields of a case: which environment of the plan, from 0, and which block of its draws."""
 LATEST: dict[tuple[str, str, tuple[tuple[str, str], ...]], tuple[Site, ...]] = {}
-"""What the latest article, plan and digests of this process make, for all blocks that it measures."""
+"""Sites of the latest article, plan and digests in this process, shared by all blocks that it measures."""
 
 
 def measured_in_ledger(

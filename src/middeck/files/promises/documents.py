@@ -121,7 +121,7 @@ def _of_shape(refined: Refined, modes: Prediction) -> dict[str, Any]:
 
 
 def _beside(value: float, whole: float) -> float:
-    """To the digits that are promised of ``whole``, of which it is a part."""
+    """``value`` rounded to the last decimal that is promised of ``whole``, of which it is a part."""
     return round(value, DIGITS - 1 - math.floor(math.log10(whole))) + 0.0
 
 

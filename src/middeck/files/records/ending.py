@@ -1,8 +1,8 @@
-"""Whether a text of numbers ends where its writer ended it.
+"""Detects a text of numbers that was truncated.
 
-A truncated file ends within a line, or after a whole line, which cannot be noticed. A line that lacks values
-is refused when it is read; one whose last number lost digits reads like any other, with a wrong value
-(1.5e-0 of 1.5e-03). Writers end each line, and print equally many digits in each.
+A file cut after a whole line cannot be recognised. A last line that lacks values is refused when it is read;
+one whose last number lost digits would be read with a wrong value (1.5e-0 of 1.5e-03). It is recognised by
+the missing end of line and by fewer digits than other lines have.
 """
 
 import os

@@ -47,7 +47,7 @@ def _shape(shape: Sequence[int]) -> str:
 def plain(dataset: Any) -> np.ndarray:
     """The array in a dataset, texts as texts; raises `ValueError` where the file does not hold its samples.
 
-    What was never written, or lost, would be read as zeros; a broken size would be read for ever.
+    Samples never written, or lost, would be read as zeros, and a corrupt size without end.
     """
     check_stored(dataset)
     return np.asarray(dataset.asstr()[()] if h5py.check_string_dtype(dataset.dtype) else dataset[()])

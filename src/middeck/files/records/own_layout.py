@@ -20,7 +20,7 @@ REQUIRED = ("schema", "sample_hz", "periodic", "u", "y", *NAMES)
 
 
 def is_own(names: Sequence[str]) -> bool:
-    """Whether a file with arrays of these ``names`` means to be of this layout."""
+    """Whether a file with arrays of these ``names`` is intended to have this layout."""
     return "schema" in names or {"u", "y", "sample_hz"} <= set(names)
 
 

@@ -56,7 +56,7 @@ class Dataset:
     """One data set 58: its header, and where its numbers stand.
 
     Attributes:
-        line: On which it begins.
+        line: Number of its first line in the file.
         texts: The five lines of identification.
         step, step_text: Step of the abscissa and its digits as printed; None if each value has its own
             abscissa.
@@ -116,7 +116,7 @@ def _sizes(data: Dataset) -> tuple[int, ...]:
 
 
 def _ends(cursor: Cursor, size: int) -> bool:
-    """Whether the data set ends after ``size`` bytes; some programs end the line of numbers, some do not."""
+    """Whether the data set ends after ``size`` bytes, with or without an end of line behind the numbers."""
     cursor.stream.seek(size, 1)
     mark = cursor.stream.readline(100)
     if not mark.strip():
@@ -217,7 +217,7 @@ def _number(line: str, start: int, end: int, where: str, what: str) -> float:
 def read_values(file: Path, data: Dataset, size: int) -> Iterator[np.ndarray]:
     """The numbers [value, number of a value] of a data set, at most ``size`` values at a time.
 
-    With an abscissa of its own, that is the first number of a value; a complex ordinate is the last two.
+    If each value has its own abscissa, this is the first number; a complex ordinate is the last two.
     Raises `DataError` if there are fewer or more values than the header says.
     """
     read = _binary if data.order else _text
@@ -256,7 +256,7 @@ def _check_order(values: np.ndarray, rows: np.ndarray, where: str) -> None:
 
 
 def _is_sane(values: np.ndarray) -> bool:
-    """Whether nine numbers in ten are zero or of a size that is measured."""
+    """Whether nine numbers in ten are zero or of a magnitude within `SANE`."""
     size = np.abs(values)
     good = (size == 0.0) | ((size > SANE[0]) & (size < SANE[1]))
     return bool(np.mean(good) > 0.9)
@@ -290,7 +290,7 @@ def _widths(data: Dataset) -> tuple[int, ...]:
 
 
 def _fields(text: str, widths: tuple[int, ...], where: str) -> list[float]:
-    """Numbers in fixed columns: neighbours may touch. Where blanks part as many, they are trusted."""
+    """Numbers by blanks if these separate the expected count, otherwise by fixed columns, which may touch."""
     parts = text.split()
     if len(parts) != len(widths):
         ends = np.cumsum((0, *widths))

@@ -1,4 +1,4 @@
-"""Whether a universal file was cut between two data sets."""
+"""Detects a universal file that was cut between two data sets."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence

@@ -88,7 +88,7 @@ def _scan_text(cursor: Cursor, number: int) -> TextSet:
 
 
 def is_si(file: Path) -> bool:
-    """Whether data set 164 says that all is in SI, or nothing says otherwise."""
+    """Whether data set 164 states SI units, or the file has no such data set."""
     with open(file, "rb") as stream:
         found = re.search(rb"^ {4}-1\s*\n {3}164\s*\n([ \d]{10})", stream.read(SEARCHED), re.MULTILINE)
     return found is None or found.group(1).strip() == b"1"

@@ -110,7 +110,7 @@ def build_static(
 def static_findings(data: Any, stated: tuple[str, ...] = VALUED) -> list[PathFault]:
     """Faults beyond the forms of static tests: keys of another unit, missing values, loads given twice.
 
-    What their readings have ``stated`` is `VALUED`; of tests that may be made `PLANNED`.
+    ``stated``: Required keys of a reading: `VALUED`, or `PLANNED` for tests that may be made.
     """
     return [f for i, test in tables(data, "static") for f in _of_test(("static", i), test, stated)]
 

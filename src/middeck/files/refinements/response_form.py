@@ -40,7 +40,7 @@ class AntiResonanceForm(Form):
 def build_response(
     form: ResponseForm | None, zeros: tuple[AntiResonanceForm, ...], beside: Path
 ) -> MeasuredResponse | None:
-    """What ``form`` states of the file, from the folder ``beside``; None where a survey has neither.
+    """The measured response of ``form``, its file relative to ``beside``; None without form and zeros.
 
     Raises `ConfigError` and `DataError` as the readers and `MeasuredResponse` do, for a universal file
     without ``relative_std``, and for a model that has a covariance and this beside.

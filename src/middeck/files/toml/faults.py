@@ -146,7 +146,7 @@ def _for_the_missing(fault: PathFault, found: Sequence[PathFault]) -> PathFault:
 
 
 def _is_echo(item: Any, items: Sequence[Any]) -> bool:
-    """Whether an array is called too short for an item of it that has a fault of its own."""
+    """Whether "too short" of an array only follows from the fault of one of its items."""
     at = item["loc"]
     return item["type"] == "too_short" and any(
         len(other["loc"]) > len(at) and other["loc"][: len(at)] == at for other in items
@@ -189,7 +189,7 @@ def _finding(item: Any, form: type[Form]) -> PathFault:
 
 
 def _as_array(key: str, value: Any, form: type[Form], path: Path) -> str:
-    """How one value or one table is written as an array of one, or that it needs more than one."""
+    """Hint that shows a single value or table as an array, or states how many values it needs."""
     if isinstance(value, dict):
         return f"[[{key}]] for each table"
     if key in DIRECTIONS and isinstance(value, str):

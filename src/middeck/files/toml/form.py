@@ -135,7 +135,7 @@ def rule(holds: Callable[[Any], object], message: str, hint: str = "") -> AfterV
 
 
 def ascends(numbers: Sequence[float]) -> bool:
-    """Whether each is larger than the one before."""
+    """Whether each number is larger than the one before."""
     return all(a < b for a, b in itertools.pairwise(numbers))
 
 
@@ -165,9 +165,9 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 
 
 def inertia_matrix(value: Any) -> tuple[tuple[float, ...], ...]:
-    """Three principal values or a full 3x3 matrix as a matrix; refuses what no body can have.
+    """Three principal values or a 3x3 matrix, as a matrix; refuses values that no body can have.
 
-    As a matrix an inertia may be zero about an axis: that of masses on one line.
+    A matrix may be singular, as that of masses on one line; principal values are all positive.
     """
     allowed = {"allowed": "[Ixx, Iyy, Izz], each > 0, or a symmetric, positive semidefinite 3x3 matrix"}
     matrix = real_numbers(value)

@@ -87,7 +87,7 @@ def _value(lines: list[str], first: int) -> tuple[dict[str, Any], int]:
 
 
 def _ends_of_items(lines: list[str]) -> list[int]:
-    """Where each item of an array over several ``lines`` ends, but for those on the last line."""
+    """Index of the line on which each item of an array ends, without items of the last of its ``lines``."""
     ends: list[int] = []
     pending: list[str] = []
     head = ""

@@ -105,7 +105,7 @@ def reach(data: Any, annotation: Any, segments: Sequence[str]) -> tuple[KeyState
 def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]) -> tuple[KeyState, Path]:
     """The same below a table that the document leaves out: settable if no other key of it is required.
 
-    Of a table of values by name none is.
+    Tables of values by name require no key.
     """
     table = bare(annotation)
     of_values = get_origin(table) is dict and not is_form(bare(get_args(table)[1]))

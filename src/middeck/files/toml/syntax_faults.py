@@ -94,7 +94,7 @@ def explain(text: str, line: int, error: str) -> tuple[int, str, str]:
 
 
 def _sound(content: str) -> bool:
-    """Whether a line is TOML by itself, as numbers that no model takes are: nan, inf."""
+    """Whether a line is TOML by itself, even if its value is not allowed (nan, inf)."""
     try:
         tomllib.loads(content)
     except tomllib.TOMLDecodeError:

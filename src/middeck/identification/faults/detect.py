@@ -109,17 +109,17 @@ def detect_faults(record: Record, reference: FrequencyResponse | None = None) ->
 
 
 def biasing_faults(record: Record, wrong: Sequence[str] = ()) -> list[RecordFault]:
-    """The faults that bias an estimate as a whole: no scatter shows them.
+    """The faults that bias an estimate as a whole and show in no scatter.
 
-    Of channels of which much is ``wrong`` also spikes and dropouts: as noise in all lines they hide there.
+    For the channels named in ``wrong`` also spikes and dropouts, which look like noise on all lines.
     """
     return [f for f in detect_faults(record) if f.kind in BIASING or (f.kind in BRIEF and f.channel in wrong)]
 
 
 def _without(record: Record, found: Sequence[RecordFault], kinds: Sequence[str]) -> Record | None:
-    """Leave out outputs with such faults, and inputs that are dead, which move nothing.
+    """The record without outputs that have faults of these ``kinds``, and without dead inputs.
 
-    None where another input has such a fault, which moves all outputs, or where a side has no channel left.
+    None if an input that is not dead has one, since it affects all outputs, or if no input or output is left.
     """
     at = {(f.side, f.channel, f.kind) for f in found if f.kind in kinds}
     if any(side == "input" and kind != "dead" for side, _, kind in at):
@@ -162,7 +162,7 @@ def _filled(x: Signal) -> Signal:
 def _channel_faults(
     periods: np.ndarray, port: Port, *, side: Side, periodic: bool, driven: Runs | None
 ) -> list[FaultDraft]:
-    """``driven`` are spikes of the inputs; None where inputs are impacts, which have no others."""
+    """Faults of a channel; ``driven``: spikes of the inputs, None for impacts (no search for others)."""
     period, is_input = periods.shape[1], side == "input"
     gaps, x = find_gaps(periods.ravel()), _filled(periods.ravel())
     if is_dead(x):

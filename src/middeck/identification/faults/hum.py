@@ -78,10 +78,10 @@ def _sine(x: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
 
 
 def _unlike_and_fall(spectrum: Complex[np.ndarray, " line"], k: int) -> tuple[float, float]:
-    """Share of the lines around k that the best sine of constant size leaves, and how much it falls.
+    """Share of the power around line k that the best constant sine leaves, and the sine's fall.
 
-    That is the loss of its amplitude from the beginning of the record to the end, over its mean. A change of
-    the frequency adds the derivative of the sine's lines in phase with them, a change in time in quadrature.
+    The fall is its loss of amplitude from the beginning of the record to the end, relative to the mean. A
+    change of frequency adds the derivative of the sine's lines in phase with them, a fall in quadrature.
     """
     lines = spectrum[k - LOBE : k + LOBE + 1] * (-1.0) ** np.arange(2 * LOBE + 1)
     x = np.arange(-LOBE, LOBE + 1) - BETWEEN[:, None]

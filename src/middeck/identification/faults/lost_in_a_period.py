@@ -73,22 +73,22 @@ def find_lost_in_period(x: Signal, period: int) -> list[FaultDraft]:
 
 
 class _Loss:
-    """A loss in one period, after which the clock was set right, or (``lasts``) was not.
+    """A loss of samples in one period; the later periods are in step again, or (``lasts``) are not.
 
-    ``step``: From which of its samples and by how many it runs ahead then, and what is left of it; None where
-    that may be chance.
+    ``step``: Sample of the period at which the shift begins, its size in samples, and the residual with it;
+    None if it may be chance.
     """
 
     def __init__(self, rows: Float[np.ndarray, "period sample"], period: int, lasts: bool) -> None:
         self.rows, self.period, self.lasts = rows, period, lasts
-        # What lasts in the last period only is no different.
+        # In the last period a loss that lasts and one that does not are the same.
         possible = not lasts or period < len(rows) - 1
         self.step = _step(rows[period], lambda m: self.others(m).mean(axis=0)) if possible else None
         if self.step is not None and self._is_free_motion(*self.step):
             self.step = None
 
     def _is_free_motion(self, at: int, shift: int, left: float) -> bool:
-        """Whether the difference to the next period, or of the last to that before, is free motion."""
+        """Whether the difference from the next period (from the one before the last) is free motion."""
         y, others = self.rows[self.period], self.others(shift).mean(axis=0)
         then = self.rows[self.period + (1 if self.period + 1 < len(self.rows) else -1)]
         shifted = np.where(np.arange(len(y)) < at, others, np.roll(others, -shift))
@@ -138,7 +138,7 @@ def _step(y: Signal, others: Callable[[int], Signal]) -> tuple[int, int, float] 
 
 
 def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float] | None:
-    """Start of the shift, and the residual with it; None where that may be chance."""
+    """Sample at which the shift begins, and the residual with it; None if it may be chance."""
     moved = np.roll(others, -shift)
     as_they_are, shifted, apart = (
         np.concatenate([[0.0], np.cumsum(part**2)]) for part in (y - others, y - moved, moved - others)
@@ -149,7 +149,7 @@ def _split(y: Signal, others: Signal, shift: int) -> tuple[int, float] | None:
     left = float(before[0] + after[0])
     for (own, other, told), size in ((before, at), (after, len(y) - at)):
         chance = 2.0 * SURE * np.sqrt(left / len(y) * told)
-        # Free motion at the start of a period that some shift tells half of leaves more there than elsewhere.
+        # Free motion at the start of a period, which a shift explains in part, leaves more there than later.
         if not (
             own < BETTER * other
             and other - own > chance

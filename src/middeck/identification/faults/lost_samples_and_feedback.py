@@ -189,7 +189,7 @@ def _best_step(lags: Float[np.ndarray, " part"]) -> tuple[int, int] | None:
 
 
 def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) -> int | None:
-    """The sample from which a shifted response explains the output better; None where that may be chance."""
+    """Sample from which a shifted response explains the output better; None if it may be chance."""
     low, high = parts[max(part - 3, 0)].start, parts[min(part + 2, len(parts) - 1)].stop
     until = parts[max(part - 2, 0)].stop
     told = np.zeros_like(y)
@@ -211,12 +211,12 @@ def _where(U: np.ndarray, y: Signal, parts: list[slice], part: int, shift: int) 
 
 
 def _residuals(record: Record, u: np.ndarray, y: np.ndarray) -> list[Place]:
-    """Feedback (later inputs predict the output's noise) and joints (the record does not continue).
+    """Feedback (later inputs predict the output's noise) and joints (samples are missing).
 
-    Each output is explained by its own past and by the inputs until then. What is left is noise. No later
-    input knows of it but through a loop (Sims 1972); a loop that acts within some samples and forgets is a
-    direct term as well, and cannot be seen, nor what is the tail of a filter. And noise has no sample that
-    stands alone, unless others were lost before it.
+    Each output is regressed on its own past and on the inputs until then; the residual is noise. Only a
+    feedback loop correlates later inputs with it (Sims 1972). A loop that acts within some samples and has
+    no memory looks like a direct term and is not detected, nor is the tail of a filter. A residual with a
+    single large sample shows that samples were lost before it.
     """
     u, y = (x - x.mean(axis=1, keepdims=True) for x in (u, y))
     U, Y = (x / np.maximum(x.std(axis=1, keepdims=True), 1e-300) for x in (u, y))
@@ -296,7 +296,7 @@ def _stands_out(record: Record, at: int) -> FaultDraft:
 
 
 def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
-    """Share of the residual of ``x`` that later inputs explain; None where that may be chance."""
+    """Share of the residual of ``x`` that later inputs explain; None if it may be chance."""
     before, then = (float(np.sum(_left(x, rows) ** 2)) for rows in (own, np.vstack([own, after])))
     added, free = len(after), len(x) - len(own) - len(after)
     gain, share = (before - then) / max(then, 1e-300) * free, 1.0 - then / max(before, 1e-300)
@@ -304,9 +304,9 @@ def _told_later(x: Signal, own: np.ndarray, after: np.ndarray) -> float | None:
 
 
 def _calm(U: Float[np.ndarray, "input sample"], lags: int, later: int) -> Bool[np.ndarray, " sample"]:
-    """Samples whose rows of the regression hold no jump of an input; all where few are left.
+    """Samples whose regression rows contain no jump of an input; all samples if too few have none.
 
-    Where a sweep breaks off, its samples do not tell what it does between them, and a fit of all is off.
+    Where a sweep breaks off, its samples do not determine the input between them and would bias the fit.
     """
     near = np.convolve(_jumps(U), np.ones(lags + later + 1))[lags + later :]
     calm = near[: U.shape[1] - lags - later] < 0.5
@@ -331,10 +331,10 @@ def _unflattered(x: Signal, own: np.ndarray, after: np.ndarray) -> float:
 
 
 def _is_of_the_past(y: np.ndarray, U: np.ndarray, later: int, lags: int) -> bool:
-    """Whether later inputs add nothing once more of the past is known.
+    """Whether later inputs explain nothing more once the regression has a longer past.
 
-    Inputs that their past predicts, such as sums of sines, later show what far earlier ones were:
-    what modes that ring on make of those is no noise.
+    Later values of predictable inputs, such as sums of sines, reveal far earlier ones. The response of
+    lightly damped modes to those is no sign of feedback.
     """
     first: float | None = None
     for past in (lags, *(int(lags * longer) for longer in LONGER)):

@@ -53,8 +53,8 @@ def _trend(x: Signal, periods: int) -> tuple[float, float]:
     """Change over the record, and that in standard deviations.
 
     A ramp of D has the lines X_k / N = j D / (2 pi k), all of one phase; a random signal has any phases.
-    Times k, the lines of a ramp are equal; the scatter of the rest is its standard deviation. What repeats
-    has every ``periods``-th line only: the others are free of it.
+    Times k, the lines of a ramp are equal; the scatter of the rest is its standard deviation. A signal that
+    repeats ``periods`` times has only every ``periods``-th line: these lines are left out.
     """
     k = np.arange(1, 2 * LINES + 1)
     k = (k[k % periods != 0] if periods > 1 else k)[:LINES]

@@ -74,7 +74,7 @@ def _left(
 
 
 def _share(power: Float[np.ndarray, " line"]) -> float | None:
-    """Share of the rms that a random walk with these lines has; None where they are not those of one."""
+    """Rms of the random walk with these lines, over the channel's; None if they are not those of a walk."""
     levels = [np.median(np.log(power[a - 1 : 2 * a - 1])) for a in OCTAVES]
     first, *others = falls = -np.diff(levels)
     lines = np.arange(1, len(power) + 1)

@@ -168,7 +168,7 @@ def _decays(x: Signal, run: tuple[int, int]) -> bool:
 
 
 def _goes_on(x: Signal, run: tuple[int, int]) -> bool:
-    """Whether a run is the middle of something longer, as a level of a square wave."""
+    """Whether samples beside a run are off the median too: part of a longer level, as of a square wave."""
     a, b = run
     rest = np.median(x[max(a - BESIDE - WIDE, 0) : b + BESIDE + WIDE])
     off = np.abs(x[max(a - 1, 0) : b + 1] - rest)

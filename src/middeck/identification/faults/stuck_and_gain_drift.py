@@ -1,9 +1,9 @@
 """Faults of the response within a record: channels that stick for a while, and gains that drift slowly.
 
-Each output is predicted from its own past and the inputs until then, by one regression. Free motion is of the
-past: while an input truly rests, what is left is what is left elsewhere. While an input moves but its channel
-does not, or an output stands still while inputs move it, its response is left as well. And what the inputs
-add to the past grows with the gain, whatever the poles are.
+One regression predicts each output from its own past, which covers free motion, and from the inputs until
+then. While an input truly rests, the residual is as elsewhere. It is larger while the input moves and its
+channel sticks, or while an output sticks and the inputs move it. A gain that drifts changes the share of
+the inputs in the prediction, whatever the poles are.
 """
 
 from __future__ import annotations
@@ -108,7 +108,8 @@ def find_stuck(record: Record) -> list[RecordFault]:
 def find_gain_drift(record: Record) -> list[RecordFault]:
     """Outputs whose gain from the inputs, or whose delay, changes over the record.
 
-    Of predictable inputs a delay that grows looks like a gain to one sample ahead; longer pieces show it.
+    If inputs are predictable, a growing delay looks like a gain to a prediction of one sample; the responses
+    over longer pieces distinguish them.
     """
     found: list[RecordFault] = []
     for e, (u, y) in enumerate(_experiments(record)):
@@ -164,7 +165,7 @@ def _rest(x: Signal) -> tuple[int, int] | None:
 
 
 def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) -> bool:
-    """Whether all other inputs move elsewhere about as strongly as in the run."""
+    """Whether each other input moves outside the run about as strongly as in it, or more."""
     steps = np.delete(np.diff(u, axis=1), i, axis=0) ** 2
     here = steps[:, run[0] : run[1]]
     outside = (steps.sum(axis=1) - here.sum(axis=1)) / max(steps.shape[1] - here.shape[1], 1)
@@ -172,7 +173,7 @@ def _others(u: Float[np.ndarray, "input sample"], i: int, run: tuple[int, int]) 
 
 
 def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
-    """Whether more is left in a run, from some samples ``after`` its beginning on, than outside of it."""
+    """Whether the residual is larger in a run, from ``after`` samples past its beginning, than elsewhere."""
     a, b = (k - of.first for k in run)
     inside = slice(max(a + after, 0), b - PAST)  # a response may be delayed
     around = slice(max(a - PAST, 0), min(b + PAST, len(of.told)))
@@ -187,7 +188,7 @@ def _answers_in(of: _Regression, run: tuple[int, int], after: int) -> bool:
 
 
 def _is_late(u: Float[np.ndarray, "input sample"], y: Signal, start: int) -> bool:
-    """Whether inputs delayed by the ``start`` predict far more of the rest: a dead time of the article."""
+    """Whether inputs delayed by ``start - 1`` samples predict the rest far better: a dead time."""
     at_once, late = (_regression(u, y, late=late).left() for late in (0, start - 1))
     return float(np.sum(late**2)) < TELLS_MORE * float(np.sum(at_once[-len(late) :] ** 2))
 
@@ -212,7 +213,7 @@ def _is_even(u: Signal) -> bool:
 
 
 def _change(of: _Regression) -> float | None:
-    """Linear change of the gain from the inputs over the record; None where it may be chance."""
+    """Relative change of the inputs' gain over the record, from a linear fit; None if it may be chance."""
     if of.rows.shape[1] < ROWS * len(of.rows):
         return None
     weights = of.weights()
@@ -236,9 +237,10 @@ def _change(of: _Regression) -> float | None:
 
 
 def _slip(u: Float[np.ndarray, "input sample"], y: Signal) -> float | None:
-    """Growth of the output's delay over the record [samples]; None where a gain explains as much.
+    """Growth of the output's delay over the record [samples]; None if a gain explains as much.
 
-    P is the averaged response to the inputs in each piece; a delay that grows by d leaves -d i omega P.
+    P is the response to the inputs in each piece by the averaged transfer function. A delay that grows by d
+    leaves the residual -d j omega P times the time, from -1/2 to 1/2.
     """
     size = u.shape[1] // PIECES
     U, Y = (_pieces(x, size) for x in (u, y[None]))

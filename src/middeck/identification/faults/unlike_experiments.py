@@ -114,9 +114,9 @@ def _gains(record: Record) -> list[RecordFault]:
 
 
 def _power(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Power of the mean over periods (second axis) without that of its noise, and that of its noise.
+    """Power of the mean over periods (second axis), and the noise power in it.
 
-    What different periods have in common is free of noise.
+    The scatter over periods gives the noise; it is subtracted from the first.
     """
     periods = X.shape[1]
     mean = X.mean(axis=1)
@@ -127,7 +127,7 @@ def _power(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _change(
     first: Float[np.ndarray, " line"], here: Float[np.ndarray, " line"], ratio: Float[np.ndarray, " line"]
 ) -> float | None:
-    """Logarithm of the gain's change; None where it may be chance, or is not that of all lines."""
+    """Logarithm of the change of gain; None if it may be chance, or if the lines do not agree on it."""
     if len(first) < FEWEST_LINES:
         return None
     d = (here - first) / (here + first)  # half of the logarithm of the ratio of powers

@@ -1,9 +1,9 @@
-"""Whether poles that are no modes of the article represent the coupling of a sensor.
+"""A test of whether poles that are no modes of the article represent an AC-coupled sensor.
 
-An AC-coupled channel multiplies the response by s tau / (1 + s tau). A fit with real constants follows the
-phase of that by its delay, and spends heavily damped or unresolved poles on what this leaves, after which no
-score tells the coupling. So where a fit has such poles, it is refined without them, and the coupling that its
-scores ask for is divided out: which of the two the data are, the description lengths tell (Rissanen 1978).
+An AC-coupled channel multiplies the response by s tau / (1 + s tau). A fit with real constants follows that
+phase with its delay, and the remainder with heavily damped or unresolved poles, after which no score shows
+the coupling. A fit with such poles is therefore refined without them, and the coupling that its scores show
+is divided out. The smaller description length decides between the two fits (Rissanen 1978).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def coupling_terms(outputs: int) -> list[LackingTerm]:
 def without_coupling(
     rate: Float[np.ndarray, " output"], s: Complex[np.ndarray, " line"]
 ) -> Complex[np.ndarray, "output line"]:
-    """What removes couplings of outputs (1 / tau > 0) or of the input (-1 / tau) from a response."""
+    """Factor on a response that removes couplings of outputs (1 / tau > 0) or of the input (-1 / tau)."""
     blocked = 1.0 + np.abs(rate)[:, None] / s
     return np.where(rate[:, None] >= 0.0, blocked, 1.0 / blocked)
 

@@ -212,9 +212,9 @@ def fit_response(
 def fit_asked(measured: FrequencyResponse, asked: FitOptions, cost: Cost = "weighted") -> FitResult:
     """`fit_response` with its options as one value.
 
-    A hold of the inputs is divided out, and what sampling folds back is taken off, by a first fit:
-    some thousandths of the response at an eighth of the rate. From its end, where the order is given, the
-    second search begins, and is no race of all starts where that leaves no more than noise.
+    The hold of the inputs is divided out. A first fit gives what sampling folds back, some thousandths of the
+    response at an eighth of the rate, which is subtracted before a second fit. If the order is given, the
+    second fit starts from the first, and from all other starts only if that leaves more than noise.
     """
     hold_s = measured.hold_s
     if asked.sample_hz is not None:
@@ -330,10 +330,10 @@ def _shorter(
 
 
 def _of_order(data: Data, near: Polished | None, spread: ExcessVariance, options: FitOptions) -> Polished:
-    """The likeliest end of a race; from a fit that is ``near`` on, where that leaves noise or is likelier.
+    """The likeliest fit from all starts, or the one refined from ``near`` if it leaves noise or is likelier.
 
-    Where more than noise is left, a mode may stand for distortion in several places, and rounding decides to
-    which of them one race leads: two ends are more than one.
+    If more than noise is left, a mode may represent distortion in one of several places, and rounding decides
+    which one the search finds; two searches find the better place more often than one.
     """
     if near is None:
         return race(data, spread, options)

@@ -1,9 +1,8 @@
-"""Whether a fit without delays needs one.
+"""A test of whether a fit without delays lacks one.
 
-With the poles of the fit the rest is linear, and a delay only turns the data. So a delay is tried by least
-squares at hardly any cost, on each output's own: if its response, moved earlier, is followed much better
-without a constant term (an acceleration: with one) than it is with one where it stands, a delay is lacking,
-not a mode.
+With the fitted poles fixed, the other unknowns are linear and a delay only turns the data, so that delays are
+tried for each output by least squares. A delay is missing, not a mode, if the response moved earlier is
+fitted much better without a constant term (an acceleration: with one) than the unmoved response with one.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether the parameters of each mode of a fit can be trusted."""
+"""Marks the modes of a fit whose parameters can be trusted."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 """Pairs of a fit that represent a delay which its model lacks, rather than modes.
 
-A sampled model, or one of complex constants, has no delay of its own. Where the article has one, poles follow
-its phase: pairs that are heavily damped, in the midst of the band, with small deviations. They are known by
-what the other poles can do: with a delay and a constant term, all paths are then followed without such pairs
-as far as the data show.
+A sampled model, or one with complex constants, has no delay. If the article has one, pairs of poles follow
+its phase: heavily damped ones, inside the band, with small standard deviations. Such pairs are recognised if
+the other poles, with a delay and a constant term, fit all paths as well within the noise.
 """
 
 from __future__ import annotations

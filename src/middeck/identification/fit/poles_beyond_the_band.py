@@ -1,10 +1,10 @@
-"""Whether a fitted delay represents poles beyond the band, as of a filter or an actuator.
+"""A test of whether a fitted delay represents poles beyond the band, as of a filter or an actuator.
 
-A low-pass filter turns the phase in its pass band as a delay does, and a little more. With real constants, of
-relative degree two, only a delay can follow that, and pairs of poles are spent about each resonance on what
-it leaves. With complex constants a pair beyond the band follows all of it. So where a fit with delays has
-modes that are not sound, its sound ones and one or two pairs more, of complex constants and without delays,
-are fitted in its place: their description lengths decide which of the two is the article (Rissanen 1978).
+A low-pass filter turns the phase in its pass band much as a delay does. With real constants, of relative
+degree two, only a delay can follow that, and extra pairs of poles near each resonance fit the remainder. With
+complex constants one pair beyond the band follows all of it. So if a fit with delays has modes that are not
+sound, a second fit has its sound modes and one or two more pairs, with complex constants and no delays; the
+smaller description length decides between the two (Rissanen 1978).
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def split(
 
 
 def stay_near(found: Complex[np.ndarray, " pair"], poles: Complex[np.ndarray, " single"], m: int) -> bool:
-    """Whether both halves of pole ``m``, which was split, are ``found`` where it was."""
+    """Whether both halves of the split pole ``m`` stayed near it (``found``: poles after the refit)."""
     return bool(np.all(np.abs(found[m : m + 2] - poles[m]) < NEAR * abs(poles[m].real)))
 
 

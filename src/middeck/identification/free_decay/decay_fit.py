@@ -168,9 +168,9 @@ def fit_free_decay(
 def _others(
     residual: list[Float[np.ndarray, " sample"]], sample_hz: float, mode_hz: float
 ) -> tuple[str, ...]:
-    """A warning where much of the residual of the decays is in one narrow band, as noise never is.
+    """A warning if much of the decays' residual is in one narrow band, as that of noise never is.
 
-    What is left at the mode itself is no other oscillation.
+    The band around the mode itself does not count.
     """
     longest = max(map(len, residual))
     power = sum((np.abs(np.fft.rfft(e, longest)) ** 2 for e in residual), np.zeros(longest // 2 + 1))

@@ -47,8 +47,8 @@ class JointFriction:
             units of the record's own motors and sensors; along a slide [N] and [m].
         slip_torque_std, slip_angle_std: Standard deviations of both.
         delay_s, band_hz: Delay from command to reading [s], given or found; and given band.
-        before, after: What all experiments differ by from one linear response, as a variance over that of
-            the noise: without friction, and with it. One is noise alone.
+        before, after: Variance of the experiments' differences from one linear response, relative to that of
+            the noise: without friction in the model, and with it. One means noise alone.
     """
 
     inputs: tuple[str, ...]
@@ -130,7 +130,7 @@ class _Problem:
         weight: One over the noise of each experiment.
         angles: Angles of the joints, and ``rms`` of each.
         line, motor: Lines of the band, and the input of each joint.
-        late: Delay [s] that is given (``told``), or else tried first.
+        late: The given delay [s] (``told``), otherwise the first one tried.
     """
 
     U: Complex[np.ndarray, "line experiment input"]

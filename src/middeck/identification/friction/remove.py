@@ -14,9 +14,9 @@ from middeck.signals.record import Record
 def without_friction(record: Record, found: JointFriction) -> Record:
     """The record with the joints' friction subtracted from its commands: that of a linear article.
 
-    Experiments of unlike noise are brought to one, inputs and outputs by one factor, as a linear article
-    allows: averages then weigh them rightly. What is left of the friction is in the scatter of the response
-    where there are more experiments than inputs.
+    Each experiment's inputs and outputs are scaled by one factor, which leaves a linear response unchanged,
+    so that all experiments have the same noise and averages weigh them rightly. Friction that remains adds
+    to the scatter of the response if there are more experiments than inputs.
 
     Raises `ConfigError` for a record without these channels, `DataError` for one that is not periodic.
     """

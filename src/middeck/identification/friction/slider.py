@@ -17,7 +17,7 @@ def slider_torque(
 ) -> Float[np.ndarray, "sample series"]:
     """Torque over the slip torque, in the steady state of a motion that repeats.
 
-    That of `middeck.joints.friction.Friction`: the slider stays within ``slip_angle`` of the angle.
+    As in `middeck.joints.friction.Friction`, the slider stays within ``slip_angle`` of the angle.
 
     >>> angle = np.array([0.0, 3.0, 0.0, -3.0])[:, None]
     >>> slider_torque(angle, np.array([2.0])).ravel().tolist()

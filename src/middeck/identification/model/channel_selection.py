@@ -61,7 +61,7 @@ def select_channels(
 
 
 def _part(whole: np.ndarray | None, entries: tuple[np.ndarray, ...]) -> np.ndarray | None:
-    """Some entries of R or Q; None where nothing is left."""
+    """Some entries of R or Q; None if they are all zero."""
     return None if whole is None or not np.any(whole[entries]) else whole[entries]
 
 

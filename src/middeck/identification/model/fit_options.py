@@ -61,7 +61,7 @@ class FitOptions:
 
     @property
     def delay_of(self) -> Delay | None:
-        """Which delays there are: each output's, each path's or one for all; None without."""
+        """Kind of the delays: one for each output, for each path, or for all; None without."""
         return self.delay if isinstance(self.delay, str) else "output" if self.delay else None
 
     @property
@@ -117,7 +117,7 @@ OF_PATHS = "each path has a delay of its own, as one of each output describes th
 
 
 def may_be_of_paths(options: FitOptions, asked: FitOptions) -> bool:
-    """Whether a delay of each path may be tried: neither delays nor an order were asked for."""
+    """Whether a delay of each path may be tried: the user stated neither delays nor an order."""
     return asked.delay is None and asked.states is None and options.delay_of == "output"
 
 

@@ -50,7 +50,7 @@ def refuse_growth(record: Record) -> None:
 def _grows_by_itself(
     u: Float[np.ndarray, "sample input"], y: Float[np.ndarray, " sample"], grown: float
 ) -> bool:
-    """Whether an output follows from a pole that grows over the rising parts, about as it has ``grown``."""
+    """Whether a regression of the output has an unstable pole that explains by how much it has ``grown``."""
     size = _samples_together(y[-(len(y) // PARTS) :])
     both = _thinned(np.column_stack([y, u]), size)
     count, past = len(both), min(PAST, len(both) // (4 * both.shape[1]))

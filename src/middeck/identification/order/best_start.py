@@ -103,6 +103,6 @@ def leaves_noise(best: Polished, spread: ExcessVariance) -> bool:
 
 
 def some_lines(data: Data, spread: ExcessVariance, options: FitOptions) -> tuple[Data, ExcessVariance]:
-    """As many lines as models of this order need."""
+    """Data and excess variance on a subset of the lines, as many as models of this order need."""
     outputs, _, inputs = data.H.shape
     return take_lines(data, spread, thin_lines(data, spread, options.moving * (outputs + inputs)))

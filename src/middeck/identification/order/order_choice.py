@@ -64,8 +64,8 @@ def sizes() -> Iterator[int]:
 def description_length(likelihood: float, unknowns: int, numbers: int, alike: float = 1.0) -> float:
     """2 L + k ln n with L the negative log likelihood (Rissanen 1978; Schwarz 1978).
 
-    Of numbers that are ``alike`` so many times, as neighbouring lines under a window, one counts: otherwise
-    noise that they share would be worth poles of its own.
+    ``alike``: How many numbers share their noise, as neighbouring lines under a window do. They count as one,
+    or the shared noise would be fitted with poles.
 
     >>> description_length(10.0, 2, 1), description_length(10.0, 2, 4, alike=4.0)
     (20.0, 5.0)
@@ -74,7 +74,7 @@ def description_length(likelihood: float, unknowns: int, numbers: int, alike: fl
 
 
 def is_settled(length: Sequence[float]) -> bool:
-    """Whether the shortest length lies `PATIENCE` sizes back.
+    """Whether the last `PATIENCE` sizes or more did not shorten the description.
 
     >>> is_settled([5.0, 3.0, 4.0, 4.5, 6.0]), is_settled([5.0, 3.0, 4.0])
     (True, False)
@@ -83,7 +83,7 @@ def is_settled(length: Sequence[float]) -> bool:
 
 
 def has_met(tried: Sequence[TriedOrder]) -> bool:
-    """Whether held-out lines require no more states where the description would shorten without end.
+    """Whether `FURTHER` larger orders met the held-out lines no better, while no order leaves noise alone.
 
     >>> rows = [(2, 0.5), (4, 0.1), (6, 0.09), (8, 0.11), (10, 0.1), (12, 0.2), (14, 0.1)]
     >>> has_met([TriedOrder(n, -n, e, False) for n, e in rows]), has_met([TriedOrder(2, 0.0, 0.5, False)])
@@ -97,11 +97,10 @@ def has_met(tried: Sequence[TriedOrder]) -> bool:
 def choose(tried: Sequence[TriedOrder]) -> OrderChoice:
     """The recommended order with its reason and its error on held-out lines.
 
-    Where some order leaves noise alone: that of the minimum description length (MDL), or the smallest of
-    those that are as short, of orders that do not meet the lines kept out clearly worse than smaller ones.
-    Elsewhere, and where even the largest order tried shortens it, no order is the true one (a real structure
-    has no end of modes): then the smallest that meets the lines kept out of the fit as well as each of the
-    next few larger ones.
+    If some order leaves noise alone, it is the order of minimum description length (MDL), or the smallest
+    that is nearly as short, among orders that meet the held-out lines no worse than smaller ones do.
+    Otherwise, or if the largest order tried is the shortest, no order is the true one (a real structure has
+    modes without end): it is the smallest that meets the held-out lines as well as the next few larger ones.
     """
     trusted = [
         t for k, t in enumerate(tried) if t.held_out <= WORSE * min(o.held_out for o in tried[: k + 1])

@@ -76,7 +76,7 @@ def _has_poles_beyond(best: Polished, data: Data) -> bool:
 
 
 def _leads(best: Polished, data: Data) -> bool:
-    """Whether an output leads by more than it may be set to zero for: a tenth of a radian in the band."""
+    """Whether an output leads by more than a tenth of a radian in the band: too much to set it to zero."""
     return bool(np.any(best.start.point.delay_s * data.omega[-1] < -LEFT))
 
 

@@ -45,8 +45,8 @@ def recommend_states(
 ) -> OrderChoice:
     """The order that `choose` recommends; each is the best of a few starts and of the order before.
 
-    As long as a mode is lacking (`LACKING`) an order has all starts, and the search does not end: what a few
-    sizes do not find is no sign that there is nothing more.
+    While a mode is lacking (`LACKING`), each order is fitted from all starts and the search goes on: that a
+    few sizes bring no gain then does not show that the order is reached.
     """
     part, some = some_lines(data, spread, options)
     runs: dict[int, tuple[TriedOrder, Polished]] = {}

@@ -159,7 +159,7 @@ def _from_pencil(model: MeasurementModel) -> np.ndarray:
 
 
 def _is_regular(model: MeasurementModel) -> bool:
-    """Whether the matrix is square and of full rank but for its zeros: judged at a point without meaning."""
+    """Whether the matrix is square and of full rank at an arbitrary point, hence everywhere but at zeros."""
     if len(model.outputs) != len(model.inputs):
         return False
     H, slope = _at(model, complex(np.pi, 1.0) * float(np.median(np.abs(model.poles))))
@@ -186,10 +186,12 @@ def _refine(model: MeasurementModel, z: complex, *, regular: bool) -> tuple[comp
 
 
 def _standing(model: MeasurementModel) -> tuple[complex, float, np.ndarray]:
-    """A zero at the origin, with what is left of the smallest singular value there, as a share of the usual.
+    """A zero at the origin, its least singular value over that at the slowest pole's frequency, its slope.
 
-    Where several stand there the response has no slope, and no step says how far they are off. Where poles
-    stand there too, of other directions, it is judged beside them.
+    The slope is the derivative of the zero by the response.
+
+    Several zeros there leave the response without a slope, so that no Newton step measures their distance.
+    If poles are at the origin too, in other directions, the values are taken beside it.
     """
     slowest = 1j * float(np.min(np.abs(model.poles), initial=np.inf))
     beside = STANDING * slowest if np.any(double_pole(model)) or np.any(single_pole(model)) else 0.0
@@ -199,7 +201,7 @@ def _standing(model: MeasurementModel) -> tuple[complex, float, np.ndarray]:
 
 
 def _newton(model: MeasurementModel, s: complex) -> tuple[complex, np.ndarray]:
-    """Newton's step to where the smallest singular value vanishes, and minus its derivative by the response.
+    """Newton's step to where the smallest singular value vanishes, and the derivative by the response.
 
     With y H x the smallest singular value and its vectors, H + dH is singular at s - (y H x + y dH x) /
     (y H' x) to first order; at a zero x and y are its directions.

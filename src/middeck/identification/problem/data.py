@@ -26,9 +26,8 @@ class Transient:
 
     Attributes:
         period_s: Sampling period of the record [s].
-        first, last: How many samples at the record's start and end may be anything: those that answer to an
-            input before the record (a delay of n samples needs n + 1), and what a band-limited input does
-            between samples.
+        first, last: Numbers of arbitrary samples at the record's start and end: responses to inputs before
+            the record (a delay of n samples needs n + 1), and to a band-limited input between samples.
         steady: Spectra of outputs that no input causes, such as the hum of the mains; None without.
     """
 
@@ -75,9 +74,9 @@ class Data:
             experiment.
         weight: One over the standard deviation of H.
         drive: Spectra of the inputs in each experiment; None for a response.
-        driven: Lines of a record that its inputs drive, beside silent ones; None where all are driven.
+        driven: Lines of a record that its inputs drive, among silent ones; None if all are driven.
         transient: Whether each column has a free transient with the poles of the model (`transient`).
-        mix: How outputs that err together are combined before they are weighed; not with a transient.
+        mix: Matrix that combines outputs with correlated noise before weighting; not with a transient.
     """
 
     s: Complex[np.ndarray, " line"]

@@ -140,7 +140,7 @@ class _Linear(NamedTuple):
 def _solve_linear(
     shared: Functions, of: Weighted, solve: _Normal, free: np.ndarray, columns: np.ndarray, tied: ZeroSum
 ) -> _Linear | None:
-    """The solution; None where no correction makes the residual orthogonal to the columns."""
+    """The least-squares solution; None if iterations leave the residual not orthogonal to the columns."""
     groups, each = of.outputs.shape
     rounding = OF_DATA * np.sqrt(_squares(of.y))
     found = _Linear(np.zeros((groups, each, len(columns))), of.y, of.y, on_functions(shared, of, of.y))
@@ -249,7 +249,7 @@ class _Normal:
 
     @classmethod
     def of(cls, gram: Float[np.ndarray, "group column column"]) -> _Normal | None:
-        """None where columns are the others but for rounding."""
+        """Scaled Cholesky factors; None if columns depend on each other up to rounding."""
         power = np.linalg.diagonal(gram)
         if not np.isfinite(gram).all() or (power <= 0.0).any():
             return None

@@ -196,7 +196,7 @@ def confounded_delays(measured: FrequencyResponse, covariance: ModelCovariance) 
 
 
 def _stands_for_phase(measured: FrequencyResponse, model: MeasurementModel) -> bool:
-    """Whether poles outside a narrow band, heavily damped or far away, share its phase with a delay."""
+    """Whether a narrow band has heavily damped or far poles outside, whose phase in it is like a delay's."""
     f, zeta, lines = natural_hz(model), damping_ratio(model), measured.frequency_hz
     outside = (f < lines[0]) | (f > lines[-1])
     far = (f < lines[0] / FAR) | (f > FAR * lines[-1])
@@ -204,7 +204,7 @@ def _stands_for_phase(measured: FrequencyResponse, model: MeasurementModel) -> b
 
 
 def is_narrow(measured: FrequencyResponse) -> bool:
-    """Whether delays half a period apart look alike in the band, but for a sign."""
+    """Whether the band is so narrow that delays half a period apart differ in it by little but a sign."""
     return bool(measured.frequency_hz[-1] < NARROW * measured.frequency_hz[0])
 
 

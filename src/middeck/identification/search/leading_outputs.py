@@ -51,7 +51,7 @@ def _hint(measured: FrequencyResponse, usual: str) -> str:
 
 
 def leads(delay_s: float, deviation_s: float) -> bool:
-    """Whether a delay is below zero by more than chance.
+    """Whether a delay is negative by more than `BY_CHANCE` standard deviations.
 
     >>> leads(-2e-3, 1e-3), leads(-4e-3, 1e-3)
     (False, True)

@@ -67,7 +67,7 @@ def weighted(
 
 
 def _residual(data: Data, solved: list[Solved]) -> Complex[np.ndarray, "output line column"] | None:
-    """H - E, unweighted; None where it would have to be formed for that."""
+    """H - E, unweighted; None if a cost did not form it, or outputs are mixed."""
     left = [one.left for one in solved if one.left is not None]
     if data.mix is not None or len(left) < len(solved):
         return None
@@ -114,7 +114,7 @@ def _rounding(solved: list[Solved]) -> float:
 
 
 def _all_of(solved: Iterable[T | None]) -> list[T] | None:
-    """All costs; None where one of them is None."""
+    """All costs; None if one of them is None."""
     found: list[T] = []
     for one in solved:
         if one is None:
@@ -124,7 +124,7 @@ def _all_of(solved: Iterable[T | None]) -> list[T] | None:
 
 
 def by_normal_equations(layout: Layout, data: Data) -> bool:
-    """Whether normal equations save time or are the only way; they cannot project transients out."""
+    """Whether normal equations are faster, or needed (mixed outputs); they cannot project transients out."""
     if data.mix is not None:
         return True
     numbers = 2 * len(data.s) * data.H.shape[2]
@@ -149,7 +149,7 @@ class _ByColumns:
         return 0.5 * float(self.residual @ self.residual)
 
     def solved(self, terms: Terms) -> Solved:
-        """With the derivatives by theta."""
+        """The solution with gradient and Gram matrix of the cost by theta."""
         G = self.own.removed(terms.slopes(self.linear, self.output))
         gained = self.tied.moved(self.x, self.A)
         if isinstance(gained, np.ndarray):
@@ -159,7 +159,7 @@ class _ByColumns:
 
 
 def _by_columns(terms: Terms, output: int) -> _ByColumns | None:
-    """Cost by columns; None where two columns coincide."""
+    """Cost by columns; None if two columns coincide."""
     layout, data = terms.layout, terms.data
     own = TransientProjection(terms.B, data.weight[output])
     X = terms.columns(output)

@@ -52,8 +52,8 @@ class Noise:
 def noise_of(data: Data, covariance: ResponseCovariance, degrees: float, *, independent: bool) -> Noise:
     """Noise of a response for whitening; ``degrees`` of freedom are those of its variance on a line.
 
-    Of ``independent`` lines the outputs' noise is averaged alone: R of each is known, and is its own.
-    Raises `FitError` where some outputs, or inputs, err as one: their difference would rule the fit.
+    For ``independent`` lines only the outputs' noise is averaged over lines: R of each line is known.
+    Raises `FitError` if outputs, or inputs, have fully correlated noise: their difference would rule the fit.
     """
     size = np.mean(np.abs(data.H) ** 2, axis=(1, 2))
     power = np.real(np.einsum("lii->l", covariance.inverse_power)) / covariance.inverse_power.shape[1]

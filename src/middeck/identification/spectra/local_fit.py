@@ -97,9 +97,10 @@ def fit_windows(
 
 
 class BothKinds(NamedTuple):
-    """Windows with a denominator for noise of forces and of sensors, and the ``gain`` of the former.
+    """Windows with a denominator, fitted for noise of forces and for noise of sensors.
 
-    That is the logarithm of its likelihood over the other's; ``worth`` are the windows that share no line.
+    ``gain`` is the log likelihood of the former less that of the latter; ``worth`` is the number of windows
+    that share no line.
     """
 
     forces: LocalFit

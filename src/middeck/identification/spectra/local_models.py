@@ -208,9 +208,9 @@ def _some_lines(found: ResponseScatter, kept: Bool[np.ndarray, " line"]) -> Resp
 
 
 def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndarray, " line"]:
-    """Whether the inputs drive lines on both sides of each, its own counted with either.
+    """Whether the inputs drive lines on both sides of each line; the line itself counts with either side.
 
-    A window that is driven on one side only says nothing of the line in its middle.
+    A window that is driven on one side only does not determine the response in its middle.
     """
     # What leaks into a band may stand beyond it.
     places = np.union1d(lines, np.arange(0, len(U), half))
@@ -236,11 +236,11 @@ def _choice(
     *,
     rational: bool,
 ) -> tuple[Int[np.ndarray, " estimate"], Float[np.ndarray, "estimate output input"]]:
-    """The model that predicts best around each line, all outputs counting by the factor of their error.
+    """Index of the model that predicts best around each line, and the variance that the others add.
 
-    And what the others that predict as well, and are ``apart`` by more deviations, add to its variance.
-    Without ``rational`` models with a denominator are not chosen, but tell how far polynomials round a
-    resonance off.
+    Models that predict as well and differ by more than ``apart`` deviations add to it. All outputs count by
+    the factor of their error. Without ``rational``, models with a denominator are not chosen, but show by how
+    much polynomials flatten a resonance.
     """
     judged = lines[::JUDGED]
     width = 2 * AVERAGED + 1

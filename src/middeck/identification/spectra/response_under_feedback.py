@@ -112,8 +112,8 @@ def from_signal(record: Record, reference: Float[np.ndarray, "experiment period 
 def from_controller(record: Record, controller: Controller) -> Record:
     """The record with r = u - K y as input.
 
-    K multiplies the lines of the DFT. What its state was before the record is thereby a transient of the
-    reference, as smooth over lines as any other, and local models take it up.
+    K multiplies the lines of the DFT. Its initial state thereby becomes a transient of the reference, which
+    is as smooth over lines as any other, and local models fit it.
     """
     outputs, inputs = record.y.shape[3], record.u.shape[3]
     if controller.D.shape != (inputs, outputs):

@@ -1,6 +1,6 @@
 """The transient at the beginning of a repeated signal, and its drift: distinguished from noise, removed.
 
-What repeats is the same in every period. An output minus itself a period later is therefore free motion,
+A repeated response is the same in every period. An output minus itself a period later is thus free motion,
 
     y[n] - y[n + N] = sum_m c_m (1 - exp(p_m N T)) exp(p_m n T) + noise,
 

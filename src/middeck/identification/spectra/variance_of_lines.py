@@ -20,8 +20,8 @@ class ResponseScatter:
         noise: Variance of H from the scatter over periods: what does not repeat. None without several
             periods.
         total: Variance of H with all that scatters it: noise and the part of nonlinear distortion that
-            changes with the signal (Pintelon and Schoukens 2012, ch. 4). From the scatter over experiments,
-            or from what local models and averages leave. None where neither is known.
+            changes with the signal (Pintelon and Schoukens 2012, ch. 4), estimated from the scatter over
+            experiments or from residuals of local models and averages. None if neither is known.
         noise_dof, total_dof: Complex degrees of freedom nu of the two at each line: 2 nu (estimate / truth)
             is chi-square distributed with 2 nu degrees of freedom, where noise is normal. Several lines of a
             local model share their data, so these do not add up over lines.
@@ -29,9 +29,9 @@ class ResponseScatter:
             response to the inputs.
         inverse_power: R[line, input, input]: E[dH_oi conj(dH_pj)] = C_op R_ij. For local rational models
             this holds on the diagonal, and off it with the correlation of the outputs' noise.
-        line_inverse_power: R of each line's own data, for uses that take lines as independent. None where
-            they are; neighbouring lines of local models share their data, and ``inverse_power`` is smaller by
-            the lines that count.
+        line_inverse_power: R of each line's own data, for uses that take lines as independent. None if they
+            are. Neighbouring lines of local models share their data, and ``inverse_power`` is smaller by the
+            number of lines that are shared.
 
     Variances are of the complex number: real and imaginary part together.
     """
@@ -87,10 +87,10 @@ def trusted(
 
 
 def _with_noise(found: ResponseScatter) -> Complex[np.ndarray, "line output output"] | None:
-    """The total covariance and, where it is less than the noise beyond chance, as much noise as it lacks.
+    """The total covariance; where it is significantly below the noise's, the missing noise is added.
 
-    What experiments differ by beyond their inputs may come from few of them, and their noise be the least:
-    free motion that is not over differs between experiments.
+    The scatter over a few experiments may be smaller by chance than their noise. Free motion that has not
+    decayed differs between experiments too.
     """
     total, noise = found.total_covariance, found.noise_covariance
     if total is None or noise is None or found.total_dof is None:

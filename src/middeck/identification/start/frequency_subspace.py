@@ -5,7 +5,7 @@ powers of q_k spans the observability matrix once the same powers of the input a
 continuous response is mapped to the unit circle first, q = (a + s)/(a - s), with `a` in the middle of the
 band on a logarithmic scale, which spreads decades of modes over the circle. Poles outside are reflected.
 
-Which of too many modes to keep: the one that is missed least is dropped, until so many states are left.
+If there are too many modes, the one whose loss matters least is dropped until the number of states is right.
 """
 
 from __future__ import annotations

@@ -20,11 +20,11 @@ class Tracked:
 
     Attributes:
         time_s: Time of the last sample of each block.
-        natural_hz, frequency_std_hz, damping, damping_std: With standard deviations.
+        natural_hz, frequency_std_hz, damping, damping_std: Values and their standard deviations.
         trusted: Whether the innovations were white and as large as stated.
         jumps: Number of detected jumps of each mode, or a neighbour, by then.
         restarts: Number of restarts after a loss by then; ``state.restarts`` has their times.
-        state: At the end, from which to go on.
+        state: State at the end, from which tracking can go on.
     """
 
     time_s: Float[np.ndarray, " block"]

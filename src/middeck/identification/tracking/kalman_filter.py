@@ -238,7 +238,7 @@ class _Work:
         self.lag[:, self.modes + m] = 0.0
 
     def _is_astray(self) -> bool:
-        """Whether innovations are those of lost modes, or not yet recovered: they then show no lag."""
+        """Whether the modes are lost or not yet recovered: the innovations then show no lag."""
         large = self.brief[0] > loss_and_restart.TOO_LARGE * self.brief_weight
         return bool(large or self.recovery.lost or self.recovery.tries)
 

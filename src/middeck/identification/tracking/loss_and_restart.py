@@ -55,13 +55,13 @@ class Recovery:
     """State from which a tracker restarts.
 
     Attributes:
-        products, weight: As of the tracker, with a brief memory.
+        products, weight: The tracker's ``products`` and ``weight``, with a brief memory.
         lost: Samples for which the modes were lost, less those since.
         tries: Restarts since all was well.
         mean, variance, taken: Parameters of two good states, the older one first, and the samples after which
             each was taken.
         loudness: Mean square of recent inputs, by which unknown motion is judged.
-        restarts: All of them.
+        restarts: All restarts so far.
         blocks: Sums of the products, the block that is being filled first, then the recent ones.
         seen: Samples in all blocks since the last restart.
     """
@@ -107,7 +107,7 @@ def no_blocks() -> tuple[np.ndarray, int]:
 
 
 def is_large(blocks: Float[np.ndarray, "block lag"], seen: int) -> bool:
-    """Whether innovations are too large in the last whole block: if not, the modes were just found."""
+    """Whether innovations are too large in the last whole block; if not, the modes are found again."""
     return seen >= BLOCK and bool(blocks[1, 0] > TOO_LARGE * BLOCK)
 
 
@@ -141,7 +141,7 @@ def healed(
 
 
 def is_lost(products: Float[np.ndarray, " lag"], weight: float) -> bool:
-    """Whether recent innovations are too large and too coloured.
+    """Whether recent innovations are too large and too correlated.
 
     >>> noise = np.zeros(WATCHED + 1)
     >>> noise[0] = 9.0                                       # three times as large as stated, but white
@@ -165,7 +165,7 @@ def patience(tries: int) -> float:
 
 
 def is_trusted(products: Float[np.ndarray, " lag"], weight: float, outputs: int) -> bool:
-    """Whether size and whiteness are those of chance; True before that can be decided."""
+    """Whether size and whiteness of the innovations deviate only by chance; True while samples are few."""
     if weight < 0.1:
         return True
     means = products / weight

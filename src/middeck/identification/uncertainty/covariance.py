@@ -262,9 +262,9 @@ def _scores_spread(
 def _scores_if_alike(
     each: _Entries, residual: np.ndarray, W: Float[np.ndarray, "unknown direction"]
 ) -> Float[np.ndarray, "direction direction"]:
-    """The same of noise that has the assumed variance and whose lines are correlated, all of them alike.
+    """The same for noise of the assumed variance with one correlation between lines, alike on all of them.
 
-    Of a peak of few lines the residual itself says too little: the fit follows them.
+    On the few lines of a narrow peak the residual itself is no measure of the noise: the fit follows them.
     """
     rho = _correlations(residual / np.sqrt(each.variance))
     if not len(rho) or abs(rho[0]) <= CLEARLY_MORE / np.sqrt(residual.size):  # may be chance

@@ -230,8 +230,8 @@ def _is_real(of: ModelCovariance, m: int) -> bool:
 
 
 def _entries(of: ModelCovariance, m: int) -> list[tuple[int, int]]:
-    """Entries that tell all of a mode's matrix of constants: all of it, or of one of rank one the column and
-    the row through its largest entry."""
+    """Entries that determine a mode's matrix of constants: all, or for rank one the column and row through
+    its largest entry."""
     outputs, inputs = of.model.direct.shape
     if np.sum(of.model.poles == of.model.poles[m]) > 1:
         return [(o, i) for o in range(outputs) for i in range(inputs)]

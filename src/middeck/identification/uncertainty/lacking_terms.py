@@ -90,8 +90,8 @@ class LackingTerm(NamedTuple):
 def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[LackingTerm]:
     """The terms to test.
 
-    Without delays, what is left may well be one (`fit.missing_delay`); terms for what is beyond the band
-    follow a filter, as they follow modes.
+    A filter is no candidate without delays, since a missing delay may be the cause (`fit.missing_delay`), nor
+    with terms for modes beyond the band, which follow a filter too.
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
@@ -271,7 +271,7 @@ def coupled_channel(term: LackingTerm, model: MeasurementModel, value: float) ->
 def response_lacks(
     covariance: ModelCovariance, measured: FrequencyResponse, assumed: Float[np.ndarray, "output line input"]
 ) -> Lacking:
-    """What a fit of a response lacks, weighted by the ``assumed`` variance."""
+    """Terms that a fit of a response lacks; its lines are weighted by the ``assumed`` variance."""
     terms = terms_of(*covariance.model.direct.shape, covariance.structure)
     if not terms:
         return NOTHING

@@ -81,7 +81,7 @@ def shared_functions(
     """Four functions of each mode, kind by kind, then 1/s^2, 1/s and 1, at any ``s``.
 
     u + l and j(u - l) and the same of squares; u l, its square and u l (u + l) of a pair with real constants;
-    u and u^2 of a real pole. What a mode does not have is zero.
+    u and u^2 of a real pole. Functions that a mode lacks are zero.
     """
     T = 0.0 if model.sample_hz is None else 1.0 / model.sample_hz
     q, pole = (np.exp(s * T), np.exp(model.poles * T)) if T else (s, model.poles)

@@ -64,12 +64,12 @@ class ResponseDrift:
 
     @property
     def drifted(self) -> bool:
-        """Whether anything moved."""
+        """Whether any band of lines moved."""
         return bool(self.bands)
 
     @property
     def trusted(self) -> bool:
-        """Whether the stated variance explains most lines; without that, single lines are no evidence."""
+        """Whether the stated variance explains most lines; if not, single lines prove nothing."""
         return self.inflation <= TRUSTED
 
     @property

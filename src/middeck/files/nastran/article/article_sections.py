@@ -168,9 +168,10 @@ def _thirds(rows: Array, x: Array, weight: Array, cell: Array, parts: int) -> Ar
 
 
 def _positive_thirds(C: Array, x: Array, weight: Array, cell: Array, parts: int) -> tuple[Array, bool]:
-    """`_thirds` of flexibilities (point, n, n); means of the thirds, and true, where none of those are left.
+    """`_thirds` of flexibilities (point, n, n), with plain means where those are not positive definite.
 
-    Where a part changes steeply a constant that keeps three integrals may be negative: a hinge, or worse.
+    Where a part changes steeply, constants that keep its three integrals may be negative: a hinge, or worse.
+    The flag is true if any part has plain means.
     """
     third = cell * parts // PARTS[-1]
     means = np.einsum("gi,ijk->gjk", (np.arange(THIRDS * parts)[:, None] == third) * weight, C)

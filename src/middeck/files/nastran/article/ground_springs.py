@@ -35,10 +35,10 @@ class Grounded(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Ends of springs (spring, which end, grid that carries it), and where the ground holds these grids.
+    """Ends of springs (spring, which end, grid that carries it), and sets of these grids.
 
-    At ``bare`` grids nothing but springs stands, nor is rigid with them; of ``partly`` held ones the springs
-    resist more than is held.
+    ``bare`` ones are held, carry springs alone and are in no rigid connection; at those ``partly`` held the
+    springs resist components that the ground does not hold.
     """
 
     ends: list[tuple[Tie, int, int]]
@@ -127,7 +127,7 @@ def _joining(basis: Basis, parts: DeckParts, standing: Standing, ground: set[int
 
 
 def _resists(tie: Tie, end: int, grid: int, parts: DeckParts, places: GridPlaces) -> bool:
-    """Whether a spring resists a component of the grid that carries its ``end`` that nothing holds."""
+    """Whether a spring resists a component, not held, of the grid that carries its ``end``."""
     arm = arm_from(places.grids[grid], tie.points[end])
     axes = np.kron(np.eye(2), places.displacement_axes(grid))
     turn = np.kron(np.eye(2), tie.axes)

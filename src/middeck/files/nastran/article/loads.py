@@ -152,7 +152,7 @@ class LoadSets:
     def _parts(self, sid: int, faults: list[DocumentFault]) -> list[tuple[float, Entry]]:
         """Factors and loads of a set: its own, or those that a LOAD of this number sums.
 
-        Of both, programs take one or the other (NASTRAN-95 its own): refused.
+        A number that both have is refused: programs differ in which they take (NASTRAN-95 the set's own).
         """
         parts = [(1.0, entry) for entry in self.direct.get(sid, ())]
         entry = self.sums.get(sid)

@@ -1,7 +1,7 @@
 """Loads along members (PLOAD1) as forces and moments at their ends.
 
-They are what the member would bear there between fixed ends, so that the ends move as under the load itself.
-How the member bends between them beside that is left out.
+They are the negative fixed-end reactions, so that the ends move as under the distributed load. The member's
+own bending between fixed ends is left out.
 """
 
 import re

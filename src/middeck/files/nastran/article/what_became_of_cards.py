@@ -86,7 +86,7 @@ def account_left_out(basis: Basis, parts: DeckParts, standing: Standing) -> list
 
 
 def _damps(bushing: Entry) -> bool:
-    """Whether a line B or GE of a PBUSH has a number other than zero."""
+    """Whether a PBUSH has damping: a nonzero number in a line B or GE."""
     texts = ["", *(text or "" for text in bushing["rest"])]
     lines = (texts[i + 1 : i + ROW] for i in range(0, len(texts), ROW))
     return any(line[:1] in (["B"], ["GE"]) and any(map(real, filter(None, line[1:]))) for line in lines)

@@ -115,7 +115,7 @@ def _fixed(
 
 
 def _moved_by(apart: np.ndarray, near: float) -> np.ndarray:
-    """How far a component that may have axes of its own goes to its grids, unless all are ``near`` [m]."""
+    """Mean translation of a component to the grids that it joins; zero if all are within ``near`` [m]."""
     stays = np.linalg.norm(apart, axis=1).max() <= near
     return np.zeros(3) if stays else -apart.mean(axis=0)
 

@@ -121,7 +121,7 @@ def damping_names(deck: Deck) -> dict[str, list[str]]:
 
 
 def _is_skew(deck: Deck, name: str) -> bool:
-    """Whether a damping matrix has a part that turns motion instead of braking it."""
+    """Whether a damping matrix is not symmetric: a gyroscopic part dissipates nothing."""
     cards = [entry.card for entry in deck.entries.of("DMIG") if entry["name"] == name]
     if not cards or cards[0].fields[2:3] == ["6"]:  # one triangle stands for both
         return False

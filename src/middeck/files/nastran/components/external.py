@@ -281,7 +281,7 @@ def _pick(
 def _boundary(
     cards: Sequence[Card], punched: list[tuple[int, str]], places: GridPlaces, where: str
 ) -> Boundary:
-    """From EXTRN or, without it, from the coordinates of punched matrices in the order of ASET and SPOINT."""
+    """Boundary by EXTRN or, without it, by the coordinates of punched matrices in ASET and SPOINT order."""
     pairs = [pair for card in cards if card.name == "EXTRN" for pair in _pairs(card)] or punched
     if not pairs:
         raise DataError(

@@ -55,10 +55,10 @@ def _moves_by_stiffness(part: Component) -> tuple[np.ndarray, float]:
 
 
 def _free(part: Component, rounding: np.ndarray) -> Component | None:
-    """The component without a resistance to rigid motion that is rounding; None where there is more of it.
+    """The component with its stiffness against rigid motion removed; None if that is more than rounding.
 
-    That may be a negative stiffness as well as a positive one. ``rounding`` bounds that of each entry and of
-    the positions of its grids together.
+    That stiffness may be negative as well as positive. ``rounding`` bounds the joint effect of rounded
+    entries and rounded positions of the grids on each entry.
     """
     stiffness = part.stiffness
     R = rigid_vectors(part.positions, len(stiffness))

@@ -178,7 +178,7 @@ def _links(deck: Deck, places: GridPlaces, faults: list[DocumentFault]) -> Itera
 
 
 def _carrying(places: GridPlaces, carrier: int, grid: int, components: str) -> str:
-    """What moves the ``components`` of ``grid``: shifts, and turns too but of a carrier at the same place."""
+    """Components of the carrier that move ``components`` of ``grid``: turns move shifts only at an offset."""
     known = carrier in places.grids and grid in places.grids
     turns = not set(components).isdisjoint("456")
     apart = known and bool(np.any(places.grids[grid] != places.grids[carrier]))

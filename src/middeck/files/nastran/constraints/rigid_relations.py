@@ -71,7 +71,7 @@ def _single(*some: tuple[int, str]) -> Moves:
 
 
 def _at_once(entry: Entry, key: str, moves: tuple[Moves, Moves], faults: list[DocumentFault]) -> bool:
-    """Whether some component is independent and dependent, which is a fault."""
+    """Whether a component is both independent and dependent; adds a fault if so."""
     both = sorted(set(moves[0]) & set(moves[1]))
     if both:
         named = ", ".join(f"component {c} of grid {grid}" for grid, c in both)

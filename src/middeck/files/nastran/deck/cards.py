@@ -178,7 +178,7 @@ def _forgotten(group: list[Row], counted: bool) -> list[DocumentFault]:
 
 
 def _skips(text: str) -> bool:
-    """Whether a tab follows a field that fills its columns: the value behind it is one field further on."""
+    """Whether a tab follows a field that fills its columns, and thus skips a field."""
     *parts, _ = text.rstrip().split("\t")
     width = 16 if "*" in text[:8] else 8
     column = 0
@@ -210,7 +210,7 @@ def _beyond(line: Line, number: str) -> DocumentFault:
 
 
 def _are_counted(groups: list[list[Row]]) -> bool:
-    """Whether columns 73 to 80 number all lines but those with commas: whole numbers that rise."""
+    """Whether columns 73 to 80 hold ascending integers on all lines without commas: sequence numbers."""
     tails = [row[TAIL] for group in groups for row in group if "," not in row[LINE][0]]
     numbers = [integer(tail) for tail in tails]
     known = [number for number in numbers if number is not None]

@@ -98,7 +98,7 @@ def _parts(lines: Iterable[Line]) -> dict[int | None, list[Line]]:
 
 
 def _is_super(line: Line) -> bool:
-    """Whether a subcase is that of superelements alone, whose matrices are made elsewhere (0: the rest)."""
+    """Whether a line SUPER restricts its subcase to numbered superelements (not 0 or ALL)."""
     return bool(re.match(r"\s*SUPER(?:\s*=|\s)\s*(?!(?:0|ALL)\b)[^\s=]", line[0].upper()))
 
 

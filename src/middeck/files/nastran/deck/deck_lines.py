@@ -83,10 +83,10 @@ class Lines:
     that includes itself, or is missing in bulk data.
 
     Attributes:
-        lines: Without comments, blank ones and ENDDATA.
+        lines: Lines of the deck, without comments, blank ones and ENDDATA.
         begins: Places of the lines that begin bulk data.
         ended: Whether there is an ENDDATA.
-        files: All that were read, the deck first.
+        files: All files that were read, the deck first.
     """
 
     def __init__(self, deck: Path) -> None:

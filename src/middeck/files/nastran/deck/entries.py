@@ -176,7 +176,7 @@ def read_entries(cards: Iterable[Card]) -> Entries:
 
 
 def _is_foreign(fault: DocumentFault) -> bool:
-    """Whether what was refused is no card, not even one whose fields stand apart by spaces."""
+    """Whether the refused text is no card at all, not even one with fields separated by spaces."""
     return fault.hint in (COLUMNS, CARDS) and fault.key.partition(" ")[0] not in PARSED
 
 

@@ -73,7 +73,7 @@ def _hint() -> str:
 def guess_units(materials: Sequence[tuple[float, float]], size: float) -> list[Units]:
     """Common units in which all ``materials`` (Young's modulus, density) and the ``size`` are plausible.
 
-    Where density is zero it says nothing. The likeliest first: nearest to aluminium.
+    A density of zero is ignored. The units in which the materials are closest to aluminium come first.
     """
 
     def distance(units: Units) -> float:

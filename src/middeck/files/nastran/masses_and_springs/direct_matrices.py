@@ -69,7 +69,7 @@ def direct_ties(lone: Lone, places: GridPlaces, faults: list[DocumentFault]) -> 
 
 
 def _sizes(lone: Lone, places: GridPlaces, row: int, column: int) -> np.ndarray:
-    """Bounds of what numbers of size one in the printed axes of a block are in its basic ones."""
+    """Magnitudes of the printed entries of a block, transformed to the basic axes without cancellation."""
     left, right = (np.kron(np.eye(2), places.displacement_axes(lone.grids[k])) for k in (row, column))
     return np.abs(left) @ np.abs(left.T @ lone.block(row, column) @ right) @ np.abs(right.T)
 
@@ -82,7 +82,7 @@ def _certain_part(rest: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, floa
 
 
 def _is_noise(K: np.ndarray, doubt: np.ndarray) -> bool:
-    """Whether ``K`` is a stiffness but for what its digits leave in doubt."""
+    """Whether ``K`` is symmetric and positive semidefinite within the ``doubt`` of its entries."""
     return bool(np.all(np.abs(K - K.T) <= doubt + doubt.T)) and _over(K, doubt)[0][0] >= -1.0
 
 

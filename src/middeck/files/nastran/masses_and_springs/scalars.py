@@ -63,7 +63,7 @@ class Element(NamedTuple):
 
     @property
     def has_node(self) -> bool:
-        """Whether it needs a node of its own: some end is no scalar point, or it is a mass between two."""
+        """Whether the element needs a node: an end is at a grid, or it is a mass between two ends."""
         return bool(self.grids) or (self.is_mass and len(self.ends) == 2)
 
 
@@ -108,7 +108,7 @@ def scalar_points(entries: Entries, places: GridPlaces, faults: list[DocumentFau
 
 
 def names_scalar(entry: Entry, points: Container[int]) -> bool:
-    """Whether an end of this element is a scalar point; if not it is of grids alone."""
+    """Whether an end of this element is a scalar point; otherwise both are at grids."""
     return entry.name in POINTS_ONLY or any(entry[f"g{i}"] in points for i in "12")
 
 
@@ -256,7 +256,7 @@ def tie_terms(element: Element) -> list[tuple[str, End | None, float]]:
 
 
 def _whereabouts(elements: list[Element], places: GridPlaces) -> dict[int, np.ndarray]:
-    """Where the node of each scalar point is drawn: at a grid that it is joined to, or where another is."""
+    """Position at which each scalar point is drawn: a grid's that it is joined to, or another point's."""
     found: dict[int, np.ndarray] = {}
     for element in elements:
         for point in element.points:

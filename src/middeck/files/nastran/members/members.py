@@ -113,7 +113,7 @@ def own_axes(along: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 class _Reader:
-    """Where members run."""
+    """Reads the ends, offsets and orientation of members; collects faults."""
 
     def __init__(self, entries: Entries, places: GridPlaces, faults: list[DocumentFault]) -> None:
         self.places, self.faults = places, faults

@@ -1,9 +1,9 @@
 """OUTPUT4 files of matrices: dense or sparse, text or binary, either byte order, integers of 32 or 64 bits.
 
 Each matrix is a header (columns, rows, form, type, name), columns of *strings* (runs of entries below one
-another), and a column beyond the last. A negative number of rows says that a sparse matrix has its rows apart
-from its lengths ("bigmat"). What a file says of itself twice must agree: lengths of records, counts, order
-and range of rows and columns, symmetry. Format: MSC Nastran DMAP Programmer's Guide, OUTPUT4; decision 14.
+another), and a column beyond the last. A negative number of rows means that row and length of a sparse
+string are separate numbers ("bigmat"). Redundant data must agree: lengths of records, counts, order and range
+of rows and columns, symmetry. Format: MSC Nastran DMAP Programmer's Guide, OUTPUT4; decision 14.
 """
 
 import struct
@@ -123,7 +123,7 @@ def _strings(source: Source, head: MatrixHeader, row: int, words: int) -> list[t
 def _strings_of_whole_length(
     source: TextSource, head: MatrixHeader, start: int, words: int
 ) -> list[tuple[int, np.ndarray]]:
-    """As pyNastran writes a column: each run states the length of all, two words for each number."""
+    """Runs of a column as pyNastran writes them: each states the length of all, two words a number."""
     found = [(start, _numbers(source, head, source.numbers_ahead()))]
     while source.integers_ahead():
         length, start = divmod(source.integers(1)[0], BIG)

@@ -61,7 +61,7 @@ class TextSource:
 
     @property
     def of_pynastran(self) -> bool:
-        """Whether pyNastran may have written the matrix: its sparse columns stand in any order."""
+        """Whether pyNastran may have written the matrix, whose sparse columns then have any order."""
         return self.format == PYNASTRAN
 
     def numbers_ahead(self) -> int:
@@ -73,7 +73,7 @@ class TextSource:
         return count
 
     def integers_ahead(self) -> bool:
-        """Whether the next line holds one integer, which begins a run, and not the three of a column."""
+        """Whether the next line has one integer, which begins a run; a line with three begins a column."""
         return self.at < len(self.lines) and len(self.lines[self.at].split()) == 1
 
     def column(self) -> tuple[int, int, int]:
