@@ -355,7 +355,7 @@ def test_the_word_about_up(tmp_path):
     held = {"case": ["SPC = 5"]}
     silent = convert(write(tmp_path, spc, **held))
     assert "constants" not in silent.environment
-    assert any("which would tell the vertical" in note for note in silent.notes)
+    assert any("which would define the vertical" in note for note in silent.notes)
     unselected = convert(write(tmp_path, spc, down, "FORCE,8,1,,1.,1.", case=["SPC = 5", "LOAD = 8"]))
     assert "constants" not in unselected.environment
     assert any("down is [0.0, 0.0, -1.0] by a GRAV that is not selected" in n for n in unselected.notes)

@@ -96,7 +96,7 @@ def test_what_a_file_says_twice_must_agree(tmp_path):
     K = sp.csc_array(np.array([[2.0, 1.0], [1.5, 2.0]]))
     write_op4(tmp_path / "a.op4", [Op4Matrix("KXX", 6, K)])
     with pytest.raises(
-        DataError, match=r"said to be symmetric \(form 6\), but \(2, 1\) is 1.5 and its mirror 1"
+        DataError, match=r"stated as symmetric \(form 6\), but \(2, 1\) is 1.5 and its mirror 1"
     ):
         read_op4(tmp_path / "a.op4")
     write_op4(tmp_path / "b.op4", [Op4Matrix("K", 2, K), Op4Matrix("k", 2, K)])

@@ -125,7 +125,7 @@ def test_a_law_whose_gains_are_rounding_says_so():
         )
         return design_lqg(plant, weights, 0.015)
 
-    with pytest.warns(UserWarning, match="by fewer decades, would tell"):
+    with pytest.warns(UserWarning, match="by fewer decades, would decide"):
         found = law(1.4e-7, 6.4e8)
     want = np.array(
         [4.999847779570885e-06 - 1.702340935536668e-06j, 5.32856188960958e-06 + 1.454419465087807e-06j]
@@ -162,7 +162,7 @@ def test_a_law_whose_regulator_leaves_poles_all_but_at_rest_says_so():
             1.1,
         )
 
-    with pytest.warns(UserWarning, match="by fewer decades, would tell"):
+    with pytest.warns(UserWarning, match="by fewer decades, would decide"):
         found = law(2.66e11)
     assert found.cost == pytest.approx(9518.214003400239, rel=0.1)
     with warnings.catch_warnings():

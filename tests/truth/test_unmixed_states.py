@@ -261,7 +261,7 @@ def test_a_refusal_of_strongly_mixed_states_says_that_they_may_hide_what_is_reac
     plant = grouped_plant(_mixed(_system(rng), 1e8, rng), (FORCE,), (WAY,))
     with pytest.raises(NotStabilisableError, match="rounding may hide what is reached") as refused:
         design_lqg(plant, unit_weights(("force",), 1e-4), 1e2)
-    assert "does not decay, as far as rounding of these states tells: " in str(refused.value)
+    assert "does not decay, as far as rounding of these states shows: " in str(refused.value)
 
 
 def test_a_refusal_of_states_that_are_not_mixed_is_a_fact() -> None:

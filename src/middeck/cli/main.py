@@ -157,7 +157,7 @@ AGAIN_S = 0.05
 
 
 def catch_interrupts() -> Callable[[], bool]:
-    """Raise KeyboardInterrupt on SIGINT and SIGTERM; the value returned tells whether that has happened.
+    """Raise KeyboardInterrupt on SIGINT and SIGTERM; the function returned says whether one has come.
 
     An interruption can be lost on its way up: Python drops what reaches it inside a weak-reference callback
     or a destructor, and an extension that is being imported turns it into an ImportError, which its importer

@@ -389,7 +389,7 @@ def refuse_nameless(name: str, option: str) -> None:
 
 
 def _refuse_locked(folder: Path, where: str) -> None:
-    """Refuse a folder that takes no new file; the system is asked, as rights alone do not tell."""
+    """Refuse a folder that takes no new file; the system is asked, as rights alone do not decide."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass

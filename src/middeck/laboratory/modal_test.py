@@ -26,7 +26,7 @@ SETTLE = 2  # unrecorded periods of an experiment
 class ModalTest:
     """A modal test: one experiment for each motor, and one more at a smaller drive.
 
-    Two drives tell friction from the structure.
+    Two drives distinguish friction from the structure.
 
     Attributes:
         torque_nm: Rms of each motor's command.

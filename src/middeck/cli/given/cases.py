@@ -104,7 +104,7 @@ def solve_in(
 ) -> Modes:
     """Rest state and modes of a case already read from ``files``, which errors then name.
 
-    Beside what `solve_modes` says, the warnings of the modes tell what in the files can hardly be meant, and
+    Beside what `solve_modes` says, the warnings of the modes name implausible values in the files, and
     which of the ``count`` lowest frequencies the mesh is too coarse for.
     """
     doubts = case_warnings(structure, environment, *files)

@@ -172,8 +172,8 @@ def _validate(
 ) -> dict[str, float] | None:
     """Error of the simulated outputs on held-out records; None without any.
 
-    In the steady state of a periodic record; of another, from the state that its first quarter tells. Offsets
-    and ramps are taken out as the fit takes them out: no model has them.
+    A periodic record is simulated in its steady state, another one from the initial state that its first
+    quarter determines. Offsets and ramps are removed as the fit removes them: no model has them.
     """
     from middeck.cli.work.fit_records import load_periods
     from middeck.identification.record_fit.record_spectra import as_fitted

@@ -30,7 +30,7 @@ from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.sampling.zero_order_hold import release_hold
 from middeck.values import record
 
-# Two periods tell noise from response.
+# Two periods distinguish noise from response.
 FEWEST_PERIODS = 2
 
 
@@ -226,7 +226,7 @@ def load_periods(
 ) -> tuple[Record, tuple[str, ...]]:
     """The records together, in whole steady periods where they have any, and remarks on them.
 
-    As many periods as is said; otherwise as the file says; otherwise as the input shows.
+    The number of periods is the one given, otherwise the file's, otherwise that of the input.
     """
     readings = [read_record(path, named) for path in files]
     whole = [check_finite(one.record, str(path)) for one, path in zip(readings, files, strict=True)]

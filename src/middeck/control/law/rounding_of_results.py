@@ -82,7 +82,7 @@ def measure_known(
         what: Names the numbers in the warning.
         numbers: Values whose differences count, logarithms or angles [rad]; none finite of an unstable loop.
         least: Largest change by the first move up to which no more are tried.
-        cure: Ends the warning: what would tell.
+        cure: End of the warning: the remedy.
         stacklevel: Stack level of the warning: 3 blames the line that called the caller of this.
     """
     found = measure(*halves)
@@ -101,7 +101,7 @@ def measure_known(
         if most > UNCERTAIN:
             warnings.warn(
                 f"{what} are uncertain: rounding of the matrices alone moves them by {most:.1g} (relative, "
-                f"or rad) or more; {cure}, would tell",
+                f"or rad) or more; {cure}, would decide",
                 stacklevel=stacklevel,
             )
     return found

@@ -26,8 +26,8 @@ CIRCLE = 1e-7
 """The same for modulus one; less, since at 1 kHz a mode of 0.03 Hz and 1 % is only 2e-6 inside."""
 SPREAD = 3
 """Names that share what is not reached, from which on the states are mixed."""
-AS_FAR = ", as far as rounding of these states tells"
-HIDDEN = "in mixed states rounding may hide what is reached and seen: modal ones, or of like sizes, tell"
+AS_FAR = ", as far as rounding of these states shows"
+HIDDEN = "in mixed states rounding may hide what is reached and seen: modal ones, or of like sizes, decide"
 
 
 def unreachable_states(

@@ -83,7 +83,7 @@ def write_measured_modes(
 
     JSON has a real shape as rows of numbers, a complex one as re and im. A universal file has nodes, shapes
     with six digits, and the members of ``structure`` as trace lines; ``sets`` are those of its nodes (2411 or
-    15) and shapes (55 or 2414), 2411 and 55 unless said. See `write_uff` for what it cannot hold.
+    15) and shapes (55 or 2414), 2411 and 55 by default. See `write_uff` for what it cannot hold.
 
     Raises `ConfigError` for ``sets`` that are not written, or with JSON, which has none.
     """

@@ -200,7 +200,7 @@ def limits_of(plan: Plan, promises: Mapping[str, Promise]) -> list[str]:
             "play, saturation, and friction except at the stated joints",
             "disturbances of another intensity: with friction the decibels depend on it",
             *(
-                f"drag of {j.name} other than {j.viscous:g} N m s/rad, which no survey tells from damping"
+                f"drag of {j.name} other than {j.viscous:g} N m s/rad, inseparable from damping in surveys"
                 for j in plan.joints
             ),
         ]

@@ -142,7 +142,7 @@ def write_csv(path: Path, stream: RecordStream) -> None:
         start = 0
         for u, y in stream.blocks(LINES):
             time = (start + np.arange(len(u))) / stream.sample_hz
-            # Digits to spare: of two stamps "0" and "0.003" nobody could tell how they were rounded.
+            # Digits to spare: of two stamps "0" and "0.003" does not show how they were rounded.
             writer.writerows(
                 [f"{t:.12f}", *row] for t, row in zip(time, np.hstack([u, y]).tolist(), strict=True)
             )
@@ -254,7 +254,7 @@ def _format_notes(file: Path, opening: Opening) -> tuple[RecordFault, ...]:
 def _warnings_on_rate(opening: Opening, rate: float, digit: float, first: float) -> tuple[RecordFault, ...]:
     """Times at a rate that no structure is sampled at: a heading that says seconds may be wrong, too.
 
-    A file that tells its samples is ours, and its times are seconds.
+    A file that states its samples is ours, and its times are seconds.
     """
     counted = opening.second == 1.0 and rate == 1.0 and digit == 1.0
     meant = opening.in_words and not counted

@@ -122,7 +122,7 @@ def _reach_unset(annotation: Any, segments: Sequence[str], path: list[str | int]
 
 
 def _match(segment: str, data: Any, annotation: Any) -> str | int | None:
-    """The key or index that ``segment`` names; in absent data (None) as far as the form tells."""
+    """The key or index that ``segment`` names; in absent data (None) as far as the form defines it."""
     if is_form(annotation):
         known = list(keys_of(annotation))
         exact = [k for k in known if k == segment]

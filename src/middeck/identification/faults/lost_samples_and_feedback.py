@@ -36,9 +36,9 @@ ALIKE, BETTER = 0.45, 0.2
 MOST_ALIKE = 0.6
 # Gain required of a regression: in deviations of its chi-square law, and as a share of the prediction error.
 SURE, SHARE = 7.0, 0.02
-# Times as much of the past by which feedback is tested again, and samples for each unknown of that; of more
-# than so many samples some, evenly spread, tell as much. Of so few samples for each unknown chance may hide a
-# loop: what later inputs tell must then fall to this part, both freed of what so many unknowns fit by chance.
+# Factors on the length of the past with which feedback is tested again, samples for each of its unknowns, and
+# samples of which an even subset suffices. With fewer samples for each unknown chance may hide a loop: what
+# later inputs explain must then fall to this part, both without what so many unknowns fit by chance.
 LONGER, ROWS, ENOUGH = (1.5, 2, 4, 8), 4, 20_000
 FEWEST_ROWS, FALLS_TO = 1.6, 0.3
 # What an input's past does not foretell, over its median, from which it jumps (of noise, a sample in 16,000),
@@ -51,7 +51,7 @@ JUMPS, CALM, BEFORE = 6.0, 0.6, 3
 FEWEST_LARGE, BEYOND, LEAP, LEAST = 20, 12.0, 12.0, 1e-4
 # Noise behind a spike over that before it: of so few samples, it is below by chance in all but 1e-9.
 AS_BEFORE = 2.0
-# Records of fewer samples may show samples lost on one side as inputs that tell what was, as feedback does.
+# In shorter records samples lost on one side may look like feedback: inputs seem to follow the past.
 TELLS_LOSS = 1000
 # Samples by which an output may lead without a loop: differences and filters that look ahead, and what an
 # input does between samples. Before it begins, an answer that a filter cuts off near half the rate follows a

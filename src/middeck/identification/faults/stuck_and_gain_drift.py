@@ -43,7 +43,7 @@ PARTS, CHANGE, SURE = 16, 0.02, 6.5
 # move between eight bands of frequency from the first half of a record to the other: a sweep that meets other
 # modes at another time does not distinguish a gain from a response.
 UNEVEN, BANDS, MOVED = 4.0, 8, 0.3
-# Pieces of a record, long against the memory of its modes, by which a delay that grows is told from a gain;
+# Pieces of a record, long against the memory of its modes, which distinguish a growing delay from a gain;
 # and how many times as much it must explain (amplitude). Of ten records of two clocks the least was three.
 PIECES, CLEARLY = 8, 2.0
 

@@ -5,8 +5,8 @@ On the unit circle, with g = 1/2 + p/(q - p) = (q + p)/(2(q - p)) of a pole p,
     conj(1/(q - p_m)) 1/(q - p_n) = D (conj(g_m) + g_n),    D = 1/(1 - conj(p_m) p_n),
 
 and on the imaginary axis the same with g = 1/(s - p), D = -1/(conj(p_m) + p_n): weighted sums of products of
-fractions are a matrix of Cauchy's kind, of which one sum of g for each pole tells all (of displacement rank
-two: Heinig and Rost 1984). Squares of fractions are derivatives by the pole, and so are their products. A
+fractions are a matrix of Cauchy's kind, which one sum of g for each pole determines (displacement rank two:
+Heinig and Rost 1984). Squares of fractions are derivatives by the pole, and so are their products. A
 stable pole and another's mirror image never meet, so that no difference is divided by zero; rounding grows
 with the distance of lines that are heavy over a pole's decay rate. What that does to the linear unknowns is
 seen in their residual (`normal_equations`); what it does to theta's Gram matrix is not, so that a search has

@@ -21,7 +21,7 @@ from middeck.values import record
 SETTLED = 0.02
 # A search goes on in chunks of steps, each with new weights, at most so many. It has settled too when a chunk
 # gains less than this share of the cost that is not noise: lines share what a model lacks, and a thousandth
-# of it tells no unknown.
+# of it determines no unknown.
 CHUNK, MOST_CHUNKS = 10, 6
 LITTLE = 1e-3
 # Or no more than this for each unknown: noise makes a fit of n unknowns cost n/2 too little.

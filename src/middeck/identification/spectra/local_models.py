@@ -43,7 +43,7 @@ EDGE, REACH = 0.01, 4
 SMOOTH, TYPICAL, LOST = 0.2, 0.9, 0.1
 # Of the models that predict as well within a factor, those that are further apart than so many deviations
 # add the square of their distance to the variance: they are no narrower than half the window, or none that
-# the method takes. Prediction of the outputs tells less of the response where the inputs turn evenly from
+# the method takes. Prediction of the outputs says less about the response where the inputs turn evenly from
 # line to line, as sweeps do and no noise: there fewer deviations count. EVENLY is the length of the mean of
 # the second turns, each of length one, over the lines that prediction is averaged over (of noise 0.16, of
 # sweeps 0.9).

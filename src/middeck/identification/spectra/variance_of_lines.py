@@ -69,8 +69,8 @@ def trusted(
 ) -> tuple[Float[np.ndarray, "line output input"] | None, ResponseCovariance | None]:
     """The variance for a fit whose lines count as independent, total where known, and its covariance.
 
-    A sum over lines of |H - model|^2 / variance then tells as much as the data do: neighbouring estimates of
-    a local model err together, and weighed by their own, smaller variances they would say it several times.
+    A sum over lines of |H - model|^2 / variance then has as much information as the data. Neighbouring
+    estimates of a local model err together: their own, smaller variances would count it several times.
     """
     covariance = found.noise_covariance if found.total is None else _with_noise(found)
     if covariance is None:

@@ -32,7 +32,7 @@ COMPLEX_SIZES = ((1.5, 1.5), (2.0, 1.5), (1.5, 2.0), (2.0, 2.0), (1.0, 2.0))
 # One start more with complex constants: a subspace whose poles vector fitting moves on so many times.
 RELOCATED_SIZE, RELOCATIONS = (1.25, 1.5), 3
 # And some with the subspace's own vectors: block rows as a multiple of the least. More rows average more
-# noise, and tell modes far below or above the others from none.
+# noise, and show whether there are modes far below or above the others.
 OWN_ROWS = (2.0, 3.0, 4.0)
 # Delays tried, in steps of this share of the shortest period in the band.
 DELAY_STEP = 0.125
@@ -40,8 +40,7 @@ DELAY_STEP = 0.125
 FIRST_DELAYS = 64
 ENOUGH = 0.5
 # A band from f to less than so many times f is narrow: delays half a period apart look alike in it, and the
-# steps are so many times finer, to tell. One that leaves a third or more of what the promptest leaves is not
-# tried beside it.
+# steps are finer by this factor. One that leaves a third or more of what the promptest leaves is not tried.
 NARROW, FINER, HOPELESS = 2.0, 64, 3.0
 # Peaks of what delays explain that are climbed: at least, and times lines; and steps of Newton's method.
 FEWEST_PEAKS, PEAKS_TIMES_LINES, CLIMBS = 8, 2**17, 3
@@ -359,7 +358,7 @@ def _best_delays(
 ) -> tuple[float, float]:
     """The delay (negative: a lead) on a grid at which real constants explain most of some entries.
 
-    The grid grows to half the record until most is explained: lines no closer than that tell no longer delay.
+    The grid grows to half the record until most is explained: longer delays need closer lines.
     In a narrow band half a period more or less is little else than a change of sign, which constants take up:
     there the best delay from zero to half a period comes first, the best of all only if it leaves far less.
     """

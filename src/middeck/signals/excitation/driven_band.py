@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 # As many sine tapers: their spectra leak with the fourth power of the distance (Riedel and Sidorenko 1995),
-# their sum hears nearly all of the record alike, as a sweep asks for, and their mean is smooth over as many
+# their sum weights nearly all of the record alike, as a sweep asks for, and their mean is smooth over as many
 # lines, as noise asks for.
 TAPERS = 9
 # Power that still counts as driven, of the largest: 20 dB less.

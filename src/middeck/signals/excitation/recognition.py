@@ -169,7 +169,7 @@ def _steady_from(u: np.ndarray, y: np.ndarray) -> int:
     size = np.sqrt(np.mean(both**2, axis=(0, 1, 2)))
     both = both / np.where(size > 0.0, size, 1.0)
     away = np.mean((both[:, :-1] - both[:, -1:]) ** 2, axis=(0, 2, 3))
-    if len(away) < 2:  # two periods: nothing tells a transient from noise
+    if len(away) < 2:  # two periods: nothing distinguishes a transient from noise
         return 0
     unsettled = np.flatnonzero(away > STEADY * away[-1] + 1e-12)
     return int(unsettled[-1]) + 1 if len(unsettled) else 0

@@ -82,7 +82,7 @@ def lay_out_links(
 ) -> LinkRows | None:
     """Rows of ``links``, whose frames stand at ``place``; None for none.
 
-    Their points, one for each of `AnyLink.frames`, are the poses from ``first`` on; ``joint`` tells the
+    Their points, one for each of `AnyLink.frames`, are the poses from ``first`` on; ``joint`` states the
     coordinates of joints.
     """
     if not links:

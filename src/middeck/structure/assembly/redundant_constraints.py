@@ -1,7 +1,7 @@
 """Coordinates that depend on others through links: a basis of the motions that links allow.
 
 Rows of links that share no coordinate are solved apart. In each such block a QR factorisation with pivots
-among the rows tells those that say nothing new, and one with pivots among the columns which coordinates to
+among the rows finds redundant ones, and one with pivots among the columns which coordinates to
 take as dependent, so that these follow from the others with small factors (Golub and Van Loan 2013, section
 5.4). Before that rows have length one, shifts counted over the longest arm of their block: no unit enters.
 """

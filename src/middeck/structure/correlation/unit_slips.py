@@ -25,7 +25,7 @@ FEWEST = 3  # modes that must agree on a factor
 VERY_ALIKE, FEW_CHANNELS = 0.95, 6  # where fewer agree: assurance, and channels from which it says something
 IN_STEP = 0.15  # on a logarithmic scale: how far a survey without shapes may be off the model's lowest modes
 AGREE = 0.25  # on a logarithmic scale: how far factors may lie from each other and from that of a unit
-MOVES = 0.3  # of a mode's rms: what a channel must move to tell its own scale
+MOVES = 0.3  # of a mode's rms: least motion of a channel that shows its own scale
 
 FREQUENCY = {
     2.0 * np.pi: "rad/s in place of Hz",
@@ -81,7 +81,7 @@ def warnings_on_units(
     remarks += warnings_on_frequencies_of_shapes(modes.frequency_hz[index], phi, measured, straight)
     remarks += _damping(modes, measured, index[ours], theirs)
     sorts = _sorts(phi, np.asarray(measured.shape), straight, alike)
-    # One channel of a thousandfold scale makes any two shapes alike: then frequencies tell the pairs.
+    # One channel of a thousandfold scale makes any two shapes alike: then frequencies decide the pairs.
     channels = sorts or _channels(phi, measured, straight, alike) or _channels(phi, measured, straight, near)
     return tuple(remarks + ([] if levels else channels))
 

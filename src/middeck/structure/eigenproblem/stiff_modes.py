@@ -1,7 +1,7 @@
 """Shapes of stiff modes to rounding: what other modes are in them is taken out.
 
 An inverse problem with the shift sigma leaves eps lam / sigma of neighbours in the shape of a mode. The
-residual of the mode tells how much, but for eps size / lam: to first order (Ogita and Aishima 2018,
+residual of the mode shows by how much, but for eps size / lam: to first order (Ogita and Aishima 2018,
 "Iterative refinement for symmetric eigenvalue decomposition", Japan J. Indust. Appl. Math. 35). Modes of
 nearly one frequency are parted exactly, within the space of their shapes (Rayleigh and Ritz).
 """

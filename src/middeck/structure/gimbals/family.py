@@ -338,7 +338,7 @@ def _track_way(
 
 
 def _middle(model: Model, start: _Place, end: _Place, count: int) -> _Place | None:
-    """Half way in the angles and in what devices are tuned to: near enough to tell which mode is which.
+    """Half way in the angles and in what devices are tuned to: near enough to identify each mode.
 
     To tune them there would cost five times as much, and end at the same two points.
     """

@@ -232,7 +232,7 @@ def _sizes(component: Component) -> tuple[float, np.ndarray]:
     """A typical omega^2 and, of each coordinate, the root of k + omega^2 m: the scale of its entries."""
     k, m = np.diagonal(component.stiffness), np.diagonal(component.mass)
     both = (k > 0.0) & (m > 0.0)
-    # A determinate boundary has rounding alone for stiffness: the modal coordinates tell how fast it is.
+    # A determinate boundary has rounding alone for stiffness: the modal coordinates show how fast it is.
     modal = both & (np.arange(len(k)) >= 6 * len(component.grids))
     both = modal if np.any(modal) else both
     shift = float(np.median(k[both] / m[both])) if np.any(both) else 1.0
@@ -250,7 +250,7 @@ def _unsymmetric(component: Component, what: str, matrix: np.ndarray, size: np.n
     missing = np.flatnonzero(~component.has.ravel()).tolist()
     used = [k for k in missing if np.any(matrix[k]) or np.any(matrix[:, k])]
     if used:
-        yield f"its {what} has entries at {coordinate_name(component, used[0])}, which it is said not to have"
+        yield f"its {what} has entries at {coordinate_name(component, used[0])}, which it is declared to lack"
 
 
 def _no_body(component: Component) -> Iterator[str]:

@@ -231,7 +231,7 @@ def solve_whirls(omega: np.ndarray, zeta: np.ndarray, spin: Spin, turn: np.ndarr
         values = -1j * rate
     upper = np.imag(values) >= 0.0
     s, x = values[upper], rest @ vectors[:, upper]
-    q = x[flexible:] * np.conj(s)  # from either state, as far as it tells
+    q = x[flexible:] * np.conj(s)  # from either state, as far as it is determined
     q[rigid:] += w[:, None] * x[:flexible]
     q = q / (omega[:, None] ** 2 + np.abs(s) ** 2)
     q = q / np.linalg.norm(q, axis=0)

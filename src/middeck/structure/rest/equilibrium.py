@@ -111,7 +111,7 @@ class Equilibrium:
 
     @property
     def upwards(self) -> Float[np.ndarray, "3"] | None:
-        """Unit vector in W that is upwards: against gravity or its direction, else as the article tells."""
+        """Unit vector in W that is upwards: against gravity or its direction, else by the article."""
         up = self.environment.upwards
         return self.model.structure.up if up is None else up
 
@@ -352,7 +352,7 @@ def _turned_axes(equilibrium: Equilibrium) -> list[str]:
 def _has_axes(bushing: Bushing, turn: Float[np.ndarray, "3 3"]) -> bool:
     """Whether its law is another where its axes follow the other frame, from which the first has turned.
 
-    Both see the same components of the rotation vector, so that shifts alone may tell.
+    Both see the same components of the rotation vector, so that shifts alone may decide.
     """
     by = sla.block_diag(bushing.axes.T @ turn @ bushing.axes, np.eye(3))
     K = np.real(bushing.stiffness)

@@ -75,7 +75,7 @@ def peak_gain(
 
 
 def _warn(why: str) -> None:
-    warnings.warn(f"peak of a gain: {why}; {CURE}, would tell", UserWarning, stacklevel=3)
+    warnings.warn(f"peak of a gain: {why}; {CURE}, would decide", UserWarning, stacklevel=3)
 
 
 def _search(balanced: StateSpace, values: np.ndarray, band: tuple[float, float], direct: float) -> PeakGain:

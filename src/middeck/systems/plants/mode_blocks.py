@@ -50,7 +50,7 @@ def part_modes(plant: Plant) -> Plant:
     V = np.hstack([np.zeros((len(values), 0)), *pairs, *(np.real(vectors[:, [k]]) for k in real)])
     if len(V) and not np.linalg.cond(V) < INSEPARABLE:
         raise NumericalError(
-            "the modes of the plant nearly coincide: none of them can be told from the others",
+            "the modes of the plant nearly coincide: none of them can be distinguished from the others",
             hint="a plant in modal form, or with state_names",
         )
     label = np.repeat(np.arange(len(upper) + len(real)), [2] * len(upper) + [1] * len(real))

@@ -82,7 +82,7 @@ def _shift_blocks(
         index = mode_states(names, name)
         if _is_in_a_loop(system.A, index):
             raise ConfigError(
-                f"{name} is in a loop with other states: what a shift changes cannot be told from them",
+                f"{name} is in a loop with other states: the effect of a shift cannot be separated from them",
                 hint="shift the plant without the loop, then close it again",
             )
         at = mode_coordinates(system.A, system.B, index, name)

@@ -1,7 +1,7 @@
 """Shifts of a system's poles by rounding of its matrices.
 
 States mixed by a matrix of condition k multiply the rounding of each entry by k at the poles. From 1e7 on no
-algorithm tells on which side of the axis they lie: what would tell was lost when the matrices were stored.
+algorithm finds on which side of the axis they lie: that was lost when the matrices were stored.
 """
 
 from __future__ import annotations

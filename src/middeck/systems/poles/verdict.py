@@ -29,7 +29,8 @@ def warn_if_open(system: LinearSystem, *parts: LinearSystem) -> bool:
     """`is_open`, with a warning (`UserWarning`): the system does not then count as stable."""
     found = is_open(system, *parts)
     if found:
-        warnings.warn(f"stability is undecided, and counts as lost: {OPEN}; {CURE}, would tell", stacklevel=3)
+        what = f"stability is undecided, and counts as lost: {OPEN}; {CURE}, would decide"
+        warnings.warn(what, stacklevel=3)
     return found
 
 

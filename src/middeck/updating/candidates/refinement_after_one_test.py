@@ -1,7 +1,7 @@
 """A refinement after one more test, computed before the test is made.
 
 Rows of the new test are those that `refine` would make of it, about the most probable article; they bring no
-news, only certainty. The model's own errors are as large as they are thought to be now: no one can tell what
+news, only certainty. The model's own errors are as large as they are thought to be now: it is not known what
 a test will say of that.
 """
 

@@ -155,7 +155,7 @@ def set_run(first: Plant, laws: Mapping[str, Compensator], slips: DrawnSlips, pl
 def run_slips(run: SlipRun, plants: Sequence[Plant], start: int = 0) -> dict[str | None, Slipped]:
     """Results of every compensator on ``plants``, which are the draws from ``start`` on.
 
-    Several records of each draw tell the error.
+    Several records of each draw give the error.
     """
     own = [_own_ports(p, run.laws.values(), run.wiring) for p in plants]
     most = max(1, MOST // max(1, len(run.lines_hz) * len(own[0].inputs) * len(own[0].outputs)))

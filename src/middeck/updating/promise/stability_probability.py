@@ -169,7 +169,7 @@ def risk_of(drawn: DrawnPlants, db: np.ndarray) -> tuple[str, float]:
     """The drawn quantity with the largest Spearman rank correlation; none where that may be chance.
 
     Chance of so many names together is 5 % (Bonferroni), by Student's distribution of r sqrt((n-2)/(1-r^2)).
-    So few draws that one of the names has their very order more often tell none: 2 of n! orders.
+    So few draws that one of the names has their very order more often decide nothing: 2 of n! orders.
     """
     ranks = _ranks(db)
     spread = float(np.std(ranks))

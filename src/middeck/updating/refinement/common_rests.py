@@ -1,8 +1,8 @@
 """Correlation of rows of a new test with rows of earlier tests, beside errors with names.
 
 `refine` counts what a row has of errors that have no name (the mixing of two modes, the reading of a gauge)
-as its own. Made twice, a test would then tell twice as much of the article as it does: both rows have the
-same error.
+as its own. A test made twice would then count as two independent ones, although both rows have the same
+error.
 """
 
 import dataclasses

@@ -77,7 +77,7 @@ def estimate_of(
     """The estimate, with widened deviations of surveys that contradict one another.
 
     Else a step far out is the answer: slopes by measured frequencies differ as these contradict. Where such a
-    step leaves no contradiction, slopes of the logarithms, which do not differ, tell it.
+    step leaves no contradiction, slopes of the logarithms, which do not differ, show it.
     """
 
     def solved(of: Tests) -> tuple[Linear, Estimate]:

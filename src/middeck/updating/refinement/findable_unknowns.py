@@ -24,7 +24,7 @@ from middeck.values import record
 
 # Deviations of the test: an unknown that moves less is not seen.
 SEEN = 1.0
-# Cosine of two columns beyond which the surveys tell their sum alone.
+# Cosine of two columns beyond which the surveys determine their sum alone.
 ALIKE = 0.99
 
 

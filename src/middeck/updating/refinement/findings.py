@@ -124,8 +124,8 @@ def _mixing(compared: Compared, some: Sequence[tuple[float, float]]) -> str:
     named = ", ".join(f"{a:.4g} and {b:.4g} Hz" for a, b in some[:NAMED])
     more = f" and {len(some) - NAMED} more pairs" if len(some) > NAMED else ""
     return (
-        f"{compared.survey.name}: the model's modes at {named}{more} are close, and no measured shape tells "
-        "them apart: another set of unknowns may fit as well"
+        f"{compared.survey.name}: the model's modes at {named}{more} are close, and no measured shape "
+        "distinguishes them: another set of unknowns may fit as well"
     )
 
 
@@ -150,7 +150,7 @@ def _of_contradictions(refined: Refined) -> Iterator[str]:
     by = max((float(c.std[0] / c.survey.std[c.pairs[0, 1]]) for c in refined.compared), default=1.0)
     if by > CONTRADICT:
         bare = any(not c.survey.measured.node for c in refined.compared)
-        pairing = ", or were modes taken for others, which shapes would tell" if bare else ""
+        pairing = ", or were modes taken for others, which shapes would show" if bare else ""
         means = [f"{name} by {100.0 * off:+.2g} %" for name, off in off_the_rest(refined)]
         yield (
             "the surveys contradict one another: their frequencies differ from those of any one article by "

@@ -29,7 +29,7 @@ TINY = np.finfo(float).tiny
 
 
 def wrong_channels(compared: Compared) -> tuple[str, ...]:
-    """A sentence for each; none where channels are too few to tell, or most of them disagree.
+    """A sentence for each; none if channels are too few to decide, or most of them disagree.
 
     One for all that no factor sets right, if they are many: as turns of nodes where a mesh is too coarse.
     """

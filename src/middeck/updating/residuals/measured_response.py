@@ -15,7 +15,7 @@ from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record
 
-# Lines are no nearer than this part of their frequency: nearer ones tell the same of a model's error.
+# Lines are no nearer than this part of their frequency: nearer ones show the same model error.
 SPACING = 0.005
 # Relative noise of a response beyond which a line has no useful logarithm.
 NOISY = 0.3

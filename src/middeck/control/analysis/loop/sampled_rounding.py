@@ -1,7 +1,7 @@
 """Stability of a sampled loop that rounding of the continuous plant leaves open.
 
 Of mixed states the exponential that samples them loses more than their poles do, so that the sampled matrices
-alone do not tell: the plant is sampled again with its entries moved by rounding.
+alone do not decide: the plant is sampled again with its entries moved by rounding.
 """
 
 import numpy as np

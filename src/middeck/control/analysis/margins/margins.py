@@ -68,7 +68,7 @@ class LoopMargins:
         delay_s: Least additional delay that does so at each of these frequencies (possibly beyond half a
             turn), preceded by zero where the gain stays at one or above at infinite frequency: any delay is
             then unstable. Sampled loops give the smallest only; None where it was not requested, and where
-            the continuous plant is unknown (samples do not tell how a delay turns a mode beyond half the
+            the continuous plant is unknown (samples do not determine how a delay turns a mode beyond half the
             rate).
         sensitivity: Peak of 1 / (1 + L).
         disk: The balanced disk margin of this loop alone.

@@ -56,7 +56,7 @@ def _delayed_rms(plant: Plant, compensator: Compensator, performance: Performanc
     loop = FeedbackLoop(loop_path(plant, compensator), system)
     if not decide_loop(loop).stable:
         return np.full(len(plant.z), np.inf)
-    # Poles of the approximation tell where the integrand peaks, and what stays on the axis: exact there.
+    # Poles of the approximation show where the integrand peaks, and what stays on the axis: exact there.
     peaks = growth_rates(close_channels(approximate_halves(loop)))
     closed, nz, nw = closed_response(plant, compensator, plant.w), len(plant.z), len(plant.w)
     return response_rms(

@@ -1,7 +1,7 @@
 """Bound of a plant's gain above all of its modes, where the gain of most loops is small.
 
 A loop whose gain is below one has no root on the axis at that frequency, whatever its delay: an approximation
-of the delay need not be good there to tell whether the loop is stable.
+of the delay need not be good there to decide whether the loop is stable.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def measure_many(
     if undecided := int(np.isinf(residual).sum()):
         warnings.warn(
             f"stability of {undecided} of {count} loops is undecided, and counts as lost: {OPEN}; {CURE}, "
-            "would tell",
+            "would decide",
             stacklevel=2,
         )
     return ManyLoops(stable=stable, rms=rms, error=error, residual=residual, alone=alone)

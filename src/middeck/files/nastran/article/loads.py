@@ -133,7 +133,7 @@ class LoadSets:
         """A note on where down is in a deck without gravity."""
         down = self.down()
         there = any(entry.name == "GRAV" for entry in self.entries)
-        has = "GRAV of several directions" if there else "no GRAV, which would tell the vertical"
+        has = "GRAV of several directions" if there else "no GRAV, which would define the vertical"
         source = (
             f"the deck has {has}"
             if down is None

@@ -11,7 +11,7 @@ from middeck.structure.model.component import Component, require_component, rigi
 NEAR = 5e-5
 # Distance, over the size, that large fields leave.
 LARGE = 1e-8
-# Singular values over the largest below which the stiffness does not tell a place.
+# Singular values over the largest below which the stiffness does not determine a place.
 UNTOLD = 1e-6
 # Share of the resistance to turns that is left where the places of the grids were its cause.
 CAUSE = 0.1

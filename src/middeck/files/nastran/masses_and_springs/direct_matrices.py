@@ -146,5 +146,5 @@ def _no_sum(lone: Lone, what: str) -> DocumentFault:
 def _few(lone: Lone, what: str) -> DocumentFault:
     """The fault for an entry that could be rounding or a spring."""
     hint = "print it as 16.9E or more, and it and the grids in large fields"
-    message = f"too few digits, {lone.digits} here, or those of the grids' places, to tell {what}"
+    message = f"too few digits, {lone.digits} here, or those of the grids' places, to determine {what}"
     return lone.entry.fault(message, hint=hint)

@@ -159,7 +159,7 @@ def _check_form(source: Source, head: MatrixHeader, matrix: sp.csc_array) -> Non
     if np.any(off):
         i, j = int(row[off][0]), int(column[off][0])
         a, b = matrix[i, j], matrix[j, i]
-        source.fail(f"said to be symmetric (form 6), but ({i + 1}, {j + 1}) is {a:g} and its mirror {b:g}")
+        source.fail(f"stated as symmetric (form 6), but ({i + 1}, {j + 1}) is {a:g} and its mirror {b:g}")
 
 
 def write_op4(path: Path, matrices: Sequence[Op4Matrix]) -> None:

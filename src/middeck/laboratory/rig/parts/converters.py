@@ -19,7 +19,7 @@ class Readout:
 
     ``step`` is one count (`EXACT` for none), ``range`` the largest reading, a whole number of counts;
     ``noise_rms`` is white and added before them. ``bias`` and ``walk`` (per tick) are standard deviations of
-    an error and of its random walk; ``gyro`` tells the outputs that have one, ``summed`` those that the
+    an error and of its random walk; ``gyro`` marks the outputs that have one, ``summed`` those that the
     computer adds up.
     """
 

@@ -123,7 +123,7 @@ def _holders(
 def kinds_by_rank(equilibrium: Equilibrium, kind: tuple[str, ...]) -> tuple[str, ...]:
     """The 1993 paper's convention: the n lowest modes, n the number of rigid-body modes in orbit.
 
-    ``kind`` tells the modes at zero, which count among them.
+    ``kind`` marks the modes at zero, which count among them.
     """
     rigid = kind.count("rigid")
     held = _rigid_in_orbit(equilibrium) - rigid if is_held(equilibrium) else 0

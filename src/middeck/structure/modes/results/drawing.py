@@ -79,7 +79,7 @@ class Drawing:
     Attributes:
         title, environment: Titles of the article and of its environment.
         gravity: Gravity in W [m/s^2].
-        up: Unit vector in W that is upwards; None where neither environment nor article tells one.
+        up: Unit vector in W that is upwards; None if neither environment nor article states one.
         drawn, rest: Points [m] in W, undeformed and at rest; members curved as their elements are.
         lines, marks: Lines and marks between the points.
         motion: Motion of every point in each shape, about rest, in the scale of `Modes.shapes`.
