@@ -40,7 +40,7 @@ def test_in_orbit_modes_of_the_reduced_bus_are_those_of_the_whole(
     assert -1e-9 < ratio.min() - 1.0 < ratio.max() - 1.0 < 2e-5  # from above, as Rayleigh and Ritz have it
 
 
-def test_on_its_cables_it_is_off_by_no_more_than_is_told(
+def test_on_its_cables_it_is_off_by_no_more_than_is_reported(
     articles: tuple[md.Structure, md.Structure, md.Environment],
 ) -> None:
     """The component has no geometric stiffness: the estimate of each mode covers it, and is told."""

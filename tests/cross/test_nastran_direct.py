@@ -173,7 +173,7 @@ POINTS = [(g, c) for g in (1, 2) for c in range(1, 7)]
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("form", ["16.7E", "16.6E", "16.5E"])
 @pytest.mark.parametrize("hold", ["", HOLD])
-def test_digits_that_cannot_tell_a_spring_to_the_ground_are_told(tmp_path, capfd, seed, form, hold):
+def test_digits_that_cannot_show_a_spring_to_the_ground_are_reported(tmp_path, capfd, seed, form, hold):
     """Refused with the cause, or converted with nothing else to the ground: never held by roundings."""
     K, _, _, cards = stiffly_tied(np.random.default_rng(seed))
     around = tmp_path / "few-held.toml"

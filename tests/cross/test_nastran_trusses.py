@@ -176,7 +176,7 @@ def test_what_a_selected_union_sums_is_not_left_out(tmp_path):
 
 
 @pytest.mark.parametrize(("held", "told"), [("", True), ("SPC1,7,3,3,4", False)])
-def test_a_plane_truss_is_told_to_be_free_across_its_plane(tmp_path, held, told):
+def test_a_plane_truss_is_advised_to_be_free_across_its_plane(tmp_path, held, told):
     """AUTOSPC holds these shifts in the deck's own program; here weight may, and a note names the grids."""
     lines = ["GRID,1", "GRID,2,,1.", "GRID,3,,0.,1.", "GRID,4,,1.,1.", "MAT1,1,7.+10,,.3", "PROD,1,1,1.-4"]
     lines += ["CROD,1,1,1,3", "CROD,2,1,2,4", "CROD,3,1,1,4", "CROD,4,1,3,4", "SPC1,7,123456,1,2", held]

@@ -107,7 +107,7 @@ def test_a_survey_in_a_universal_file_is_correlated(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[1].evaluation.mac, found[0].evaluation.mac, atol=1e-5)
 
 
-def test_a_file_of_ours_that_is_cut_between_data_sets_is_told(tmp_path: Path) -> None:
+def test_a_file_of_ours_that_is_cut_between_data_sets_is_reported(tmp_path: Path) -> None:
     """Cut there, any universal file looks whole; ours states its number of modes, which can be corrected."""
     md.files.write_measured_modes(tmp_path / "m.unv", virtual())
     text = (tmp_path / "m.unv").read_text()
@@ -299,7 +299,7 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
 @pytest.mark.parametrize(
     ("factor", "unit"), [(2.0 * np.pi, "rad/s"), (60.0, "a minute"), (1e-3, "kHz"), (1.0, "")]
 )
-def test_frequencies_alone_in_another_unit_are_told(factor: float, unit: str) -> None:
+def test_frequencies_alone_in_another_unit_are_reported(factor: float, unit: str) -> None:
     """Of a model that may be 3 % off; in hertz nothing is said, whichever of its modes were measured."""
     hz = hung().frequency_hz
     off = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(hz))

@@ -92,7 +92,9 @@ def test_a_comma_before_three_digits_is_either(tmp_path: Path) -> None:
         ("", "held = {a = 'xyz'}", "'held' is a key of [suspension] and [[device]]"),
     ],
 )
-def test_a_key_in_the_wrong_table_is_told_its_own(tmp_path: Path, head: str, key: str, meant: str) -> None:
+def test_a_key_in_the_wrong_table_gets_its_own_as_hint(
+    tmp_path: Path, head: str, key: str, meant: str
+) -> None:
     text = HALL.replace("[constants]\ngravity_m_s2 = 9.81\n", "")
     said = environment(tmp_path, text.replace('name = "hall"\n', f'name = "hall"\n{key}\n'))
     assert meant in said
@@ -100,7 +102,7 @@ def test_a_key_in_the_wrong_table_is_told_its_own(tmp_path: Path, head: str, key
         assert not environment(tmp_path, f"{text}{head}gravity_m_s2 = 9.81\n")
 
 
-def test_a_key_for_the_one_that_is_missing_is_told_it(tmp_path: Path) -> None:
+def test_a_key_for_the_one_that_is_missing_gets_the_hint_of_it(tmp_path: Path) -> None:
     """``node`` is a table of the file too, above which it was advised to be written."""
     case = '[[load_case]]\nname = "pull"\nload = [{node = "b", force_n = [0.0, 1.0, 0.0]}]\n'
     assert "load.0.node = \"b\": unknown key\n  try: did you mean 'frame'?" in article(
@@ -109,13 +111,13 @@ def test_a_key_for_the_one_that_is_missing_is_told_it(tmp_path: Path) -> None:
     assert not article(tmp_path, ARTICLE + case.replace("node = ", "frame = "))
 
 
-def test_a_number_for_a_direction_is_told_to_be_three(tmp_path: Path) -> None:
+def test_a_number_for_a_direction_is_advised_to_be_three(tmp_path: Path) -> None:
     """``cg_m = 0.1`` was advised to become ``[0.1]``, which lacks two."""
     said = article(tmp_path, ARTICLE.replace("mass_kg = 1.5", "mass_kg = 1.5\ncg_m = 0.1"))
     assert "must be an array\n  try: cg_m = [x, y, z], 3 values" in said
 
 
-def test_a_torque_on_a_node_is_told_to_need_an_axis(tmp_path: Path) -> None:
+def test_a_torque_on_a_node_is_advised_to_need_an_axis(tmp_path: Path) -> None:
     torque = '[[actuator]]\nname = "t"\nframe = "b"\n'
     said = article(tmp_path, ARTICLE + torque)
     assert "is no joint, so that the actuator needs an axis\n  try: axis = [x, y, z]" in said
@@ -131,7 +133,7 @@ def test_a_torque_on_a_node_is_told_to_need_an_axis(tmp_path: Path) -> None:
         ("frame", '"bb"', "no frame of this name\n  try: did you mean 'b'?"),
     ],
 )
-def test_a_port_of_another_kind_or_misspelt_is_told_so(
+def test_a_port_of_another_kind_or_misspelt_is_reported(
     tmp_path: Path, key: str, value: str, said: str
 ) -> None:
     """An array ended in ``unhashable type``, a misspelt node in the advice to define a joint."""
@@ -142,13 +144,13 @@ def test_a_port_of_another_kind_or_misspelt_is_told_so(
     assert said in told
 
 
-def test_a_table_that_needs_a_name_is_told_so_once(tmp_path: Path) -> None:
+def test_a_table_that_needs_a_name_is_reported_once(tmp_path: Path) -> None:
     said = article(tmp_path, ARTICLE.replace("[section.tube]", "[section]"))
     assert said.count("must have a name\n  try: [section.NAME] above its keys") == 1
     assert "must be a table" not in said
 
 
-def test_a_file_without_schema_is_told_the_line(tmp_path: Path) -> None:
+def test_a_file_without_schema_gets_the_hint_of_the_line(tmp_path: Path) -> None:
     said = article(tmp_path, ARTICLE.replace("schema = 1\n", ""))
     assert "schema: missing\n  try: schema = 1, above the first [table]" in said
 
@@ -171,7 +173,7 @@ def test_an_article_of_nearly_this_name_is_named(
     assert "did you mean 'bar.toml'?" in capsys.readouterr().err
 
 
-def test_an_override_of_two_words_is_told_to_be_one(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_override_of_two_words_is_advised_to_be_one(capsys: pytest.CaptureFixture[str]) -> None:
     code = execute(["modes", "bar.toml", "--set", "node.1.mass_kg", "5"], lambda: False)
     assert code == 2
     assert "an override is one word, as --set key=value" in capsys.readouterr().err
@@ -236,7 +238,7 @@ def test_without_headings_a_column_of_times_counts_and_no_advice_says_otherwise(
         read_record(path, name_columns(["2=torque"], ["4=angle"], sample_hz=100.0))
 
 
-def test_two_recordings_in_one_file_are_told_to_be_parted(tmp_path: Path) -> None:
+def test_two_recordings_in_one_file_are_advised_to_be_parted(tmp_path: Path) -> None:
     """Stamps printed coarsely were blamed, and to leave the column of time out would have hidden the seam."""
     with pytest.raises(
         DataError, match=r"time goes back by 0\.99 s behind sample 199\n.*part the file there"
@@ -255,7 +257,7 @@ def test_a_number_cut_in_a_column_of_any_width(tmp_path: Path, kept: int, severi
     assert (fault.kind, fault.severity) == ("truncated", severity)
 
 
-def test_a_band_beyond_half_the_rate_is_said() -> None:
+def test_a_band_beyond_half_the_rate_is_reported() -> None:
     u = np.random.default_rng(5).standard_normal((1, 1, 400, 1))
     y = lfilter([0.0, 1.0], [1.0, -1.6, 0.9], u, axis=2)
     ports = ((Port("torque", "N m"),), (Port("angle", "rad"),))
@@ -307,7 +309,7 @@ SURVEY = "frequency [Hz],damping,n1.x,n1.y,n1.z,n3.y,n3.z\n1.75,0.01,0,1,0,-0.6,
         (f"{SURVEY}1.75,0.01,0,1,0,-0.6,0\n", ":4: the mode of line 2 again\n  try: leave one out"),
     ],
 )
-def test_a_slip_in_a_survey_is_told_its_cure(tmp_path: Path, text: str, said: str) -> None:
+def test_a_slip_in_a_survey_is_reported_with_its_cure(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "survey.csv"
     path.write_text(SURVEY.replace(",", ";").replace(".", ",").replace("n1,", "n1.").replace("n3,", "n3."))
     assert load_csv(path).frequency_hz.tolist() == [1.75, 2.45]

@@ -236,7 +236,7 @@ def test_an_upright_proof_mass_sinks_onto_its_spring_or_is_refused(capfd: Captur
     assert str(file) in ended.err
 
 
-def test_a_key_of_the_file_below_a_table_is_told_to_stand_above(tmp_path: Path, capfd: Capture):
+def test_a_key_of_the_file_below_a_table_is_advised_to_stand_above(tmp_path: Path, capfd: Capture):
     file = tmp_path / "late.toml"
     text = '[section.tube]\nEA_n = 1.0\nnode = [{name = "a", x_m = 0.0}]\n'
     file.write_text(f'schema = 1\nname = "late"\n{text}')

@@ -9,7 +9,9 @@ import pytest
 from middeck.laboratory import bench
 
 
-def test_what_is_said_of_a_record_is_kept_and_other_warnings_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_on_a_record_are_kept_and_others_stay(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def estimate(record: object, band_hz: object) -> None:
         warnings.warn("y drifts", UserWarning, stacklevel=2)
         with warnings.catch_warnings():

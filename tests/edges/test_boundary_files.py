@@ -205,7 +205,7 @@ def test_an_attach_point_in_place_of_a_frame_is_answered_with_its_frame(tmp_path
     )
 
 
-def test_a_grid_of_a_component_at_an_attach_point_is_told_of_its_offset(tmp_path: Path) -> None:
+def test_a_grid_of_a_component_at_an_attach_point_is_reported_with_its_offset(tmp_path: Path) -> None:
     """The offset of a grid has its own key: `offset_m` misled."""
     article = tmp_path / "boom.toml"
     article.write_text(BOOM + '[[component]]\nname = "c"\nfile = "c.npz"\nnodes = {7 = "end"}\n')

@@ -135,7 +135,7 @@ def test_order_and_pool_change_no_outcome(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-def test_a_full_disk_is_said_and_loses_nothing(tmp_path):
+def test_a_full_disk_is_reported_and_loses_nothing(tmp_path):
     ledger = tmp_path / "ledger"
     process = _started(ledger, wait_s=0.0, limit="65536")
     said = process.communicate()[1]

@@ -150,7 +150,7 @@ def test_a_candidate_that_has_no_rest_state_is_named():
         rank_tests(before(), [candidate(), candidate("afloat", environment=nowhere)], ORBIT)
 
 
-def test_what_is_not_seen_is_said(folder: Path, capfd: pytest.CaptureFixture[str]):
+def test_what_is_not_seen_is_reported(folder: Path, capfd: pytest.CaptureFixture[str]):
     file = folder / "candidates.toml"
     file.write_text(file.read_text().replace('["n1 x", "n1 y", "n1 z"]', '["n3 rx"]'))
     ended = middeck(capfd, "candidates", ARTICLE, file)

@@ -97,7 +97,7 @@ def test_chapters_run_in_any_order_on_values_computed_once(toys, paper_study):
     assert list(study_numbers(paper_study, backward)["figures"]) == ["one", "two"]
 
 
-def test_a_new_chapter_is_told_with_no_other_change(toys):
+def test_a_new_chapter_is_reported_with_no_other_change(toys):
     from middeck.report.page import came_out, does_not_hold
 
     chapters, _ = toys

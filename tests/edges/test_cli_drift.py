@@ -128,7 +128,7 @@ def test_small_numbers_and_single_lines_read_well() -> None:
     assert found.sentence.startswith("the response moved at 11.44 Hz (tip from force by 10.0%")
 
 
-def test_a_change_that_only_the_responses_show_is_said_in_one_line() -> None:
+def test_a_change_that_only_the_responses_show_is_reported_in_one_line() -> None:
     from middeck.cli.verbs.drift import _verdict
 
     document = {
@@ -155,7 +155,7 @@ def test_a_record_against_a_model(weeks: dict[str, Path], tmp_path: Path, capfd:
     assert against["same"]["modes"] == json.loads(from_record)["modes"]
 
 
-def test_a_model_without_covariance_is_said_to_be_taken_as_exact(
+def test_a_model_without_covariance_is_reported_as_taken_for_exact(
     weeks: dict[str, Path], tmp_path: Path, capfd: Capture
 ) -> None:
     model = tmp_path / "model.json"

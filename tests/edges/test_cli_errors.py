@@ -373,5 +373,5 @@ def test_an_error_as_the_shell_sees_it(tmp_path: Path) -> None:
     assert "Traceback" not in ended.err
 
 
-def test_an_environment_as_an_argument_is_told_to_be_an_option(capfd: Capture) -> None:
+def test_an_environment_as_an_argument_is_advised_to_be_an_option(capfd: Capture) -> None:
     refused(capfd, 2, "modes", ARTICLE, "orbit", says=("(orbit)", "an option, as --environment lab"))

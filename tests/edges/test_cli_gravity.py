@@ -86,7 +86,7 @@ def test_unstable_path_is_an_answer(capfd: Capture, tmp_path: Path) -> None:
     assert "unstable where the path begins" in ended.out
 
 
-def test_branches_past_a_veering_are_marked_and_the_release_is_told(
+def test_branches_past_a_veering_are_marked_and_the_release_is_reported(
     capfd: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known: dict[str, Any] = {}  # the path is followed once, and told twice

@@ -248,7 +248,7 @@ def test_ticks_of_a_counter_are_no_seconds_since_1970(tmp_path: Path, step: int)
     assert any(f.kind == "rate" and f.severity == "serious" for f in read_record(path).faults)
 
 
-def test_seconds_since_1970_are_told_with_their_day(tmp_path: Path) -> None:
+def test_seconds_since_1970_are_reported_with_their_day(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "run.csv", "time", [str(1_300_000_000 + 10 * k) for k in range(200)])
     (note,) = (f for f in read_record(path).faults if f.kind == "format")
     assert "from 2011-03-13 on, at 0.1 Hz" in note.what

@@ -204,7 +204,7 @@ def test_a_record_that_is_cut_already(files: tuple[Path, Path]) -> None:
         split_periods(cut, 2)
 
 
-def test_a_sampled_model_that_nobody_asked_for_is_said_to_have_no_delay(
+def test_a_sampled_model_that_nobody_asked_for_is_reported_to_have_no_delay(
     tmp_path: Path, capfd: Capture
 ) -> None:
     """60 Hz is past an eighth of 256 Hz; ten sampled states do not hold four modes and 10 ms."""
@@ -262,7 +262,7 @@ def test_what_sampled_models_have_too_chooses_nothing(
     assert json.loads(found.out)["sampled"] is True
 
 
-def test_what_the_reader_doubts_is_told_of_periods_too(tmp_path: Path, capfd: Capture) -> None:
+def test_what_the_reader_doubts_is_reported_for_periods_too(tmp_path: Path, capfd: Capture) -> None:
     whole = as_csv(tmp_path / "run.csv", run(30.0)).read_text()
     path = tmp_path / "cut.csv"
     path.write_text(whole[:-12])  # a last number that lost its exponent or its digits

@@ -219,7 +219,7 @@ def test_what_nothing_holds_is_named_and_not_stable_at_any_rate() -> None:
         assert row.unheld == (() if row.stable else ("rotation z",))
 
 
-def test_what_cannot_be_decided_is_said_in_its_row(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_decided_is_reported_in_its_row(monkeypatch: pytest.MonkeyPatch) -> None:
     def measure(plant: Any, law: Any) -> Any:
         if plant.delay_s[0, 0] == 0.5:
             raise NumericalError("a root lies on the axis")

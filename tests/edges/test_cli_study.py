@@ -179,7 +179,7 @@ except KeyboardInterrupt:
     assert (done.returncode, done.stdout, done.stderr) == (130, "cleaned\ngoes on\n", "")
 
 
-def test_a_lost_interruption_does_not_come_again_while_the_error_it_became_is_told(
+def test_a_lost_interruption_does_not_come_again_while_the_error_it_became_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     import traceback

@@ -293,7 +293,7 @@ def test_a_text_is_no_tuple_of_names(use: Callable[[], Any]) -> None:
     refused(use, ConfigError, "is one name, not a tuple of names")
 
 
-def test_a_plant_without_groups_is_told_to_name_them() -> None:
+def test_a_plant_without_groups_is_advised_to_name_them() -> None:
     bare = dataclasses.replace(plant(), w=(), u=(), z=(), y=())
     refused(
         lambda: design_lqg(bare, LQGWeights(**GOOD), 1e3), ConfigError, "that group of the plant is empty"

@@ -153,7 +153,7 @@ def test_a_deck_in_place_of_an_article_is_called_one(tmp_path: Path, capfd: pyte
     assert f"middeck convert {deck}" in ended.err
 
 
-def test_points_that_strain_the_article_are_told_from_a_slack_cable(
+def test_points_that_strain_the_article_are_distinguished_from_a_slack_cable(
     tower: Path, capfd: pytest.CaptureFixture[str]
 ):
     """Three points within 0.2 mm of each other on one body, all held."""

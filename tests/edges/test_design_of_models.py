@@ -79,7 +79,7 @@ def test_a_constant_term_is_refused_with_the_fit_that_has_none(tmp_path: Path, c
     assert "--states N" in ended.err
 
 
-def test_delays_that_are_not_told_apart_cost_one_approximation(tmp_path: Path, capfd: Capture) -> None:
+def test_delays_that_are_not_distinguished_cost_one_approximation(tmp_path: Path, capfd: Capture) -> None:
     model = saved(tmp_path, fit())
     found = design(capfd, model, *ALL)
     # Two inputs, three outputs: the delay goes to the inputs.
@@ -91,7 +91,7 @@ def test_delays_that_are_not_told_apart_cost_one_approximation(tmp_path: Path, c
     assert "delays not told apart" in middeck(capfd, "design", model, *ALL).err
 
 
-def test_several_delays_are_told_what_would_save_their_states(tmp_path: Path, capfd: Capture) -> None:
+def test_several_delays_get_the_hint_what_would_save_their_states(tmp_path: Path, capfd: Capture) -> None:
     for of, known in ((fit(), False), (fit(late_s=2e-3), True)):
         found = design(capfd, saved(tmp_path, of, known=known), *ALL)
         # A common one at the two inputs, one more at each of two outputs.

@@ -403,7 +403,7 @@ def test_what_octave_writes_unless_told_otherwise(tmp_path: Path, begin: bytes) 
     assert "-v7" in refused.value.hint
 
 
-def test_a_mat_file_without_a_system_is_told_what_to_save(
+def test_a_mat_file_without_a_system_gets_the_hint_what_to_save(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     scipy.io.savemat(tmp_path / "law.mat", {"K": np.eye(2)})

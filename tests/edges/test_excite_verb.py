@@ -101,7 +101,7 @@ def test_the_accuracy_of_a_test_is_printed(tmp_path: Path):
     assert "expected of a fit" in run(*MULTISINE, *wanted)
 
 
-def test_units_and_files_are_told(tmp_path: Path):
+def test_units_and_files_are_reported(tmp_path: Path):
     said = run(*MULTISINE, "--rms", 1, "--unit", "V", "--name", "a", "-o", tmp_path / "a.csv")
     assert all(word in said for word in ("rms [V]", "slew [V/s]", f"wrote {tmp_path / 'a.csv'}"))
     names = ["--inputs", 2, "--name", "a", "--name", "b", "-o", tmp_path / "b.npz"]

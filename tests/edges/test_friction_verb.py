@@ -25,7 +25,7 @@ def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_friction_is_found_and_said(
+def test_friction_is_found_and_reported(
     taken: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     share_results(monkeypatch)  # fitted once, shown twice

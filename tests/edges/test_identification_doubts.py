@@ -61,7 +61,7 @@ def test_a_clean_record_raises_no_doubt_of_the_record(shaken):
     assert result.model.delay_s[0] == pytest.approx(0.005 + 0.5 / SAMPLE_HZ, abs=2e-4)  # hold included
 
 
-def test_drift_is_said_and_taken_out(shaken):
+def test_drift_is_reported_and_taken_out(shaken):
     u, y = shaken
     slope = np.linspace(0.0, 50.0 * y.std(), y[..., 0].size).reshape(y.shape)
     with pytest.warns(UserWarning, match="tip drifts by .*the ramp is taken out"):

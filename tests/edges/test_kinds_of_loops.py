@@ -112,7 +112,7 @@ def test_a_continuous_law_is_not_run_by_a_computer(use: Callable[[], Any]) -> No
         lambda: md.reduce_modes(LATE, 1, band_hz=(0.1, 1.0)),
     ],
 )
-def test_a_late_plant_is_not_taken_for_one_without_delays(use: Callable[[], Any]) -> None:
+def test_a_delayed_plant_is_not_taken_for_one_without_delays(use: Callable[[], Any]) -> None:
     with pytest.raises(ConfigError, match="a plant with exact delays"):
         use()
 

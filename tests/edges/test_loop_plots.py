@@ -59,7 +59,7 @@ def test_nichols_shows_unit_gain_at_its_phase() -> None:
     assert not dots[:, 1].any()
 
 
-def test_an_unstable_loop_is_said_to_be_and_has_no_disk() -> None:
+def test_an_unstable_loop_is_reported_and_has_no_disk() -> None:
     ratio, margins = looked_at(0.9)
     assert not margins.stable
     figure = draw_nyquist(ratio, margins)

@@ -646,7 +646,7 @@ def test_the_superelement_of_a_grid_is_listed(tmp_path):
     ("card", "hint"),
     [("CBUR,20,1", "did you mean 'CBAR'?"), ("ZZZZ,20,1", "docs/how-to/your-nastran-deck.md lists")],
 )
-def test_an_unknown_card_is_told_the_same_way_in_every_process(tmp_path, card, hint):
+def test_an_unknown_card_is_reported_the_same_way_in_every_process(tmp_path, card, hint):
     with pytest.raises(ConfigError) as caught:
         convert(write(tmp_path, card))
     (fault,) = caught.value.data["faults"]
@@ -812,7 +812,7 @@ def test_a_selected_set_that_is_not_there_is_refused(tmp_path, case, bulk, said)
 
 
 @pytest.mark.parametrize(("bulk", "told"), [("", 2), ("EIGR,3,LAN\nSUPORT1,4,1,1\n", 0), ("EIGB,3\n", 0)])
-def test_a_hint_that_is_not_there_is_told(tmp_path, bulk, told):
+def test_a_hint_that_is_not_there_is_reported(tmp_path, bulk, told):
     path = tmp_path / "a.dat"
     path.write_text(f"SOL 103\nCEND\nMETHOD=3\nSUPORT1=4\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
     notes = convert_deck(read_deck(path), SI, "consistent", "a").notes
@@ -856,7 +856,7 @@ def test_cards_of_stiffness_by_frequency_are_not_said_to_have_no_effect(tmp_path
 
 
 @pytest.mark.parametrize(("card", "by"), [("ASET1,123,2", "to its ASET"), ("OMIT1,456,2", "by OMIT")])
-def test_a_reduction_of_the_deck_is_told(tmp_path, card, by):
+def test_a_reduction_of_the_deck_is_reported(tmp_path, card, by):
     path = tmp_path / "a.dat"
     path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}{card}\nENDDATA\n")
     notes = convert_deck(read_deck(path), SI, "consistent", "a").notes

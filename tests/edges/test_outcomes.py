@@ -74,7 +74,7 @@ def test_modes_in_another_order_are_compared_by_shape(tmp_path: Path):
     assert [file["name"] for file in found["surveys"]] == ["flown.json"]
 
 
-def test_a_survey_in_rad_per_s_is_said(tmp_path: Path):
+def test_a_survey_in_rad_per_s_is_reported(tmp_path: Path):
     """The frequencies of eight shapes are 2 pi times those that were promised."""
     seen = load_measured_modes(SHAPES)
     wrong = dataclasses.replace(seen, frequency_hz=2.0 * np.pi * seen.frequency_hz)
@@ -117,7 +117,7 @@ def test_numbers_of_modes_whose_intervals_overlap_are_open(tmp_path: Path):
     assert not compared(tmp_path, named, ROOT / "promises/garteur-from-three.json")["verdicts"][0]["open"]
 
 
-def test_shapes_that_few_channels_do_not_tell_apart_are_open(tmp_path: Path):
+def test_shapes_that_few_channels_do_not_distinguish_are_open(tmp_path: Path):
     seen = load_measured_modes(SHAPES)
     one = seen.channels.index("n3 y"), seen.channels.index("n1 y")
     few = MeasuredModes(

@@ -140,7 +140,7 @@ def test_it_runs_to_a_report_without_empty_tables_and_sentences(lab, tmp_path, c
     assert "entries between rigid-body" in page or lab == "clamped"
 
 
-def test_a_motor_of_a_clamped_node_is_told(tmp_path, capfd):
+def test_a_motor_of_a_clamped_node_is_reported(tmp_path, capfd):
     folder = written(tmp_path, "clamped", 0.5)
     (folder / "lab.toml").write_text(GRAVITY + '[[clamp]]\nnode = "base"\n')
     ended = middeck(capfd, "study", folder / "study.toml", "-o", tmp_path / "out")

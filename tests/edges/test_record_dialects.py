@@ -159,7 +159,7 @@ def test_what_spreadsheets_add_to_lines_is_no_column(tmp_path: Path, before: str
 
 
 @pytest.mark.parametrize("line", ["[s];[N];[m]", "Instrument 7"])
-def test_words_that_are_no_names_are_told_where_they_belong(tmp_path: Path, line: str) -> None:
+def test_words_that_are_no_names_get_the_hint_where_they_belong(tmp_path: Path, line: str) -> None:
     names, *rows = written(tmp_path / "run.csv", "s", 1.0, ";", ".").read_text().splitlines()
     first = (names, line) if ";" in line else (line, names)
     (tmp_path / "run.csv").write_text("\n".join((*first, *rows)) + "\n")
@@ -180,7 +180,7 @@ def test_words_that_are_no_names_are_told_where_they_belong(tmp_path: Path, line
         ("0.001,2.0", "truncated"),
     ],
 )
-def test_a_line_that_is_none_is_told_its_cure(tmp_path: Path, line: str, says: str) -> None:
+def test_a_line_that_is_none_is_reported_with_its_cure(tmp_path: Path, line: str, says: str) -> None:
     path = tmp_path / "run.csv"
     path.write_text(f"time [s],u:force [N],y:way [m]\n0.0,1.0,2.0\n{line}\n0.002,1.0,2.0\n")
     with pytest.raises(DataError, match=says):

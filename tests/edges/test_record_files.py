@@ -251,7 +251,7 @@ def test_a_title_is_no_name(tmp_path: Path) -> None:
     assert record.outputs == (Port("wing-y", "m/s^2", Channel(node="wing", direction="-y")),)
 
 
-def test_unlike_starts_are_cut_and_told(tmp_path: Path) -> None:
+def test_unlike_starts_are_cut_and_reported(tmp_path: Path) -> None:
     u, y = RNG.standard_normal((2, 20))
     path = universal(tmp_path / "r.uff", [("force", FORCE, 13, "N", u)])
     universal(path, [("tip", TIP, 8, "m", y)], first=3.0 / 6000.0)

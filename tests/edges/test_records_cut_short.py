@@ -80,7 +80,7 @@ def test_a_line_without_its_end_is_only_noted(tmp_path: Path) -> None:
     assert [(f.kind, f.severity) for f in read_record(path).faults] == [("truncated", "note")]
 
 
-def test_a_cut_number_whose_line_was_ended_is_told(tmp_path: Path) -> None:
+def test_a_cut_number_whose_line_was_ended_is_reported(tmp_path: Path) -> None:
     # A logger that starts again, or an editor, ends the line that was cut.
     path = tmp_path / "run.csv"
     path.write_bytes(written(path, "fixed")[:-4] + b"\n")

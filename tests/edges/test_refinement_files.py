@@ -410,7 +410,7 @@ def test_the_verb_refines_damping_and_says_how_well_it_knows_it(
     assert refined.flexible == pytest.approx(0.01 * np.exp(strain["x"]))
 
 
-def test_damping_that_cannot_be_is_told_with_its_place(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+def test_damping_that_cannot_be_is_reported_with_its_place(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     for changed, what in (
         ({"damping_error = 0.1": "damping_error = 0.0"}, "must be > 0"),
         ({"damping_std = 0.05": "damping_std = -0.05"}, "refine.toml:8"),
@@ -445,7 +445,7 @@ angle_deg = [1.5]
 """
 
 
-def test_friction_is_read_in_degrees_and_told_in_newton_metres(
+def test_friction_is_read_in_degrees_and_reported_in_newton_metres(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     """So weak that eight modes do not tell it: it keeps what was stated, and stands in no factors."""
@@ -475,7 +475,7 @@ def test_friction_is_read_in_degrees_and_told_in_newton_metres(
         ("slip_torque_nm = 1e-6", "slip_torque_nm = -1e-6", "must be > 0"),
     ],
 )
-def test_friction_that_cannot_be_is_told_with_its_place(
+def test_friction_that_cannot_be_is_reported_with_its_place(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], old: str, new: str, what: str
 ):
     assert old in RUBBED

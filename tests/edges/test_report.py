@@ -563,7 +563,7 @@ def test_a_sentence_names_every_zero_that_its_table_puts_right(page, numbers):
         assert ("no zero in the right half-plane" in sentence) is (not inside)
 
 
-def test_a_zero_whose_side_is_not_known_is_said_to_lie_on_either():
+def test_a_zero_whose_side_is_not_known_is_reported_to_lie_on_either():
     zero = {"damping": -0.006, "damping_deviation": 0.014, "nonminimum_phase": True}
     assert (
         half_plane(zero)
@@ -602,7 +602,7 @@ DRAWN = {d.key: (chapter.name, d.draw) for chapter in CHAPTERS for d in chapter.
 
 
 @pytest.mark.parametrize("key", DRAWN)
-def test_curves_are_told_apart_without_colour(outcomes, key):
+def test_curves_are_distinguished_without_colour(outcomes, key):
     """By dashes, markers, width, or in grey by 20 of 100."""
     name, draw = DRAWN[key]
     for axes in draw(outcomes[name]).axes:

@@ -284,7 +284,7 @@ def test_a_pattern_that_fits_nothing_names_what_was_meant(hinged, capfd, pattern
     assert f"did you mean {meant}" in ended.err
 
 
-def test_what_changes_no_frequency_is_said_and_small_shares_are_no_zeros(
+def test_what_changes_no_frequency_is_reported_and_small_shares_are_no_zeros(
     hinged, capfd: pytest.CaptureFixture[str]
 ) -> None:
     article, foot = hinged()

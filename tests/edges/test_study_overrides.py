@@ -181,7 +181,7 @@ def test_heavy_a_real_pole_is_a_divergence(of) -> None:
     assert "0.00 Hz" not in heavy.sentence["figure-7b"]
 
 
-def test_heavy_nothing_is_said_of_what_is_not_measured(of) -> None:
+def test_heavy_nothing_is_reported_of_what_is_not_measured(of) -> None:
     heavy: Result = of("heavy")
     six = heavy.figures["figure_6"]
     assert six["phase_gap_s"] is None

@@ -92,7 +92,7 @@ def test_grids_that_are_joined_elsewhere_write_nothing(
 
 
 @pytest.mark.parametrize("factor", [1.0, 386.1])
-def test_modal_masses_that_are_no_mass_of_the_deck_are_told(tmp_path: Path, factor: float) -> None:
+def test_modal_masses_that_are_no_mass_of_the_deck_are_reported(tmp_path: Path, factor: float) -> None:
     main = copied(tmp_path / "a")
     path = main.with_name("outboard.op4")
     held = op4_by_name(path)
@@ -162,7 +162,7 @@ def test_one_grid_apart_moves_no_component_in_silence(tmp_path: Path, far: float
     assert f"over a distance of {far if stays else 0.75 * far:.2g} (" in told
 
 
-def test_a_component_that_its_grids_take_elsewhere_is_told(tmp_path: Path) -> None:
+def test_a_component_that_its_grids_take_elsewhere_is_reported(tmp_path: Path) -> None:
     away = [("outboard.pch", "0.600000000E+03 ", "0.500000000E+03 ")] * 4
     deck, parts = read_assembly(copied(tmp_path / "a", *away), UNITS, "a")
     assert "se101 is moved by (100, 0, 0)" in " ".join(deck.notes)

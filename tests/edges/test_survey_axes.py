@@ -207,7 +207,7 @@ def test_real_velocities_of_a_complex_mode_keep_their_shape(tmp_path: Path, root
     np.testing.assert_allclose(found.shape[:, 0] * abs(ROOT), expected(found), rtol=1e-3)
 
 
-def test_per_cent_and_rigid_modes_are_said(tmp_path: Path) -> None:
+def test_per_cent_and_rigid_modes_are_reported(tmp_path: Path) -> None:
     found = survey(tmp_path, units(), places(), normal(0.0, 0.0), normal(10.0, 1.5))
     assert found.frequency_hz.tolist() == [10.0]
     assert any("per cent" in w for w in found.warnings)
@@ -229,7 +229,7 @@ def trace(*nodes: int, stated: int | None = None) -> str:
     return block(82, whole(1, len(nodes) if stated is None else stated, 8), "NONE", whole(*nodes))
 
 
-def test_a_mode_without_a_node_that_others_have_is_told(tmp_path: Path) -> None:
+def test_a_mode_without_a_node_that_others_have_is_reported(tmp_path: Path) -> None:
     lacking = {n: x for n, x in SHAPE.items() if n != 1}
     whole_survey = (units(), places(), trace(1, 2, 0, 2, 3), normal(10.0, 0.01))
     assert survey(tmp_path, *whole_survey, normal(20.0, 0.01)).warnings == ()

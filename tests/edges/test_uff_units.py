@@ -133,7 +133,7 @@ def along(text: str, direction: int) -> str:
 
 
 @pytest.mark.parametrize("kind", [1, 4])
-def test_a_file_that_is_cut_between_data_sets_is_told_by_its_nodes(tmp_path: Path, kind: int):
+def test_a_file_that_is_cut_between_data_sets_is_reported_by_its_nodes(tmp_path: Path, kind: int):
     """Nodes in x, y, z with places: nothing is said of whole files, or of nodes that are only drawn."""
     x = np.random.default_rng(0).standard_normal(40) * (1.0 + 0.0j if kind == 4 else 1.0)
     sets = [

@@ -284,7 +284,7 @@ SYNTAX = {
 
 
 @pytest.mark.parametrize("text", SYNTAX)
-def test_a_line_that_is_not_toml_is_said_with_its_cure(tmp_path: Path, text: str) -> None:
+def test_a_line_that_is_not_toml_is_reported_with_its_cure(tmp_path: Path, text: str) -> None:
     line, what, cure = SYNTAX[text]
     path = tmp_path / "a.toml"
     path.write_text(f"schema = 1\n# a comment\n{text}\n", encoding="utf-8")

@@ -101,7 +101,7 @@ def test_gravity_cannot_be_taken_out_of_a_measurement(kept: PromiseKept) -> None
     assert kept.ground_law.orbit.frequency_hz < 0.1
 
 
-def test_modes_that_no_test_saw_are_told_apart_and_are_uncertain(kept: PromiseKept) -> None:
+def test_modes_that_no_test_saw_are_distinguished_and_are_uncertain(kept: PromiseKept) -> None:
     seen = np.array([mode["seen"] for mode in kept.there["modes"]])
     width = np.array([np.diff(np.log(mode["interval_95_hz"]))[0] for mode in kept.there["modes"]])
     assert np.count_nonzero(seen < 0.5) >= 4

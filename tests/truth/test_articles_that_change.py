@@ -33,7 +33,7 @@ def play(x, width):
     return found
 
 
-def test_a_pole_that_changes_slowly_is_told(campaign):
+def test_a_pole_that_changes_slowly_is_reported(campaign):
     """One frequency of three by 0.2 %, or a damping by 20 %, evenly: 17 to 60 deviations off in silence."""
     for seed in campaign(24):
         rng = np.random.default_rng([81, seed])
@@ -49,7 +49,7 @@ def test_a_pole_that_changes_slowly_is_told(campaign):
 
 
 @pytest.mark.parametrize("of", ["sensor", "actuator"])
-def test_play_is_told(of, campaign):
+def test_play_is_reported(of, campaign):
     """Of a twentieth of the rms: delays 16 to 50 and constants 5 to 27 deviations off, half in silence."""
     for seed in campaign(24):
         rng = np.random.default_rng([82, seed])
@@ -74,7 +74,7 @@ def test_play_is_told(of, campaign):
             assert told or not any("deviation" in line for line in warnings)
 
 
-def test_outputs_interpolated_between_samples_are_told(campaign):
+def test_outputs_interpolated_between_samples_are_reported(campaign):
     """By half a sample: constants 44 to 300 deviations off, one in ten in silence."""
     for seed in campaign(24):
         record = shaken_at(random_plant(np.random.default_rng([83, seed])), seed)
@@ -85,7 +85,7 @@ def test_outputs_interpolated_between_samples_are_told(campaign):
         )
 
 
-def test_a_mode_that_lacks_is_told_though_little_is_left(campaign):
+def test_a_mode_that_lacks_is_reported_though_little_is_left(campaign):
     """States for two modes of three, the third of a fiftieth of their size."""
     for seed in campaign(24):
         hz, zeta, phi, delay_s = random_plant(np.random.default_rng([84, seed]))
@@ -107,7 +107,7 @@ def two_experiments(rng, *plants, drives=(1.0, 1.0)):
 # Nine of ten with frequencies 0.1 % apart were 5 to 20 deviations off from both in silence, one of ten with
 # another gain or another delay.
 @pytest.mark.parametrize("of", repeats(["frequency", "gain", "delay"], 3))
-def test_experiments_that_are_not_of_one_article_are_told(of, campaign):
+def test_experiments_that_are_not_of_one_article_are_reported(of, campaign):
     for seed in campaign(20):
         rng = np.random.default_rng([451, seed])
         hz, zeta, phi, delay_s = random_plant(rng)

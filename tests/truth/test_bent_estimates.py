@@ -68,7 +68,7 @@ def test_a_frequency_has_the_mean_and_the_deviation_of_what_no_test_saw():
     assert predicted.log_std[0] == pytest.approx(deviation, rel=0.03)
 
 
-def test_a_bent_test_bends_what_is_told_by_it():
+def test_a_bent_test_bends_what_is_inferred_by_it():
     """A free test holds k to J1 on a bent line: clamped, ln f is bent although it is linear in ln k."""
     predicted = told(FREE, CLAMPED, 1.0)
     # On the line the spring makes up for J1; both have their prior.

@@ -177,7 +177,7 @@ def test_dampers_of_devices_are_the_suspensions_and_stay_on_the_ground():
     assert article == pytest.approx([0.0], abs=2e-6)
 
 
-def test_frequencies_that_losses_move_are_told_where_they_were_taken_for_undamped_ones():
+def test_frequencies_that_losses_move_are_reported_where_they_were_taken_for_undamped_ones():
     """Dampers that move a frequency by more than its stated deviation, and whose losses are no unknowns."""
     K, C = np.diag(SPRINGS) + WEIGHT * np.eye(2), np.diag([0.004, 0.3])
     damped, undamped = (np.sort(np.abs(roots(K, lossy))) for lossy in (C, np.zeros((2, 2))))

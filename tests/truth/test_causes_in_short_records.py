@@ -164,7 +164,7 @@ def test_samples_lost_in_an_output_are_placed_in_a_short_record(
     assert np.mean(said) >= share
 
 
-def test_experiments_of_few_samples_that_contradict_each_other_are_told(campaign: Campaign) -> None:
+def test_experiments_of_few_samples_that_contradict_each_other_are_reported(campaign: Campaign) -> None:
     turned: list[bool] = []
     for seed in campaign(80, 8):
         whole = measured("white", seed, 800, inputs=1)
@@ -179,7 +179,7 @@ def test_experiments_of_few_samples_that_contradict_each_other_are_told(campaign
 
 @pytest.mark.parametrize("kind", SIGNALS)
 @pytest.mark.parametrize("samples", [300, 500, 2048])
-def test_nothing_of_it_is_told_of_sound_records(kind: str, samples: int, campaign: Campaign) -> None:
+def test_nothing_of_it_is_reported_for_sound_records(kind: str, samples: int, campaign: Campaign) -> None:
     """Of releases one in forty was told to be fed back, and of sweeps with rests one in four to stick."""
     seeds = (*((59,) if kind == "release" else ()), *campaign(100, 14))
     records = [measured(kind, seed, samples) for seed in seeds]

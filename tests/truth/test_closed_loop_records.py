@@ -184,7 +184,7 @@ def test_a_stream_takes_its_reference_by_name():
         estimate_response(stream_record(record), method="h1", controller=CONTROLLER)
 
 
-def test_what_cannot_be_told_is_refused():
+def test_what_cannot_be_determined_is_refused():
     r, u, y = cut(4)
     record = bare(u, y)
     with pytest.raises(ConfigError, match="both given"):

@@ -129,7 +129,7 @@ def test_a_mast_beyond_its_critical_weight_settles_bent(ratio: float):
 
 
 @pytest.mark.parametrize(("own", "load"), [(False, EULER), (True, GREENHILL)])
-def test_a_straight_column_beyond_its_critical_load_is_told(own: bool, load: float):
+def test_a_straight_column_beyond_its_critical_load_is_reported(own: bool, load: float):
     """Nothing pushes it: it stays upright, and is not called stable."""
     rest = clamped((0, 1, 0), 1.1 * load, own=own)
     assert not rest.stable

@@ -308,7 +308,7 @@ def test_output4_without_cards_names_what_is_missing(tmp_path):
 @pytest.mark.parametrize(
     ("units", "scale", "told"), [("mm-kg-s-mN", 1.0, 0), ("mm-t-s-N", 1.0, 1), ("m-kg-s-N", 1000.0, 1)]
 )
-def test_a_component_in_wrong_units_is_told(tmp_path, units, scale, told):
+def test_a_component_in_wrong_units_is_reported(tmp_path, units, scale, told):
     """1.59 kg of truss, 1.6 m long: as tonnes it is near to solid iron, and still as soft as a truss."""
     text = panel(units=units)
     for place in (0.6, 0.3):
@@ -659,7 +659,7 @@ def test_links_inside_an_article_do_not_keep_it_from_being_reduced(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [1, 17])
-def test_what_is_loose_inside_is_told_however_its_pivots_round(tmp_path, seed):
+def test_what_is_loose_inside_is_reported_however_its_pivots_round(tmp_path, seed):
     with pytest.raises(NumericalError, match="still loose"):
         md.reduce_structure(averaged(tmp_path, seed), ["g1"], count=6)
 

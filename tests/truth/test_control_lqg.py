@@ -262,7 +262,7 @@ def test_design_on_the_bare_orbit_plant_leaves_the_translations_out():
         design_lqg(secondary, weights, 10.0)
 
 
-def test_translations_are_set_aside_of_a_late_plant_too():
+def test_translations_are_set_aside_of_a_delayed_plant_too():
     plant = mace_like.build("orbit")
     everything = dataclasses.replace(
         plant,

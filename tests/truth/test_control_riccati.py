@@ -144,7 +144,7 @@ def test_unreachable_free_mode_is_named_even_if_rotated():
         solve_riccati(turn @ A @ turn.T, turn @ B, np.eye(4), np.eye(1))
 
 
-def test_modes_that_are_out_of_reach_in_a_combination_only_are_said_to_be():
+def test_modes_that_are_out_of_reach_in_a_combination_only_are_reported():
     # One force on two free masses moves their sum; neither alone is out of reach.
     A = np.zeros((4, 4))
     A[0, 1] = A[2, 3] = 1.0

@@ -75,7 +75,7 @@ def test_a_hammer_without_coupling_is_left_as_it_is(seed):
 
 
 @pytest.mark.parametrize("force", [None, 5.0])
-def test_a_coupled_response_to_blows_is_told(force):
+def test_a_coupled_response_to_blows_is_reported(force):
     fit = fit_impact(average_blows(_blows(1, force=force, tip=0.7, noise=2e-4)), of="response")
     assert _lead(fit) > 4.0
     assert fit.delay_standing == ("doubtful",)

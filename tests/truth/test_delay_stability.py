@@ -199,7 +199,7 @@ def test_direct_terms_with_a_delay(k: float, stable: bool) -> None:
     assert decide_stability(delay_plant(through, 0.1), gain(k)).stable is stable
 
 
-def test_direct_terms_late_by_different_times_are_refused_where_it_matters() -> None:
+def test_direct_terms_delayed_by_different_times_are_refused_where_it_matters() -> None:
     through = Plant(dynamics=gain_system(np.ones((2, 1))), inputs=(FORCE,), outputs=(WAY, RATE))
     late = delay_plant(through, np.array([[0.1], [0.2]]))
     assert decide_stability(late, gain(0.4, 0.4)).stable
@@ -284,7 +284,7 @@ def _check_weak(loop: WeakLoop, g: float) -> bool:
 
 
 @pytest.mark.parametrize("turned", repeats([60.0, 23.31, 5.0, 10.0, 20.0, 30.0, 45.0], 2))
-def test_a_light_mode_late_by_many_radians(turned: float) -> None:
+def test_a_light_mode_delayed_by_many_radians(turned: float) -> None:
     """A mode of 371 Hz and 1e-4 damping up to and beyond its gain limit, whatever omega tau."""
     w = 2.0 * np.pi * 371.0
     loop = WeakLoop(np.array([w]), np.array([1e-4]), np.array([w**2]), turned / w, 2.0 * np.pi * 400.0)

@@ -71,7 +71,7 @@ def test_rigid_modes_behind_delays_that_are_no_sums_are_kept_once(delay_s: list[
     assert np.sum(np.abs(np.linalg.eigvals(alone.system.A)) < 1e-6) == 3
 
 
-def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
+def test_a_rigid_body_whose_paths_are_delayed_each_by_its_own_time() -> None:
     """Two forces, position and rate: 1 + g h / s^2 + g^2 det k (e^-s(t11 + t22) - e^-s(t12 + t21)) / s^3."""
     tau, k = np.array([[0.05, 0.3], [0.4, 0.1]]), np.array([[1.0, 0.9], [0.5, 0.6]])
     forces = (Port("a", "N"), Port("b", "N"))
@@ -101,7 +101,7 @@ def test_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
         assert np.abs(1.0 + gain * first + gain**2 * second) < 1e-9
 
 
-def test_designs_hold_a_rigid_body_whose_paths_are_late_each_by_its_own_time() -> None:
+def test_designs_hold_a_rigid_body_whose_paths_are_delayed_each_by_its_own_time() -> None:
     """The cost that a design promises is what its loop costs with exact delays."""
     forces = (Port("a", "N"), Port("b", "N"))
     body = sum_of_modes([0.0], 0.0, [[1.0, 1.0]], [[1.0], [0.0]], phi_rate=[[0.0], [1.0]], names=("body",))

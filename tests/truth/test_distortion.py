@@ -160,7 +160,7 @@ def test_a_stream_shows_the_same():
     assert estimate_distortion(record) == estimate_distortion(stream_record(record))
 
 
-def test_records_without_silent_lines_are_told_what_to_do():
+def test_records_without_silent_lines_get_a_hint():
     rng = np.random.default_rng(6)
     u = multisines(rng, np.arange(1, 400), 2)
     full = record_of(u, polynomial(u), rng)

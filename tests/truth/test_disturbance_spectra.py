@@ -64,7 +64,7 @@ def test_a_table_of_a_rational_spectrum_is_found():
     np.testing.assert_allclose(density(fit.filter, f), S, rtol=1e-6)
 
 
-def test_more_sections_never_fit_worse_and_the_error_is_told():
+def test_more_sections_never_fit_worse_and_the_error_is_reported():
     rng = np.random.default_rng(3)
     f = np.geomspace(1.0, 100.0, 120)
     S = (1.0 / f + bump(f, 12.0, 0.05)) * np.exp(0.2 * rng.standard_normal(120))

@@ -96,7 +96,7 @@ def test_what_did_not_move_is_not_said_to(campaign):
     assert len(found.only_before) == len(found.only_after) == 0
 
 
-def test_constants_and_delays_that_change_are_told_apart_from_poles():
+def test_constants_and_delays_that_change_are_distinguished_from_poles():
     rng = np.random.default_rng(12)
     before = fit_response(two_modes.measure(rng), states=4).covariance
     s = 2j * np.pi * two_modes.LINES

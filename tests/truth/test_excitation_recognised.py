@@ -44,7 +44,7 @@ def test_every_design_is_recognised(name, leave_out, noise):
     assert orthogonal(found) == (name == "three inputs")
 
 
-def test_inputs_that_are_not_orthogonal_are_told():
+def test_inputs_that_are_not_orthogonal_are_reported():
     rng = np.random.default_rng(0)
     each = [design_multisine((1.0, 60.0), 2.0, 256.0, Limits(rms=1.0), rng) for _ in range(4)]
     u = np.stack([np.concatenate([each[i].u[0], each[i + 1].u[0]], axis=1) for i in (0, 2)])

@@ -169,7 +169,7 @@ def in_a_loop(count, seed=7):
     )
 
 
-def test_feedback_in_a_record_is_said_and_no_mode_is_sound():
+def test_feedback_in_a_record_is_reported_and_no_mode_is_sound():
     record = in_a_loop(1536)
     assert [f.kind for f in detect_faults(record)] == ["feedback"]
     fit = fit_record(record, states=4, sampled=False)
@@ -255,7 +255,7 @@ def test_two_modes_that_the_record_does_not_part_are_unresolved():
     )
 
 
-def test_a_close_pair_is_told_apart_without_a_third_mode():
+def test_a_close_pair_is_distinguished_without_a_third_mode():
     near = (np.array([12.0, 12.03]), np.array([0.004, 0.005]), [500.0, 400.0], 0.003)
     fit = fit_record(shaken(near, 1024, RATE, (1.0, 40.0), noise=1e-4))
     assert is_right(fit, near)
@@ -298,7 +298,7 @@ def test_a_model_without_value_on_other_free_samples_stays_on_its_own(monkeypatc
 
 
 @pytest.mark.parametrize("seed", repeats([7, *range(8, 20)], 1))
-def test_a_pair_of_modes_narrower_than_a_line_is_said(seed):
+def test_a_pair_of_modes_narrower_than_a_line_is_reported(seed):
     """Half-power widths below one line: the local method that made the response leaves more than noise."""
     rng = np.random.default_rng([43, seed])
     gap, count = rng.uniform(0.003, 0.005), 2048

@@ -129,7 +129,7 @@ def test_ports_and_models_that_are_no_survey_are_refused(fit: FitResult):
         survey_from_fit(article, dataclasses.replace(fit.covariance, model=sampled))
 
 
-def test_it_is_refined_and_what_was_left_out_is_said(survey: MeasuredModes):
+def test_it_is_refined_and_what_was_left_out_is_reported(survey: MeasuredModes):
     """One unknown is refined; modes of other frequencies are not paired."""
     article, lab = case.sheet()
     modulus = Unknown(name="E", parameters=("members.E",), spread=0.1)

@@ -51,7 +51,7 @@ def rubbing(plant, rng, share):
 
 # Gains of saturated force were 10 to 60 of their deviations too small, 9 of 12 in silence.
 @pytest.mark.parametrize("soft", repeats([True, False], 2))
-def test_force_that_saturates_behind_its_measurement_is_told_of(soft, campaign):
+def test_force_that_saturates_behind_its_measurement_is_reported(soft, campaign):
     def force(u):
         return np.tanh(0.3 * u / u.std()) * u.std() if soft else np.clip(u, -2.2 * u.std(), 2.2 * u.std())
 
@@ -75,7 +75,7 @@ def repeated(plant, rng, force, periods=4):
 
 
 # Gains were 8 to 39 of their deviations too small, 15 of 16 in silence.
-def test_force_that_saturates_is_told_of_where_it_repeats_too(campaign):
+def test_force_that_saturates_is_reported_where_it_repeats_too(campaign):
     for seed in campaign(24):
         rng = np.random.default_rng([424, seed])
         plant = article(rng)
@@ -89,7 +89,7 @@ def test_force_that_saturates_is_told_of_where_it_repeats_too(campaign):
 
 # Frequencies were up to 56 deviations off where what is left was laid to poles beyond the band.
 @pytest.mark.parametrize("share", repeats([0.003, 0.01], 1))
-def test_dry_friction_on_the_article_is_told_of(share, campaign):
+def test_dry_friction_on_the_article_is_reported(share, campaign):
     for seed in campaign(12):
         rng = np.random.default_rng([422, seed])
         plant = article(rng)[:2]

@@ -127,7 +127,7 @@ def test_a_decay_without_a_tail_is_kept_whole() -> None:
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.0, False), (0.3, True)])
-def test_another_mode_in_the_record_is_told(share: float, said: bool) -> None:
+def test_another_mode_in_the_record_is_reported(share: float, said: bool) -> None:
     """Its deviations are then five times too small for the damping."""
     t, rng = np.arange(2000) / 200.0, np.random.default_rng(4)
     decays = [

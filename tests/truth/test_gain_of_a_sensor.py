@@ -13,7 +13,7 @@ from repeats import repeats
 # Frequencies, damping ratios and constants (with the gain at their mode) were 4 to 10 of their deviations
 # off, 3 of 24 in silence; four of them where the ripple is as large as the noise are told of by no other sum.
 @pytest.mark.parametrize(("ripple", "noise"), repeats([(3e-3, 1e-3), (3e-3, 1e-4), (3e-2, 1e-2)]))
-def test_ripple_of_a_sensor_s_gain_is_told_of(ripple, noise, campaign):
+def test_ripple_of_a_sensor_s_gain_is_reported(ripple, noise, campaign):
     for seed in campaign(24):
         rng = np.random.default_rng([431, seed])
         plant = article(rng)

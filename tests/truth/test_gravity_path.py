@@ -353,7 +353,7 @@ def test_a_crossing_is_one_however_the_path_is_cut():
     assert [e[1] for e in agree(*on_a_base(wheel, swing), paths, count=8)[0]] == ["crossing"]
 
 
-def test_a_veering_too_narrow_to_be_told_is_a_crossing_however_the_path_is_cut():
+def test_a_veering_too_narrow_to_resolve_is_a_crossing_however_the_path_is_cut():
     """A gap of 2 sqrt(j/I) = 8.5e-4 of omega^2, of which 1e-3 is told: branches keep their shapes."""
     paths = cuts(8.0, 5.5, 5.5 * 0.9999, end=at(1.0))
     events, followed = agree(*swinging_pair(4e-8), paths, count=8)

@@ -114,7 +114,7 @@ def test_with_joints_it_is_what_plain_steps_give(plant, element, steps):
 
 
 @pytest.mark.parametrize("steps", [1, 5])
-def test_every_sensor_is_late_by_the_same_total_delay(plant, steps):
+def test_every_sensor_is_delayed_by_the_same_total_delay(plant, steps):
     hz = np.geomspace(0.2, 20.0, 40)
     sensors = {"bus_z": GYRO, "pri_rel_z": Encoder(1e-12)}
     H = statespace_response(

@@ -270,7 +270,7 @@ def test_residual_terms_stand_for_modes_outside_the_band():
     assert without.excess[0] > 0.0
 
 
-def test_a_confounded_delay_is_told():
+def test_a_confounded_delay_is_reported():
     measured = estimate_response(gimbal_record.multisine(0))
     fitted = fit_response(measured, states=10, constants="complex", delay=True)
     assert any("confounded" in w for w in fitted.warnings)

@@ -167,7 +167,7 @@ def test_later_hits_too_weak_to_reject_a_blow_are_kept_by_the_force_window():
     assert np.abs(test.response.H[:, 0, 0] - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-def test_a_blow_of_the_other_sign_is_named_and_an_experiment_without_one_told():
+def test_a_blow_of_the_other_sign_is_named_and_an_experiment_without_one_reported():
     record = struck(PLANT, SINGLE, 3000, RATE, noise=0.0)
     u = np.array(record.u)
     u[:, :, 1100:1900] *= -1.0
@@ -240,7 +240,7 @@ def test_blows_that_reach_half_the_rate_are_no_held_force(campaign):
         assert np.abs([off, wide]).max() < 4.5
 
 
-def test_only_blows_without_a_filter_are_said_to_fold_back(campaign):
+def test_only_blows_without_a_filter_are_reported_to_fold_back(campaign):
     """A filter that ends at half the rate leaves nothing there; sines of two to six samples, per cents."""
     for seed in campaign(60, 12):
         rng = np.random.default_rng([71, seed])

@@ -115,7 +115,7 @@ def test_a_turn_that_no_output_gives_is_refused() -> None:
         measure_modes(modes, [("m", "rx")], chosen=FLEXIBLE)
 
 
-def test_points_of_one_name_in_two_components_are_told_apart() -> None:
+def test_points_of_one_name_in_two_components_are_distinguished() -> None:
     """Two panels of one file: the second's point was read for both."""
     _, article = articles()
     (part,) = article.components

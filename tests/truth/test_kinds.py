@@ -138,7 +138,7 @@ SHARED = re.compile(r"modes (\d+) .* and (\d+) .* would be (\S+) and (\S+) in pl
 
 
 @pytest.mark.parametrize("seed", repeats([388, 294, 259, 433, 350, 412]))
-def test_modes_that_share_their_losses_are_told_with_their_ratios(seed: int, tmp_path: Path):
+def test_modes_that_share_their_losses_are_reported_with_their_ratios(seed: int, tmp_path: Path):
     """A pendulum and a bending mode within some per cent of each other: the complex modes damp otherwise."""
     one = soft_bus(seed, tmp_path)
     assert one is not None
@@ -152,7 +152,7 @@ def test_modes_that_share_their_losses_are_told_with_their_ratios(seed: int, tmp
     assert [ratio[m] for m in np.flatnonzero(mixed)] == pytest.approx(true[mixed], rel=0.01)
 
 
-def test_modes_whose_losses_are_their_own_are_not_told(met: list[Met]):
+def test_modes_whose_losses_are_their_own_are_not_reported(met: list[Met]):
     """Of the articles drawn, only those whose complex modes are real ones to a part in a thousand."""
     for one in met:
         true, part = complex_damping(one.lab, 26)
@@ -196,7 +196,7 @@ def test_without_the_rule_shares_of_energy_damp():
     assert estimate_damping(one.orbit, count=26).zeta.tolist() == [0.0] * 10 + [FLEXIBLE] * 16
 
 
-def test_soft_struts_bend_among_the_pendulums_and_are_told_apart():
+def test_soft_struts_bend_among_the_pendulums_and_are_distinguished():
     """The 10 lowest are no longer the suspension's: pairs go by shape, and what goes by rank is said."""
     one = sheet("simple", "material.lexan.E_pa=2.35e8")
     ranked = kinds_by_rank(one.lab.equilibrium, one.lab.kind)
@@ -213,7 +213,7 @@ def test_soft_struts_bend_among_the_pendulums_and_are_told_apart():
 # Modes of one frequency
 
 
-def test_modes_of_one_frequency_are_told_apart_in_any_basis():
+def test_modes_of_one_frequency_are_distinguished_in_any_basis():
     """A pendulum and a bending mode at one frequency: however mixed, they come out as they are."""
     lab = sheet("dm").lab
     lam, shapes = lab.omega**2, lab.shapes.copy()

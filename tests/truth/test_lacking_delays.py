@@ -82,7 +82,7 @@ def test_a_path_with_a_delay_of_its_own_is_named(route):
     assert told.startswith("output root: ")
 
 
-def test_a_filter_of_the_outputs_alone_is_told():
+def test_a_filter_of_the_outputs_alone_is_reported():
     """Four poles at 45 Hz: no delay is like that."""
     poles = 2.0 * np.pi * 45.0 * np.exp(1j * np.pi * np.array([0.625, 0.875, 1.125, 1.375]))
     fit = fit_response(
@@ -154,7 +154,7 @@ def test_delays_of_paths_are_found_without_being_asked_for(route, seed, late):
     np.testing.assert_allclose(path_delay(fit.model), DELAY_S[:, None] + late_s, atol=2e-4)
 
 
-def test_a_lead_for_want_of_delays_of_paths_is_told_so():
+def test_a_lead_for_want_of_delays_of_paths_is_reported_so():
     with pytest.raises(FitError) as told:
         fit_response(_measured(1, np.array(PATHS_S) - 0.05), states=4, delay="output")
     assert "delay='path'" in str(told.value)

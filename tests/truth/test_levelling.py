@@ -273,7 +273,7 @@ def test_orbit_is_refused():
         level(lopsided(), Environment.orbit(), free=[("left", "z")], about="x")
 
 
-def test_an_article_that_does_not_hang_is_said_so():
+def test_an_article_that_does_not_hang_is_reported():
     parts = dataclasses.replace(lopsided(), attach_points=lopsided().attach_points[:1])
     with pytest.raises(EquilibriumError, match="mechanism that moves under its weight"):
         level(parts, cables(("left",), ("yz",)), free=[("left", "z")], about="x")
@@ -321,7 +321,7 @@ def boom(section):
     return structure(nodes, members, attach=points)
 
 
-def test_what_turns_over_is_said_to():
+def test_what_turns_over_is_reported():
     """A bar that was drawn above its two points falls over; it bends by nothing."""
     section = dataclasses.replace(TUBE, rho_A=0.1)
     high = node("top", (0.3, 0.5, 0.01), body(5.0, inertia=(0.1, 0.1, 0.1)))

@@ -169,7 +169,7 @@ def critical_turn(EI_over_GJ: float) -> float:
     return so.brentq(left, 0.1, 6.0)
 
 
-def test_an_end_turned_so_far_that_the_arc_would_leave_its_plane_is_told() -> None:
+def test_an_end_turned_so_far_that_the_arc_would_leave_its_plane_is_reported() -> None:
     """5.1409 rad where EI / GJ = 1.25; a rod that is stiff in torsion stays, and one whose end is held.
 
     Twist and bending are coupled with order two: 24 elements have it 0.24 % too late.

@@ -40,7 +40,7 @@ def steady(seed: int) -> tuple[md.Record, np.random.Generator]:
     return record, rng
 
 
-def test_samples_lost_in_one_period_are_told_with_their_place(campaign) -> None:
+def test_samples_lost_in_one_period_are_reported_with_their_place(campaign) -> None:
     for seed in campaign(120):
         record, rng = steady(seed)
         y, shift = record.y[0, :, :, 0].copy(), [1, 2, -3][seed % 3]
@@ -93,7 +93,7 @@ def test_a_loss_that_stays_spoils_the_periods_after_it(triggered: bool, campaign
 
 
 @pytest.mark.parametrize("both", [False, True], ids=["in the output", "in both"])
-def test_a_loss_that_lasts_is_told_in_any_period(both: bool, campaign) -> None:
+def test_a_loss_that_lasts_is_reported_in_any_period(both: bool, campaign) -> None:
     """The first and the one before the last among them; of input and output, each is told."""
     for seed in campaign(120):
         record, rng = steady(1000 + seed)

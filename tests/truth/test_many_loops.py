@@ -81,7 +81,7 @@ def test_rms_against_fractions():
 @pytest.mark.parametrize("seed", repeats(range(12), quick=2))
 @pytest.mark.parametrize("mixed", [True, False])
 @pytest.mark.parametrize("share", [1e-7, 1e-5, 1e-3])
-def test_the_error_of_a_small_output_is_said(share, mixed, seed):
+def test_the_error_of_a_small_output_is_reported(share, mixed, seed):
     """A mode that another hardly drives; its rms is lost in the rounding of a basis that mixes both."""
     rng = np.random.default_rng(seed)
     omega, zeta = 10.0 ** rng.uniform(-1.0, 1.0, 2), rng.uniform(0.002, 0.05, 2)

@@ -175,7 +175,7 @@ def test_the_merged_fit_is_the_fit_of_one_delay_and_the_level_is_kept(campaign):
     assert scipy.stats.binomtest(kept_apart, len(seeds), 0.05).pvalue > 1e-3
 
 
-def test_an_output_that_is_late_stays_so(campaign):
+def test_an_output_that_is_delayed_stays_so(campaign):
     """4 ms, a good many deviations of this noise."""
     for seed in campaign(100):
         covariance = fit_response(measure(seed, [8e-3, 8e-3, 12e-3]), states=4).covariance

@@ -89,7 +89,7 @@ def recovered(part: float, seed: int, chosen: range = range(6)) -> Refined:
     return refine(slender(mast()), [survey_of(truth, KNOWN_WELL, seed, chosen)], [MODULUS, TOP])
 
 
-def test_a_negative_amount_of_shear_is_said_to_be_another_error():
+def test_a_negative_amount_of_shear_is_reported_to_be_another_error():
     """Frequencies as far above those of the mast without shear as a tube's shear would put them below."""
     plain, soft = (
         modes_of(article, clamped()) for article in (slender(mast()), add_shear(slender(mast()), 1.0))

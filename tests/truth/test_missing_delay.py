@@ -54,7 +54,7 @@ def test_a_lacking_delay_is_named_in_place_of_modes():
     assert not hints(as_told)
 
 
-def test_only_the_output_that_is_late_is_named():
+def test_only_the_output_that_is_delayed_is_named():
     fitted = fit_response(rates((0.0, DELAY)), states=5, integrators=1)
     tau = missing_delay(rates((0.0, DELAY)), fitted.model)
     assert tau[0] == 0.0

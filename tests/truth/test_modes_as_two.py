@@ -71,7 +71,7 @@ def test_two_modes_whose_lack_looks_like_noise_of_forces(seed: int) -> None:
     assert of.max() < 0.008
 
 
-def test_a_mode_that_two_describe_better_is_told_where_its_order_was_asked_for() -> None:
+def test_a_mode_that_two_describe_better_is_reported_where_its_order_was_asked_for() -> None:
     fit = fit_record(beating(1), band_hz=(4.0, 16.0), sampled=False, states=2)
     assert [w.split(":")[0] for w in fit.warnings if "two modes in its place" in w] == ["mode at 9.009 Hz"]
     assert fit.standing == ("doubtful",)
@@ -84,7 +84,7 @@ def shaken_modes(hz: list[float], seed: int) -> Record:
 
 
 @pytest.mark.parametrize(("hz", "said"), [([9.0, 9.009], True), ([9.0], False)])
-def test_two_modes_that_a_record_does_not_tell_apart_are_doubted(hz: list[float], said: bool) -> None:
+def test_two_modes_that_a_record_does_not_distinguish_are_doubted(hz: list[float], said: bool) -> None:
     """A tenth of a per cent apart, one mode was up to 30 deviations off either, in silence."""
     for seed in (1, 3, 4):
         record = shaken_modes(hz, seed)

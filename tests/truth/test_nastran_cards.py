@@ -157,7 +157,7 @@ def test_few_lines_may_be_numbered_too(numbers):
         f"{'GRID*                 12               0':56}{'3.':>16}      12\n*",
     ],
 )
-def test_a_number_that_may_be_a_field_too_many_is_told(text):
+def test_a_number_that_may_be_a_field_too_many_is_reported(text):
     assert "where the mark of a continuation stands" in refused(text)
 
 
@@ -167,7 +167,7 @@ def test_a_number_that_may_be_a_field_too_many_is_told(text):
      "CBAR\t3\t1\t3\t4\t0.\t0.\t1.\tGGG\t\t456",
      f"{'GRID*                 12               0              1.':80}2."],
 )  # fmt: skip
-def test_a_number_behind_the_last_column_is_told(text):
+def test_a_number_behind_the_last_column_is_reported(text):
     assert "behind column 80, where no field is" in refused(text)
     assert entries(f"{'GRID    1               1.':80}  as drawn").of("GRID")
 
@@ -250,7 +250,7 @@ def test_equal_duplicates_pass():
     assert "second grid 1" in refused("GRDSET,,4\nGRID,1,,1.\nGRID,1,0,1.,,,0")
 
 
-def test_numbers_that_cannot_be_read_are_told_once():
+def test_numbers_that_cannot_be_read_are_reported_once():
     assert "second" not in refused("CONM2,1 1,2,,3.\nCONM2,1 2,2,,4.")
 
 

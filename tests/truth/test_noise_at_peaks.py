@@ -108,7 +108,7 @@ def two_inputs(seed: int) -> tuple[md.Record, np.ndarray]:
     return record, deviation**2 * samples / periods * np.sum(np.abs(inverse) ** 2, axis=2)
 
 
-def test_the_variance_of_a_line_whose_inputs_are_hardly_told_apart_is_its_own() -> None:
+def test_the_variance_of_a_line_whose_inputs_are_hardly_distinguished_is_its_own() -> None:
     """What the inputs let in is known: averaged over neighbours such lines were the best known by far."""
     record, true = two_inputs(0)
     measured = md.estimate_response(record)
@@ -120,7 +120,7 @@ def test_the_variance_of_a_line_whose_inputs_are_hardly_told_apart_is_its_own() 
     assert line_degrees(measured) == pytest.approx(4.0, rel=0.15)
 
 
-def test_no_mode_stands_for_a_line_whose_inputs_are_hardly_told_apart() -> None:
+def test_no_mode_stands_for_a_line_whose_inputs_are_hardly_distinguished() -> None:
     """With averages over neighbours each of ten such responses had one to four modes of a single line."""
     for seed in repeats(range(10), 2):
         record, _ = two_inputs(seed)
@@ -131,7 +131,7 @@ def test_no_mode_stands_for_a_line_whose_inputs_are_hardly_told_apart() -> None:
         assert np.all(np.abs(found - TWO_INPUTS_HZ) < 4.0 * deviation)
 
 
-def test_the_likelihood_counts_how_far_inputs_are_told_apart() -> None:
+def test_the_likelihood_counts_how_far_inputs_are_distinguished() -> None:
     """Averaged with the noise, it put the pair five of its deviations off."""
     for seed in repeats(range(6), 6):
         record, _ = two_inputs(seed)

@@ -139,7 +139,7 @@ def test_an_input_that_fades_or_drives_all_has_no_floor():
 
 
 @pytest.mark.parametrize("order", [2, 4, 8])
-def test_what_a_filter_folds_back_is_told_by_its_slope(order):
+def test_what_a_filter_folds_back_is_reported_by_its_slope(order):
     """Behind a Butterworth filter at 0.4 of the rate: no less than white noise folds back, nor ten times."""
 
     def passed(x):  # power at so many times half the rate

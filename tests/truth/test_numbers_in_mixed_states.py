@@ -184,7 +184,7 @@ ADDED = {"integrator": [[0.0]], "body": [[0.0, 1.0], [0.0, 0.0]], "mode": [[0.0,
 
 @pytest.mark.parametrize("name", ADDED)
 @pytest.mark.parametrize("seed", repeats(range(12), 3))
-def test_the_rms_of_a_sampled_loop_beside_what_does_not_decay_is_right_or_said(seed: int, name: str) -> None:
+def test_the_rms_of_a_sampled_loop_beside_a_lasting_motion_is_right_or_reported(seed: int, name: str) -> None:
     """Undriven, it leaves the rms; of mixed states rounding drives it, and by chance the rms was infinite or
     some finite number, in silence."""
     rng = np.random.default_rng([83, seed])

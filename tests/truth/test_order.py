@@ -42,7 +42,7 @@ def test_the_shortest_description_is_chosen_where_there_is_one():
 
 
 @pytest.mark.parametrize("more", [-5.0, 5.0])
-def test_the_smallest_of_orders_that_no_length_tells_apart_is_chosen(more):
+def test_the_smallest_of_orders_that_no_length_distinguishes_is_chosen(more):
     found = choose(tried((2, 50.0, 0.5), (4, 10.0, 0.1), (6, 10.0 + more, 0.1), (8, 30.0, 0.1)))
     assert found.states == 4
     assert "6 do as well" in found.reason

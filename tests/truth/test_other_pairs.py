@@ -37,7 +37,7 @@ def refined(seed: int, chosen: tuple[int, ...], *kept: tuple[str, str]) -> tuple
 
 
 @pytest.mark.parametrize("seed", repeats([5, 9]))
-def test_a_mode_taken_for_the_one_that_nobody_measured_is_said(seed: int):
+def test_a_mode_taken_for_the_one_that_nobody_measured_is_reported(seed: int):
     """Frequencies alone, and a wrong set of unknowns that fits them to the noise."""
     off, found = refined(seed, HOLES)
     assert off > 30.0
@@ -100,7 +100,7 @@ def mast_refined(factor: float, split: float, chosen: list[int], shapes: bool) -
     ("split", "factor"),
     [(1.02, 1.05), (1.02, 1.1), (1.03, 1.05), (1.05, 1.08), (1.1, 1.1), (1.1, 1.16)],
 )
-def test_a_family_that_is_taken_for_the_other_is_said(split: float, factor: float):
+def test_a_family_that_is_taken_for_the_other_is_reported(split: float, factor: float):
     """One plane measured, all its modes taken for those of the other: E fits them as well, and is wrong."""
     off, found = mast_refined(factor, split, [0, 2, 4], shapes=False)
     assert off > 25.0

@@ -53,7 +53,7 @@ def test_modes_outside_a_narrow_band_are_no_poles(seed, constants):
     assert np.abs(off).max() < 4.0
 
 
-def test_what_is_said_of_the_constant_term_stands():
+def test_what_is_reported_of_the_constant_term_stands():
     f = np.arange(7.0, 11.0, 0.05)
     H = structure(2j * np.pi * f, (8.2, 1.0, 25.0), (1, -1, 1))[:, None, None]
     re, im = np.random.default_rng(0).standard_normal((2, *H.shape)) * 1e-2
@@ -176,7 +176,7 @@ def test_a_record_of_a_distorted_signal_has_the_modes_of_the_article_alone(seed,
     assert np.abs(off).max() < 4.0
 
 
-def test_a_signal_that_repeats_need_not_be_said_to_when_its_measurement_is_noisy():
+def test_a_signal_that_repeats_need_not_be_declared_so_when_its_measurement_is_noisy():
     """Taken as a run of samples, distortion beside that noise made a sound mode at 22.7 Hz."""
     record = distorted(1, 0.03)
     u = record.u + 0.003 * np.random.default_rng([5, 1]).standard_normal(record.u.shape)

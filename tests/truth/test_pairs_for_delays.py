@@ -56,7 +56,7 @@ def test_a_damped_mode_of_the_article_is_one():
     assert set(fitted.standing) == {"sound"}
 
 
-def test_a_delay_is_told_from_a_mode_as_far_as_the_data_tell():
+def test_a_delay_is_distinguished_from_a_mode_as_far_as_the_data_tell():
     """Pade's approximation to a delay: a delay replaces it up to its error, and no further."""
     tau, light = 0.02, np.array([-0.3 + 40.0j, -0.5 + 110.0j])
     pade = (-3.0 + 1j * np.sqrt(3.0)) / tau
@@ -150,7 +150,7 @@ def test_a_delay_that_stands_for_a_filter_is_doubted_with_what_is_beside_it(hz, 
             assert np.min(np.abs(f - HZ)) < 4.0 * of.natural_hz[m]
 
 
-def test_what_is_said_of_it_helps():
+def test_its_hint_helps():
     """The model that the warning asks for has the modes of the article, and one pair beyond the band."""
     fitted = fitted_behind(45.0, 1e-3)
     (warning,) = [w for w in fitted.warnings if "may stand for poles beyond the band" in w]
@@ -164,7 +164,7 @@ def test_what_is_said_of_it_helps():
 
 
 @pytest.mark.parametrize("seed", repeats(range(20)))
-def test_of_a_delay_that_is_one_nothing_is_said(seed):
+def test_of_a_delay_that_is_one_nothing_is_reported(seed):
     """Also not where a mode beyond the band is in the fit, which is said to stand for what is there."""
     plain = fit_response(response(late, seed=seed))
     assert plain.warnings == ()
@@ -174,7 +174,7 @@ def test_of_a_delay_that_is_one_nothing_is_said(seed):
     assert abs(more.model.delay_s[0] - 0.02) < 4.0 * more.uncertainty.delay_s[0]
 
 
-def test_of_a_delay_common_to_four_paths_nothing_is_said_in_any_unit():
+def test_of_a_delay_common_to_four_paths_nothing_is_reported_in_any_unit():
     clean, unit = response(late, noise=1e-9), 1e6
     H = unit * clean.H[::4] * np.outer([1.0, -0.6], [1.0, 0.8])
     size = np.broadcast_to(0.01 * np.sqrt(np.mean(np.abs(H) ** 2)), H.shape)

@@ -338,7 +338,7 @@ def _grows(
     return bool(np.linalg.eigvals(whole).real.max() > 0.0)
 
 
-def test_what_a_block_warns_of_is_said_with_its_draws(refined: Refined, monkeypatch: pytest.MonkeyPatch):
+def test_what_a_block_warns_of_is_reported_with_its_draws(refined: Refined, monkeypatch: pytest.MonkeyPatch):
     """Also of one that comes out of a ledger, whose numbers are the same."""
 
     def doubtful(*given: Any) -> Any:
@@ -401,7 +401,7 @@ def test_a_performance_without_an_rms_has_no_decibels(refined: Refined):
         promise(refined, asked)
 
 
-def test_modes_that_the_plants_lack_are_told_by_what_they_change(refined: Refined):
+def test_modes_that_the_plants_lack_are_reported_by_what_they_change(refined: Refined):
     """Ten modes in place of thirty: decibels move as by Lyapunov's equation on both loops, written out."""
     asked = dataclasses.replace(case.plan([1e1, 1e5], 1), modes=10, loop=LoopSpread())
     site = set_sites(refined, asked)["orbit"]

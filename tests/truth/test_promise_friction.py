@@ -336,7 +336,7 @@ def delayed_brake() -> tuple[Plant, Compensator]:
     return plant, Compensator(law, measured_ports(plant), driven_ports(plant))
 
 
-def test_a_loop_that_hunts_is_bounded_and_said():
+def test_a_loop_that_hunts_is_bounded_and_reported():
     """Stable while it slips, unstable while it sticks: under next to no noise it moves by its slip angle."""
     plant, law = delayed_brake()
     joint = JointSlip(name="turn", slip_torque=0.1, slip_angle=1e-3)

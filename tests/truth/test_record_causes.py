@@ -238,7 +238,7 @@ def test_noise_of_a_measured_input_is_named(campaign: Campaign) -> None:
     assert np.mean(said) >= 0.75
 
 
-def test_a_gain_that_changes_within_a_record_is_told(campaign: Campaign) -> None:
+def test_a_gain_that_changes_within_a_record_is_reported(campaign: Campaign) -> None:
     """By a fiftieth to a tenth, from some sample on: constants were off by 40 deviations with no word."""
     for seed in campaign(24):
         rng = np.random.default_rng([54, seed])
@@ -273,7 +273,7 @@ def through(
     return Record(sample_hz=100.0, u=u, y=y, inputs=ports[0], outputs=ports[1], periodic=False), hz
 
 
-def test_a_force_whose_filter_is_not_steep_is_said_to_fold_back(campaign: Campaign) -> None:
+def test_a_force_whose_filter_is_not_steep_is_reported_to_fold_back(campaign: Campaign) -> None:
     """Of order two 8 to 18 deviations of the constants; of order eight none, and no word."""
     for seed in campaign(24):
         for order, told in ((2, True), (8, False)):
@@ -293,7 +293,7 @@ def test_deviations_count_what_a_filter_folds_back(campaign: Campaign) -> None:
         assert np.abs(off).max() < 4.0
 
 
-def test_feedback_in_a_long_record_is_told_without_much_memory() -> None:
+def test_feedback_in_a_long_record_is_reported_without_much_memory() -> None:
     """The longer past was tested with all samples: 440 MB for 60 000 of them."""
     rng, count, pole = np.random.default_rng(70), 60_000, np.exp(0.7 * (1j - 0.02))
     den, gain = np.array([1.0, -2.0 * pole.real, abs(pole) ** 2, 0.0, 0.0, 0.0]), 0.02

@@ -77,7 +77,7 @@ def told(record: Record) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("kind", EXCITATIONS)
-def test_nothing_is_told_of_sound_records(kind: str, campaign: Campaign) -> None:
+def test_nothing_is_reported_for_sound_records(kind: str, campaign: Campaign) -> None:
     """With and without noise and a converter's steps: releases were told as shifts, rests as dropouts."""
     runs = (*{"release": (49, 57, 63), "hammer": (15,)}.get(kind, ()), *campaign(60))
     said = [told(measured(kind, seed, (0.0, 1e-4, 1e-2)[seed % 3], steps=seed % 2 == 1)) for seed in runs]

@@ -140,7 +140,7 @@ def test_an_error_of_the_model_is_named_and_widens_the_prediction(sound: Refined
     assert np.max(wide.damping_std(0.0)) > 2.0 * np.max(narrow.damping_std(0.0))
 
 
-def test_surveys_that_contradict_in_damping_are_said_to(sound: Refined):
+def test_surveys_that_contradict_in_damping_are_reported(sound: Refined):
     """The same modes with 40 % more damping in a second test, as at another amplitude; frequencies agree."""
     survey = sound.compared[0].survey
     hz = survey.measured.frequency_hz * (1.0 + 1e-5)  # no copy, rounded or not
@@ -205,7 +205,7 @@ def test_unknowns_of_damping_that_cannot_be(sound: Refined):
         refine(one, [survey], [Unknown(name="a", parameters=("damping.mode.7",), spread=0.5)])
 
 
-def test_frequencies_of_decays_or_of_undamped_modes_are_told_from_those_of_roots():
+def test_frequencies_of_decays_or_of_undamped_modes_are_distinguished_from_those_of_roots():
     """Dampers seven times the model's: a root is 0.1 % off the undamped mode, and 0.4 % off its decay."""
     x = np.append(np.zeros(len(case.UNKNOWNS) - 1), 2.0)
     some = slice(0, None, len(case.UNKNOWNS) - 1)

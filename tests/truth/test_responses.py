@@ -202,7 +202,7 @@ def test_a_wide_prior_of_gain_and_delay_makes_no_line_deaf(delay: float, gain: f
     assert abs(wide.x[k] - narrow.x[k]) < 0.3 * narrow.estimate.x_std[k]
 
 
-def test_an_error_that_was_not_stated_is_said_and_counted():
+def test_an_error_that_was_not_stated_is_reported_and_counted():
     """A sensor that reads a fifth more above 5 Hz: no unknown of the model does that."""
     article, lab = case.sheet()
     modes = modes_at(np.zeros(len(PARTS)))

@@ -130,7 +130,7 @@ def test_without_gain_there_is_no_limit():
 
 
 @pytest.mark.parametrize("crossover", [1.0, 0.02, 1e-4])
-def test_a_slow_loop_late_by_thousands_of_periods_has_a_closed_form(crossover):
+def test_a_slow_loop_delayed_by_thousands_of_periods_has_a_closed_form(crossover):
     """Of u[k] = -c y[k], y' = u late by n + theta periods: z - 1 = -c T ((1 - theta) + theta / z) z^-n."""
     period = 0.02
     integrator = plant_of(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]))

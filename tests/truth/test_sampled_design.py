@@ -515,7 +515,7 @@ def test_a_walk_under_a_gain_is_a_closed_form_at_the_samples_and_between_them():
     assert found.control_rms**2 == pytest.approx([k**2 * (at_samples + r / T)], rel=1e-12)
 
 
-def test_single_late_paths_keep_the_phase_of_a_fast_mode():
+def test_single_delayed_paths_keep_the_phase_of_a_fast_mode():
     # 12.5 radians late on one path alone: order 8 is wrong there by a tenth, order 16 right to 1e-9.
     ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
     modal = sum_of_modes([250.0], 0.01, [[1.0, 0.5]], [[1.0], [0.7]], names=("fast",))
@@ -573,7 +573,7 @@ def test_white_noise_is_not_sampled(row, what):
         hold_plant(dataclasses.replace(plant, dynamics=system), cases.tangled_weights(), 0.1)
 
 
-def test_disturbances_that_belong_together_must_be_late_together():
+def test_disturbances_that_belong_together_must_be_delayed_together():
     plant = dataclasses.replace(remove_delays(cases.tangled()), w=("w1", "u1"))
     weights = dataclasses.replace(
         cases.tangled_weights(), disturbed=("w1", "u1"), process=[[1.0, 0.5], [0.5, 1.0]]

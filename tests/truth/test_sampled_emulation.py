@@ -158,7 +158,7 @@ def test_what_cannot_be_emulated(lqg, given, message):
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_law_that_rings_faster_than_half_the_rate_is_told_of(rule):
+def test_a_law_that_rings_faster_than_half_the_rate_is_reported(rule):
     w = 2.0 * np.pi * 7.0
     law = law_of([[0.0, w], [-w, -0.2 * w]], [[0.0], [w]], [[1.0, 0.0]], 0.0)
     emulate(law, 0.5 / 7.1, rule)
@@ -168,7 +168,7 @@ def test_a_law_that_rings_faster_than_half_the_rate_is_told_of(rule):
         emulate(law, 0.5 / 6.9, rule)
 
 
-def test_what_rings_too_fast_is_told_of_only_where_it_counts():
+def test_what_rings_too_fast_is_reported_only_where_it_counts():
     w, silent, loud = 2.0 * np.pi * 7.0, [[0.0], [0.0], [1.0]], [[0.0], [5.0], [1.0]]
     for damping, B, told in ((0.2, loud, True), (-0.8, loud, True), (0.2, silent, False)):
         A = sla.block_diag([[0.0, w], [-w, -damping * w]], 0.0)  # beside an integrator

@@ -253,7 +253,7 @@ def test_multisine_refuses(band, period, rate, message):
     ((3.0,), 100.0, True), ((0.1, 3.0, 40.0), 100.0, True), ((0.0, 3.0), 100.0, True),
     ((3.0,), 0.01, False), ((0.0,), 100.0, False), ((0.0, 30.0), 1.0, False), ((0.001, 0.02), 100.0, False),
 ])  # fmt: skip
-def test_a_rate_for_the_period_is_told(hz, period_s, doubted):
+def test_a_rate_for_the_period_is_reported(hz, period_s, doubted):
     """A mode "sampled at 100" was sampled every 100 s without a word; slow laws, slow plants are not told."""
     plant, weights = grouped_plant(modes(hz, 1, 1), (FORCE,), (WAY,)), unit_weights(("force",), 1e-4)
     for ask in (sample_plant, lambda plant, period_s: design_sampled_lqg(plant, weights, 1.0, period_s)):

@@ -58,7 +58,7 @@ def _heard(plant: Plant, law: Compensator) -> tuple[np.ndarray | None, bool]:
 
 @pytest.mark.parametrize("condition", [1e2, 1e3, 1e5, 3e5])
 @pytest.mark.parametrize("seed", repeats(range(100), 12))
-def test_the_rms_behind_delays_is_right_or_told(seed: int, condition: float) -> None:
+def test_the_rms_behind_delays_is_right_or_reported(seed: int, condition: float) -> None:
     """Residues below a thousand roundings counted as none: rms were up to 78 times too large, in silence."""
     mixed, law, own = _body(np.random.default_rng([15, seed]), condition)
     (true, _), (found, told) = _heard(own, law), _heard(mixed, law)

@@ -240,7 +240,7 @@ def test_preload_holds_or_softens_without_loss_in_orbit_too(free_length: float):
     assert np.abs(exact / ZETA - 1.0).max() > 0.3
 
 
-def test_a_mode_that_all_but_falls_over_has_no_ratio_and_is_told_why():
+def test_a_mode_that_all_but_falls_over_has_no_ratio_and_the_reason_is_reported():
     chain = Chain(0.1, 0.2, 0.1, (9.5, 9.0))
     modes = solve(article(chain, Damping(flexible=ZETA)), STAND)
     with pytest.raises(ConfigError, match=r"ratio 1.04: weight or preload takes 98\.\d+% of its") as told:

@@ -257,7 +257,7 @@ def test_identities_of_coherence():
     np.testing.assert_allclose(multiple_coherence(one), ordinary_coherence(one)[:, :, 0], rtol=1e-12)
 
 
-def test_a_window_as_wide_as_the_peak_is_said():
+def test_a_window_as_wide_as_the_peak_is_reported():
     rng = np.random.default_rng(9)
     u = rng.standard_normal((1, 65536, 1))
     radius = np.exp(-0.01 * 2.0 * np.pi * 0.125)  # 1 % damping at an eighth of the sampling rate

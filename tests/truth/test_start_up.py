@@ -53,7 +53,7 @@ CASES = [(2, 512), (3, 512), (4, 256), (6, 256), (20, 256)]
 
 @pytest.mark.parametrize(("periods", "samples"), CASES)
 @pytest.mark.parametrize("noise", [1e-3, 3e-2])
-def test_a_start_from_rest_is_said_and_its_deviations_hold(periods, samples, noise, campaign):
+def test_a_start_from_rest_is_reported_and_its_deviations_hold(periods, samples, noise, campaign):
     off = []
     for seed in campaign(60):
         record, response = a_record(seed, periods=periods, samples=samples, noise=noise, start=True)
@@ -107,7 +107,7 @@ def test_each_experiment_has_a_start_of_its_own():
 
 
 @pytest.mark.parametrize("side", ["output", "input"])
-def test_a_sensor_that_drifts_by_a_ramp_is_said_and_its_deviations_hold(side, campaign):
+def test_a_sensor_that_drifts_by_a_ramp_is_reported_and_its_deviations_hold(side, campaign):
     """The same sawtooth in each period: up to nine lines of ten were off by hundreds of deviations."""
     off = []
     for seed in campaign(20, 4):

@@ -359,7 +359,7 @@ def test_a_load_that_buckles_the_article_is_no_reading(part: float):
         refine(column, [], [BENDING], statics=[test])
 
 
-def test_readings_that_contradict_are_said_to_scatter():
+def test_readings_that_contradict_are_reported_to_scatter():
     """One load read twice, 4 % apart at 0.1 mm: no article does that, and none is sure to less."""
     sound = sagged(wing(), (0.5, 1.0, 1.5), (TIP,))
     off = [*sound, dataclasses.replace(sound[1], name="again", value=1.04 * sound[1].value)]

@@ -167,7 +167,7 @@ def test_modes_that_are_one_leave_the_others_known():
     assert known.natural_hz[2] == pytest.approx(of_f[2], rel=1e-2)
 
 
-def test_what_is_not_determined_is_said_in_words():
+def test_what_is_not_determined_is_reported_in_words():
     """In the warnings of a fit, by the command line and in the tables of the report."""
     model = model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 1e-20, 1e-20), real=False)
     covariance = found_of(model, COMPLEX, 1e-3)

@@ -29,7 +29,7 @@ def cut(length: float, noise: float, rng: np.random.Generator) -> Record:
 
 @pytest.mark.parametrize("late", [0.0, 0.0005, 0.01, -0.1, 0.4])
 @pytest.mark.parametrize("noise", [0.0, 0.03])
-def test_a_period_that_is_no_whole_number_of_samples_is_told(late: float, noise: float) -> None:
+def test_a_period_that_is_no_whole_number_of_samples_is_reported(late: float, noise: float) -> None:
     """Up to 95 % of the lines were off by 4 to 47 deviations; a transient was blamed, or nothing."""
     record = cut(SAMPLES + late, noise, np.random.default_rng(3))
     with warnings.catch_warnings(record=True) as told:

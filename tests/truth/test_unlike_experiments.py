@@ -60,7 +60,7 @@ CHANGES = {
 
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("noise", repeats([0.02, 1e-3, 1e-6]))
-def test_what_an_experiment_has_otherwise_is_told(change: str, noise: float) -> None:
+def test_what_an_experiment_has_otherwise_is_reported(change: str, noise: float) -> None:
     make, channels, said = CHANGES[change]
     record = session(np.random.default_rng(5), make, noise=noise)
     found = detect_faults(record)
@@ -101,7 +101,7 @@ def test_orthogonal_experiments_of_several_inputs_are_no_contradiction(scheme: s
         assert detect_faults(record) == (), seed
 
 
-def test_a_turned_sensor_of_two_inputs_is_told() -> None:
+def test_a_turned_sensor_of_two_inputs_is_reported() -> None:
     rng = np.random.default_rng(4)
     u = np.fft.irfft(np.exp(2j * np.pi * rng.random((2, 2, PERIOD // 2 + 1))), n=PERIOD).transpose(0, 2, 1)
     y = np.array([answer(e[:, 0]) + answer(e[:, 1]) * [0.5, -0.7] for e in u])

@@ -257,7 +257,7 @@ def test_factors_hold_what_belongs_to_the_article():
     assert found.left_out == (added,)
 
 
-def test_modes_that_change_places_are_told_apart_by_their_shapes():
+def test_modes_that_change_places_are_distinguished_by_their_shapes():
     """The truth bends more easily about the other axis: frequencies alone fit the wrong one as well."""
     bound = bind((SPLIT,), mast(), clamped())
     seen = survey_of(
@@ -368,7 +368,7 @@ def test_a_mast_upright_and_hanging_is_refined_on_both_at_once():
     assert any("contradict" in said for said in findings(refine(mast(), swapped, (MODULUS, TOP))))
 
 
-def test_what_was_taken_out_is_said_term_by_term():
+def test_what_was_taken_out_is_reported_term_by_term():
     """Nothing suspends a mast; its weight softens bending, and stiffens it a little by making it shorter."""
     seen = survey_of(modes_of(mast(EI=1.07, mass=0.43), clamped()), MeasurementNoise(1e-4, 0.01))
     found = refine(mast(), [seen], (MODULUS, TOP))
@@ -456,7 +456,7 @@ def test_a_stated_cable_ties_no_draw_of_an_article_that_is_held():
     assert tied.frequency_hz[0] > 1.1 * seen[0]
 
 
-def test_a_clamp_that_yields_and_that_orbit_lacks_is_said():
+def test_a_clamp_that_yields_and_that_orbit_lacks_is_reported():
     """Compliance of 1 % of L / EI at the root: the first frequency falls by 2 %."""
     root, still = 0.01, 1.8751041
 
@@ -574,7 +574,7 @@ def test_an_inertia_that_the_tests_say_moves_with_its_mass_is_named():
     assert told[1] is None or not told[1].fits
 
 
-def test_a_search_that_is_cut_short_is_said_not_to_have_converged(monkeypatch: pytest.MonkeyPatch):
+def test_a_search_that_is_cut_short_is_reported_not_to_have_converged(monkeypatch: pytest.MonkeyPatch):
     seen = survey_of(modes_of(mast(EI=1.3), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
     assert not any("did not converge" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
     monkeypatch.setattr(search, "STEPS", 1)
@@ -717,7 +717,7 @@ def twice_surveyed(off: float, seed: int = 0, noise: float = 1e-3) -> Refined:
     return refine(mast(split=1.3), surveys, (MODULUS, TOP))
 
 
-def test_surveys_that_contradict_are_said_to(monkeypatch):
+def test_surveys_that_contradict_are_reported(monkeypatch):
     """One per cent apart where each states 0.1 %: said, by how much and which way, and no longer believed."""
     sound, off = twice_surveyed(0.0), twice_surveyed(0.01)
     assert not any("contradict" in line for line in findings(sound))
@@ -735,7 +735,7 @@ def test_surveys_that_contradict_are_said_to(monkeypatch):
     assert np.all(wide.log_std > 2.0 * narrow.log_std)
 
 
-def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_told_apart():
+def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_distinguished():
     """Slopes by measured frequencies differ as surveys do: a modulus far out seemed to explain all three."""
     seen = survey_of(modes_of(mast(), clamped()), TIGHT)
     surveys = []
@@ -862,7 +862,7 @@ def test_unknowns_that_cannot_be(unknowns: list[Unknown], what: str):
         refine(mast(), [seen], unknowns)
 
 
-def test_a_mode_of_a_known_shape_at_another_frequency_is_told_whose_shape_it_has():
+def test_a_mode_of_a_known_shape_at_another_frequency_is_reported_with_the_shape_it_has():
     seen = survey_of(modes_of(mast(), clamped()), TIGHT)
     hz = seen.measured.frequency_hz.copy()
     hz[0] /= 2.5

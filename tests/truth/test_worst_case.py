@@ -63,7 +63,7 @@ def test_stability_ends_at_the_allowed_shift_and_not_before() -> None:
     assert found.up_hz == pytest.approx(at.frequency_hz, rel=1e-9)
 
 
-def test_a_light_mode_late_by_many_turns_is_ranked_with_its_own_phase() -> None:
+def test_a_light_mode_delayed_by_many_turns_is_ranked_with_its_own_phase() -> None:
     """A weak gain -k moves the root of a mode by j k exp(-j w tau) / (2 w): growth where sin(w tau) > 0.
 
     Late by 25 radians, all that an approximation of order 8 can turn: it sees no limit below.

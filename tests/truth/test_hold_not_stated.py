@@ -73,7 +73,7 @@ def test_a_hold_that_the_record_does_not_say_is_recognised(
         assert abs(fit.model.delay_s[0] - DELAY) < 5.0 * known.delay_s[0] < 1e-4
 
 
-def test_a_hold_that_leaves_doubts_is_told() -> None:
+def test_a_hold_that_leaves_doubts_is_reported() -> None:
     """A mode beyond the sweep: the held fit is shorter, with doubts; the delay has half a period."""
     record, hz = measured(sweep, 1, 28.0)
     fit = fit_record(record, states=2 * len(hz), sampled=False)

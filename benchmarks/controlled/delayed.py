@@ -26,7 +26,7 @@ from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.modal_system import ModalSystem
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace
 
-CASE = "late loops"
+CASE = "delayed loops"
 REPEATS = 5
 T = TypeVar("T")
 
@@ -78,11 +78,11 @@ def _slow_sampled() -> list[dict]:
 
 
 def _nine_delays() -> list[dict]:
-    """Nine inputs, each late by its own 0.3 to 1 s, 20 modes up to 20 Hz: beside a finer approximation."""
+    """Nine inputs, each delayed by its own 0.3 to 1 s, 20 modes up to 20 Hz: beside a finer approximation."""
     plant, law = _many_channels(20, 2, 1.0)
-    late = delay_plant(plant, np.tile(np.random.default_rng(3).uniform(0.3, 1.0, 9), (9, 1)))
-    found, taken = _timed(lambda: decide_stability(late, law))
-    values = close_loop(approximate_delays(late, 90), law).poles
+    delayed = delay_plant(plant, np.tile(np.random.default_rng(3).uniform(0.3, 1.0, 9), (9, 1)))
+    found, taken = _timed(lambda: decide_stability(delayed, law))
+    values = close_loop(approximate_delays(delayed, 90), law).poles
     lead = values[np.argmax(np.real(values))]
     error = abs(complex(lead.real, abs(lead.imag)) - found.pole) / abs(lead)
     return [
@@ -111,10 +111,10 @@ def _many_plants() -> list[dict]:
     weights = LQGWeights(
         output=np.ones(1), input=np.ones(1), disturbed=("w",), process=np.eye(1), sensor=np.array([1e-6])
     )
-    late = delay_plant(plant, np.array([[0.0, 0.0], [0.02, 0.02]]))
-    found, taken = _timed(lambda: measure_noise_rms(late, law, weights))
+    delayed = delay_plant(plant, np.array([[0.0, 0.0], [0.02, 0.02]]))
+    found, taken = _timed(lambda: measure_noise_rms(delayed, law, weights))
     K = law.system
-    A, B, C = closed_matrices(generalize(approximate_delays(late, 60), weights, 1.0), Law(K.A, K.B, K.C))
+    A, B, C = closed_matrices(generalize(approximate_delays(delayed, 60), weights, 1.0), Law(K.A, K.B, K.C))
     X = solve_continuous_lyapunov(A, -B @ B.T)
     true = float(np.sqrt(C[0] @ X @ C[0]))
     return [
@@ -132,9 +132,9 @@ def _many_plants() -> list[dict]:
 def _nine_channels() -> list[dict]:
     """Nine inputs and nine outputs at once, 40 modes, 2 ms: no more than the least margin of one channel."""
     plant, law = _many_channels(40, 6, 0.02)
-    late = delay_plant(plant, 0.002)
-    found, taken = _timed(lambda: measure_disk_margin(late, law))
-    alone = min(loop.disk.alpha for loop in measure_margins(late, law, at="both").loops)
+    delayed = delay_plant(plant, 0.002)
+    found, taken = _timed(lambda: measure_disk_margin(delayed, law))
+    alone = min(loop.disk.alpha for loop in measure_margins(delayed, law, at="both").loops)
     return [
         row(
             CASE,
