@@ -204,6 +204,8 @@ def _flat(drawing: Drawing, factor: float, look: ViewAxes) -> tuple[np.ndarray, 
 def _draw_box(axes: Axes, corners: Float[np.ndarray, "corner 2"], colour: str) -> None:
     if np.linalg.matrix_rank(corners - corners[0], tol=1e-9) == 2:
         outline = corners[ConvexHull(corners).vertices]
+        # Where the hull begins hangs on last digits; the lowest along a direction of no edge is one corner.
+        outline = np.roll(outline, -int(np.argmin(outline @ (0.618, 1.0))), axis=0)
         box = Polygon(outline, facecolor=colour, edgecolor="black", linewidth=0.6, alpha=0.55, zorder=3)
         axes.add_patch(box)
 
