@@ -41,7 +41,7 @@ def test_steps_are_held_though_the_record_does_not_say_so(
     noise: float, campaign: Callable[..., range]
 ) -> None:
     """The delay was half a sample too long, 60 to 300 deviations, a constant 16 too small, in silence."""
-    for seed in campaign(20, 1):
+    for seed in campaign(20, 5):
         record, hz, constants = binary(seed, noise)
         fit = fit_record(record, states=4)
         known, order = parameters_of(fit.covariance), np.argsort(natural_hz(fit.model))
