@@ -198,9 +198,11 @@ def test_a_period_that_is_none(period_s: float) -> None:
 def test_a_delay_against_a_sample_period() -> None:
     """Seconds taken for milliseconds would be 2500 states; a total delay is no less than the hold's own."""
     weights = LQGWeights(**GOOD)
-    late = delay_plant(plant(), 10.0)
+    delayed = delay_plant(plant(), 10.0)
     refused(
-        lambda: design_sampled_lqg(late, weights, 1e3, 0.004), ConfigError, "10 s is 2500 periods of 0.004 s"
+        lambda: design_sampled_lqg(delayed, weights, 1e3, 0.004),
+        ConfigError,
+        "10 s is 2500 periods of 0.004 s",
     )
     refused(lambda: delay_plant(plant(), -0.1), ConfigError, "or one is negative")
     refused(

@@ -188,8 +188,8 @@ def test_frequencies_that_losses_move_are_reported_where_they_were_taken_for_und
     (one,) = found.compared
     assert shifted_by_losses(one) == pytest.approx(off[one.pairs[:, 1]], rel=1e-6)
     worst = np.max(np.abs(off))  # of both modes: the product of the four roots has no dampers in it
-    (said,) = [line for line in findings(found) if "that of the undamped mode" in line]
-    assert f"{100.0 * worst:.2g} %, {worst / 1e-4:.2g} of its stated deviations" in said
+    (warning,) = [line for line in findings(found) if "that of the undamped mode" in line]
+    assert f"{100.0 * worst:.2g} %, {worst / 1e-4:.2g} of its stated deviations" in warning
     wide = dataclasses.replace(one, survey=dataclasses.replace(one.survey, frequency_std=0.1))
     same = refined_on_the_ground(Damping(flexible=0.05, suspension=0.05))
     for silent in (dataclasses.replace(found, compared=(wide,)), same):

@@ -398,9 +398,9 @@ def test_a_link_that_repeats_others_is_named_and_one_that_nearly_does_is_refused
     nodes = [node("a", ZERO), node("b", (1, 0, 0), body(1.0, inertia=(1, 1, 1))), node("c", (1, 1, 0))]
     ring = [Link(name=f"{p}{q}", first=p, second=q) for p, q in ("ab", "bc", "ca")]
     rest = solve_equilibrium(linked(structure(nodes), *ring), hung("c"))
-    said = [w for w in rest_warnings(rest) if "repeats" in w]
-    assert len(said) == 6
-    assert all(f"link 'ca' {w}" in " ".join(said) for w in ("along x", "about z"))
+    remarks = [w for w in rest_warnings(rest) if "repeats" in w]
+    assert len(remarks) == 6
+    assert all(f"link 'ca' {w}" in " ".join(remarks) for w in ("along x", "about z"))
     twice = [
         Link(
             name=name,

@@ -257,7 +257,7 @@ def test_a_rate_for_the_period_is_reported(hz, period_s, doubted):
     """A mode "sampled at 100" was sampled every 100 s without a word; slow laws, slow plants are not told."""
     plant, weights = grouped_plant(modes(hz, 1, 1), (FORCE,), (WAY,)), unit_weights(("force",), 1e-4)
     for ask in (sample_plant, lambda plant, period_s: design_sampled_lqg(plant, weights, 1.0, period_s)):
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             ask(plant, period_s)
-        assert any("is the rate" in str(warning.message) for warning in told) == doubted
+        assert any("is the rate" in str(warning.message) for warning in caught) == doubted

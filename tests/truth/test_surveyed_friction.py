@@ -294,9 +294,9 @@ def test_a_survey_that_states_no_friction_beside_one_that_does_is_named():
     none = np.zeros(len(case.SPREAD))
     rubs, linear = rubbed(none, np.zeros(2), rng, 1e-3, "rubs"), case.survey(case.truth(none, True), rng)
     found = refine(case.article(), [linear, rubs], [SLIPS[0]])
-    said = [line for c in found.compared for line in _of_joints_taken_for_free(c, found)]
-    assert len(said) == 1
-    assert said[0].startswith("springs: was measured without friction of p,")
+    warnings = [line for c in found.compared for line in _of_joints_taken_for_free(c, found)]
+    assert len(warnings) == 1
+    assert warnings[0].startswith("springs: was measured without friction of p,")
 
 
 def test_friction_that_cannot_be():
