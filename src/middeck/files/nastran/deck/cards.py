@@ -110,6 +110,10 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     if "=" in whole:
         groups = replicated(groups, faults)
     raise_faults(faults)
+    return _as_cards(groups)
+
+
+def _as_cards(groups: list[list[Row]]) -> list[Card]:
     new = tuple.__new__  # half of the time of a named tuple's own
     return [
         new(Card, (row[HEAD], row[FIELDS], ((0, row[LINE]),)))
