@@ -23,7 +23,7 @@ from middeck.identification.faults.detect import detect_faults
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.candidates.refinement_after_one_test import foresee
-from middeck.updating.orbit.frequencies import predict_at, solve_there
+from middeck.updating.orbit.predicted_frequencies import predict_at, solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
 from repeats import LONG

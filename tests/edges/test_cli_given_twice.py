@@ -13,7 +13,7 @@ import scipy.io
 from cli_runner import ROOT, middeck
 from middeck.cli import figures, options
 from middeck.cli.app import VERBS, app
-from middeck.files.exchange.mat import load_mat
+from middeck.files.exchange.matlab_systems import load_mat
 from middeck.files.measured.models import load_model
 from middeck.files.records import load_record, write_record
 from middeck.files.records.formats import SUFFIXES

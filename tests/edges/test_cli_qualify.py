@@ -19,7 +19,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.laws.compensators import (

@@ -23,12 +23,12 @@ from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
-from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.modal import reduce_modes
+from middeck.control.reduction.reduced_compensators import reduce_compensator
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange.scipy_signal import from_scipy
 from middeck.files.measured.models import write_model

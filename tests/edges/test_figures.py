@@ -28,7 +28,7 @@ from middeck.structure.gravity.path_events import EventKind, GravityEvent
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import GroundBushing
-from middeck.structure.modes.results.drawing import build_mode_drawing
+from middeck.structure.modes.results.article_drawing import build_mode_drawing
 from structure_builders import TUBE, body, on_cables, straight_beam, tube_bus
 from trusses import truss
 

@@ -211,7 +211,7 @@ def test_the_page_says_which_values_of_the_rig_count(written):
     assert "<code>identification_noise</code>" in assumptions
     assert re.search(r"Coulomb and\s+viscous friction", assumptions)
     assert re.search(r"there is no\s+play", assumptions)
-    used = (ROOT / "src/middeck/files/studies/rig.py").read_text()
+    used = (ROOT / "src/middeck/files/studies/rig_table.py").read_text()
     for key in RigForm.model_fields:
         assert re.search(rf"\bform\.{key}\b", used), key
 

@@ -26,7 +26,7 @@ from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.promises.outcomes import load_outcomes
 from middeck.files.promises.plans import load_plan
 from middeck.files.records import load_record, write_record
-from middeck.files.refinements.candidates import load_candidates
+from middeck.files.refinements.candidate_documents import load_candidates
 from middeck.files.refinements.documents import load_refinement
 from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.setups import load_environment, load_structure

@@ -7,8 +7,8 @@ import gimbal_record
 import numpy as np
 import scipy.signal
 
+from middeck.signals.excitation.band_noise import design_noise
 from middeck.signals.excitation.limits import Limits
-from middeck.signals.excitation.noise import design_noise
 from middeck.signals.record import Record
 
 RATE = 256.0

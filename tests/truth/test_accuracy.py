@@ -15,7 +15,7 @@ from middeck.identification.uncertainty.accuracy import expected_accuracy, struc
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
-from middeck.signals.excitation.binary import design_mls
+from middeck.signals.excitation.binary_signals import design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.excitation.sweep import design_sweep

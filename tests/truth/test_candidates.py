@@ -18,7 +18,7 @@ from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.rank_tests import rank_tests
 from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.deflections import Deflection, predict_deflections
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import Linear, estimate_at
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.refinement.refine import Refined, refine

@@ -14,11 +14,11 @@ from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.model.article import Body, Damper, DamperPlace, Damping, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
-from middeck.updating.orbit.damping import DampingParts
-from middeck.updating.orbit.frequencies import Prediction, SolvedModes, predict_at, solve_there
+from middeck.updating.orbit.predicted_damping import DampingParts
+from middeck.updating.orbit.predicted_frequencies import Prediction, SolvedModes, predict_at, solve_there
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
-from middeck.updating.residuals.damping import shifted_by_losses
+from middeck.updating.residuals.damping_rows import shifted_by_losses
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 

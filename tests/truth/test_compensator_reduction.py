@@ -19,8 +19,8 @@ from middeck.control.law.uncertainty import without_delays
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import Shaping
-from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
+from middeck.control.reduction.reduced_compensators import reduce_compensator
 from middeck.control.reduction.separation import subtract
 from middeck.control.reduction.weighted_loop import (
     absorb,

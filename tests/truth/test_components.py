@@ -14,7 +14,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
-from middeck.structure.elements.component import ComponentElement, component_state
+from middeck.structure.elements.component_element import ComponentElement, component_state
 from middeck.structure.elements.frames import move, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.clamps import Clamp
@@ -27,7 +27,7 @@ from middeck.structure.model.component import (
 )
 from middeck.structure.model.finer_mesh import refine_mesh
 from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness, left_out
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.summary.summary import summarise

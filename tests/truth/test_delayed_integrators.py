@@ -12,7 +12,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.partition import partition_modes
 from middeck.control.lqg.design import design_lqg
 from middeck.control.noise import measure_noise_rms
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

@@ -36,7 +36,7 @@ from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.systems.plants.plant import Plant
 from repeats import repeats

@@ -11,7 +11,7 @@ import scipy.integrate as si
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
-from middeck.laboratory.article import solve_rig_article
+from middeck.laboratory.tested_article import solve_rig_article
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.wheel_forces import spinning_wheels

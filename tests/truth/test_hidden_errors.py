@@ -10,10 +10,10 @@ import pytest
 
 from middeck.files.setups import load_structure
 from middeck.files.studies.documents import load_study
-from middeck.laboratory.article import RigArticle, solve_rig_article
 from middeck.laboratory.article_rig import build_article_rig, rig_delay
 from middeck.laboratory.hidden_errors import hide_in_structure
 from middeck.laboratory.rig.linear_view import linearise_rig
+from middeck.laboratory.tested_article import RigArticle, solve_rig_article
 from middeck.systems.plants.response import statespace_response
 from rig_checks import hidden
 

@@ -15,7 +15,7 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.finer_mesh import TUBE_SHEAR, add_shear, refine_mesh
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.refine import Refined, refine

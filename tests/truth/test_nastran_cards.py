@@ -10,7 +10,7 @@ from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.coordinates import System, place_grids
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.entries import read_entries
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.units import guess_units, parse_units
 from middeck.files.nastran.members.section_shapes import section_shape
 

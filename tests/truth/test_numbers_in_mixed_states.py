@@ -23,8 +23,8 @@ from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.control.lqg.weights import Shaping
 from middeck.control.noise import measure_noise_rms
-from middeck.control.sampled.design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
+from middeck.control.sampled.sampled_design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import NotStabilisableError, NumericalError
 from middeck.systems.norms.band_rms import band_rms

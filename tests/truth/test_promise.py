@@ -34,7 +34,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.promise import blocks_of_draws
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.promise.left_out_modes import find_left_out

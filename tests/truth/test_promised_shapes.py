@@ -15,8 +15,8 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
-from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.orbit.shapes import NODES, promised_shapes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
+from middeck.updating.orbit.promise_shapes import NODES, promised_shapes
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown

@@ -15,7 +15,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.damped_modes import solve_damped
 from middeck.structure.sensitivity.parameters import scale_parameters
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.promise.draws import LoopSpread, draw_plants
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings

@@ -19,7 +19,7 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import refine

@@ -12,7 +12,7 @@ from middeck.control.analysis.margins import delay_limit
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant

@@ -16,9 +16,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
 from middeck.control.sampled.quadratic_integrals import spread_noise
+from middeck.control.sampled.sampled_design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port

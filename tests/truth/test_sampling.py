@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.systems.plants.response import statespace_response

@@ -17,8 +17,8 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record

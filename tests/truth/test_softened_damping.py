@@ -27,8 +27,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import solve_damped
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
-from middeck.structure.sensitivity.plants import differentiate_plant
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown

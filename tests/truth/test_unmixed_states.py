@@ -16,7 +16,7 @@ from middeck.control.law.rounding_of_results import moved_entries
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
 from middeck.control.robust.designs.multimodel import design_multimodel
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays

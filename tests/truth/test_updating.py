@@ -29,8 +29,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
-from middeck.updating.orbit.damping import split_measured
-from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
+from middeck.updating.orbit.predicted_damping import split_measured
+from middeck.updating.orbit.predicted_frequencies import CABLE_HZ, predict_modes
 from middeck.updating.orbit.released_clamps import released_clamps
 from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants

@@ -74,7 +74,7 @@ def verb(
 def _draw(structure: md.Structure, found: Levelling, file: str) -> None:
     """Drawing of the attitudes before and after, in one scale."""
     from middeck.plot.shapes import rest_figure
-    from middeck.structure.modes.results.drawing import build_rest_drawing
+    from middeck.structure.modes.results.article_drawing import build_rest_drawing
 
     before = md.solve_equilibrium(structure, found.equilibrium.environment)
     moved = ", ".join(

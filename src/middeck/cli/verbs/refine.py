@@ -15,10 +15,10 @@ from middeck.cli.shown.screen import ScreenTable, cells, show
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
-    from middeck.updating.orbit.frequencies import Prediction
+    from middeck.updating.orbit.predicted_frequencies import Prediction
     from middeck.updating.refinement.findable_unknowns import Choice
     from middeck.updating.refinement.refine import Refined, RefinedFriction
-    from middeck.updating.residuals.damping import ComparedDamping
+    from middeck.updating.residuals.damping_rows import ComparedDamping
 
 EXAMPLES = """\
   middeck refine articles/mace-simple.toml \\

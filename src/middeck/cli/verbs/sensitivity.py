@@ -15,7 +15,7 @@ from middeck.errors import ConfigError
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
-    from middeck.structure.sensitivity.frequencies import FrequencySensitivities
+    from middeck.structure.sensitivity.frequency_derivatives import FrequencySensitivities
     from middeck.structure.sensitivity.rest import RestSensitivities
 
 EXAMPLES = """\

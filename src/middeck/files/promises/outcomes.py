@@ -12,7 +12,7 @@ from middeck.files.disk.digest import sha256_of
 from middeck.files.disk.kind_of_content import OUTCOME
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes
-from middeck.files.promises.documents import few, versions
+from middeck.files.promises.promise_documents import few, versions
 from middeck.files.toml.faults import PathFault, finding, raise_faults
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import check, read_source, sound

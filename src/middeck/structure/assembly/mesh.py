@@ -15,7 +15,7 @@ from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.link_rows import LinkRows, lay_out_links, link_points
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
-from middeck.structure.elements.component import ComponentElement
+from middeck.structure.elements.component_element import ComponentElement
 from middeck.structure.elements.frames import (
     Configuration,
     FrameTree,

@@ -11,7 +11,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.replication import Row, replicated
 from middeck.files.toml.faults import DocumentFault, raise_faults
 
