@@ -66,7 +66,7 @@ margins_once = once(measure_margins)
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs compute once what several examples ask alike: modes, faults, fits, margins, promises ..."""
-    for place in ("middeck", "middeck.cli.given.cases"):
+    for place in ("middeck", "middeck.cli.given.typed_article"):
         monkeypatch.setattr(f"{place}.solve_equilibrium", at_rest_once)
         monkeypatch.setattr(f"{place}.solve_modes", modes_once)
     for module in ("realtime.gate.steps_without_rig", "control.qualification"):

@@ -81,7 +81,7 @@ def test_a_folder_that_takes_no_file_is_refused_before_any_work(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("tempfile.TemporaryFile", locked)
-    monkeypatch.setattr("middeck.cli.given.cases.solve_modes", pytest.fail)
+    monkeypatch.setattr("middeck.cli.given.typed_article.solve_modes", pytest.fail)
     for option, file in (("-o", "shapes.unv"), ("--figure", "modes.svg")):
         message = refused(capfd, "modes", ARTICLE, option, tmp_path / file)
         assert f"{option} {tmp_path / file}: Permission denied: no file" in message

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from middeck.cli.given.cases import solve_case
 from middeck.cli.given.design_plants import issue_warnings
+from middeck.cli.given.typed_article import solve_case
 from middeck.cli.options import TypedPlants, TypedSetup, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts

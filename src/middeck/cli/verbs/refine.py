@@ -61,7 +61,7 @@ def verb(
     tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
     its parameters. -o writes ARTICLE with these as a table of factors.
     """
-    from middeck.cli.given.cases import find_case
+    from middeck.cli.given.typed_article import find_case
     from middeck.files.disk.atomic import write_text
     from middeck.files.refinements.documents import load_refinement, refined_text
     from middeck.updating.refinement.findable_unknowns import weigh_unknowns

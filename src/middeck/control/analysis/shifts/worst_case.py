@@ -9,12 +9,7 @@ from jaxtyping import Float
 
 from middeck.control.analysis.loop.feedback_loop import FeedbackLoop, evaluate_halves, form_loop
 from middeck.control.analysis.rms.measure_rms import measure_metric
-from middeck.control.analysis.stability.stability import (
-    LoopStability,
-    decide_loop,
-    loop_poles,
-    require_known,
-)
+from middeck.control.analysis.stability.stability import LoopStability, decide_loop, loop_poles, require_known
 from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.law.partition import partition_modes
