@@ -19,7 +19,7 @@ from measured import garteur, garteur_promise
 from measured.result_file import DATA
 from middeck.cli.main import execute
 from middeck.files.json.output import write_json
-from middeck.files.promises.documents import hash_files, loads_document
+from middeck.files.promises.promise_documents import hash_files, loads_document
 
 HERE = Path(__file__).resolve().parents[1] / "promises"
 # By the load cases of each; restated before any outcome was known, with what larger loads may change.

@@ -86,7 +86,7 @@ def differentiate_one(case: str, target: Path) -> None:
     from middeck.files.setups import load_setup
     from middeck.structure.modes.solve import solve_modes
     from middeck.structure.rest.equilibrium import solve_equilibrium
-    from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+    from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
     from middeck.structure.sensitivity.parameters import list_parameters
 
     files = (HERE.parent / "articles" / "mace-dm.toml", HERE.parent / "environments" / "lab.toml")

@@ -23,7 +23,7 @@ from middeck.identification.faults.detect import detect_faults
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.updating.candidates.refinement_after_one_test import foresee
-from middeck.updating.orbit.frequencies import predict_at, solve_there
+from middeck.updating.orbit.predicted_frequencies import predict_at, solve_there
 from middeck.updating.promise.promise import promise
 from middeck.updating.refinement.refine import refine
 from repeats import LONG
@@ -66,7 +66,7 @@ margins_once = once(measure_margins)
 
 def share_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let verbs compute once what several examples ask alike: modes, faults, fits, margins, promises ..."""
-    for place in ("middeck", "middeck.cli.given.cases"):
+    for place in ("middeck", "middeck.cli.given.typed_article"):
         monkeypatch.setattr(f"{place}.solve_equilibrium", at_rest_once)
         monkeypatch.setattr(f"{place}.solve_modes", modes_once)
     for module in ("realtime.gate.steps_without_rig", "control.qualification"):

@@ -90,9 +90,9 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(scope="session", autouse=True)
 def shared_rest_states():
     """Refinements, verbs and studies of many tests begin at the same rest states: solved once a worker."""
-    rooms = ("updating.residuals.surveys", "updating.residuals.static_tests", "cli.given.cases")
+    rooms = ("updating.residuals.surveys", "updating.residuals.static_tests", "cli.given.typed_article")
     with pytest.MonkeyPatch.context() as patch:
-        for room in (*rooms, "study.shared", "laboratory.article"):
+        for room in (*rooms, "study.shared", "laboratory.tested_article"):
             patch.setattr(f"middeck.{room}.solve_equilibrium", at_rest_lately)
         yield
 

@@ -10,8 +10,8 @@ import numpy as np
 from measured.rows import cell, peer, row
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.sampled.compare_sampling import SamplingRow, compare_sampling
-from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
+from middeck.control.sampled.sampled_design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant

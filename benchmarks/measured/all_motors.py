@@ -26,10 +26,10 @@ from middeck.identification.friction.find import find_friction
 from middeck.identification.friction.remove import without_friction
 from middeck.identification.spectra.estimate import estimate_response
 from middeck.joints.friction import Friction
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
 from middeck.laboratory.modal_test import take_modal_test
 from middeck.laboratory.rig_settings import RigSettings
+from middeck.laboratory.tested_article import RigArticle
 from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, measured_ladder
 from middeck.study.chapters.promise.flight import fly, launch

@@ -20,7 +20,7 @@ from middeck.campaign.confidence_of_draws import level
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.plant import Plant, select_ports
 from middeck.systems.plants.response import evaluate_plant
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.promise.draws import draw_plants
 from middeck.updating.promise.plan import close_inner, plant_of
 from middeck.updating.refinement.bayesian_estimate import NORMAL_95

@@ -19,7 +19,7 @@ from measured import garteur
 from measured.rows import row
 from middeck.structure.correlation.measured_modes import MeasuredModes, sensor_rows
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.predicted_frequencies import Prediction
 from middeck.updating.refinement.refine import Refined
 
 CASE = "Torsion of GARTEUR"

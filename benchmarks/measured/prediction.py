@@ -15,7 +15,7 @@ import middeck as md
 from measured.rows import miss_row, row
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.pairing import pair

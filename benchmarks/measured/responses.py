@@ -13,7 +13,7 @@ import numpy as np
 from measured.prediction import FIRST, case
 from measured.rows import row
 from middeck.structure.model.environment import Environment
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.refine import refine
 

@@ -36,11 +36,11 @@ from .control.lqg.weights import Shaping as Shaping
 from .control.lqg.weights import LQGWeights as LQGWeights
 from .control.noise import measure_noise_rms as measure_noise_rms
 from .control.qualification import qualify_compensator as qualify_compensator
-from .control.reduction.compensators import reduce_compensator as reduce_compensator
+from .control.reduction.reduced_compensators import reduce_compensator as reduce_compensator
 from .control.reduction.modal import reduce_modes as reduce_modes
 from .control.robust.verification.compare_designs import compare_designs as compare_designs
 from .control.robust.designs.multimodel import design_multimodel as design_multimodel
-from .control.sampled.design import design_sampled_lqg as design_sampled_lqg
+from .control.sampled.sampled_design import design_sampled_lqg as design_sampled_lqg
 from .control.sampled.emulation import emulate as emulate
 from .control.shaping.leads_and_notches import shape_compensator as shape_compensator
 from .errors import MiddeckError as MiddeckError
@@ -121,7 +121,9 @@ from .structure.rest.equilibrium import (
     Equilibrium as Equilibrium,
     solve_equilibrium as solve_equilibrium,
 )
-from .structure.sensitivity.frequencies import differentiate_frequencies as differentiate_frequencies
+from .structure.sensitivity.frequency_derivatives import (
+    differentiate_frequencies as differentiate_frequencies,
+)
 from .structure.hanging.levelling import level as level
 from .systems.delay.delay_approximation import approximate_delays as approximate_delays
 from .systems.plants.plant_from_matrices import make_plant as make_plant
@@ -135,7 +137,7 @@ from .systems.plants.response import (
     FrequencyResponse as FrequencyResponse,
 )
 from .systems.sampling.sampled_plant import sample_plant as sample_plant
-from .updating.orbit.frequencies import predict_modes as predict_modes
+from .updating.orbit.predicted_frequencies import predict_modes as predict_modes
 from .updating.promise.plan import Plan as Plan
 from .updating.promise.promise import promise as promise
 from .updating.refinement.refine import refine as refine

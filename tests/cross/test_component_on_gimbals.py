@@ -49,9 +49,9 @@ def test_on_its_cables_it_is_off_by_no_more_than_is_reported(
     cost = left_out(reduced.equilibrium, reduced.omega**2, reduced.shapes)[0]
     assert np.all(error < cost)
     assert error.max() > 1e-3
-    (told,) = reduced.warnings
+    (warning,) = reduced.warnings
     worst = int(cost.argmax())
-    assert told.startswith("component 'bus' has no geometric stiffness")
-    assert told.endswith(
+    assert warning.startswith("component 'bus' has no geometric stiffness")
+    assert warning.endswith(
         f"mode {worst} ({reduced.frequency_hz[worst]:.4g} Hz) by up to {100.0 * cost[worst]:.2g} %"
     )

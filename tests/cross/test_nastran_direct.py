@@ -90,7 +90,7 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
 
 
 @pytest.mark.parametrize(
-    ("case", "said"),
+    ("case", "message"),
     [
         ("M2GG = KHALF\n", "a mass between grids 3 and 4 without a stiffness"),
         ("K2GG = KSKEW\n", "the stiffness is not symmetric"),
@@ -106,7 +106,7 @@ def test_half_a_cantilever_by_matrices(tmp_path, capfd, moves_in):
         ("PARAM,CK2,2.\nK2GG = KHALF\nM2GG = MHALF\n", "PARAM CK2 = 2.: scales matrices"),
     ],
 )
-def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
+def test_matrices_that_are_no_component(tmp_path, capfd, case, message):
     K, M = half(2)
     points = [(g, c) for g in (3, 4, 5) for c in range(1, 7)]
     bulk = GRIDS + PROPERTIES + bar(1) + bar(2) + punch("KHALF", K, points) + punch("MHALF", M, points)
@@ -123,7 +123,7 @@ def test_matrices_that_are_no_component(tmp_path, capfd, case, said):
     bulk += punch("KCOND", whole, points) + punch("KPOINT", np.eye(1), [(9, 0)])
     ended = converted(tmp_path, capfd, "bad", case, bulk)
     assert ended.code in (2, 3, 4)
-    assert said in ended.err
+    assert message in ended.err
     assert not list(tmp_path.glob("*.toml"))
     assert not list(tmp_path.glob("*.npz"))
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import delay_plant
 from plant_builders import grouped_plant, sum_of_modes

@@ -280,8 +280,8 @@ def test_frequencies_alone_tell_what_they_can(tmp_path: Path, capfd: pytest.Capt
         own = abs(np.log(modes.frequency_hz[i] / hz[j]))
         assert (j in found.undecided) == (np.sum(away <= max(limit, 2.0 * own)) > 1)
         other = modes.frequency_hz[modes.frequency_hz > 0.0][np.argsort(away)[1]]
-        told = [w for w in found.warnings if w.startswith(f"measured mode {j + 1} ")]
-        assert (f"{other:.4g} Hz fits too" in " ".join(told)) == (j in found.undecided)
+        shown = [w for w in found.warnings if w.startswith(f"measured mode {j + 1} ")]
+        assert (f"{other:.4g} Hz fits too" in " ".join(shown)) == (j in found.undecided)
     assert found.pairs[:, 0].tolist() == chosen
     np.testing.assert_allclose(found.frequency_error, 1.0 / 1.001 - 1.0, rtol=1e-9)
     assert not found.passed
@@ -304,19 +304,19 @@ def test_frequencies_alone_in_another_unit_are_reported(factor: float, unit: str
     hz = hung().frequency_hz
     off = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(hz))
     modes = hz[hz > 0.0]
-    said = warnings_on_frequency_units(modes, factor * (hz * off)[hz > 0.0][:8])
-    assert (unit in " ".join(said)) if unit else not said
+    warnings = warnings_on_frequency_units(modes, factor * (hz * off)[hz > 0.0][:8])
+    assert (unit in " ".join(warnings)) if unit else not warnings
     assert not warnings_on_frequency_units(modes, modes[[3, 7, 8, 12, 15]])
 
 
 def test_what_a_universal_file_cannot_hold_is_refused(tmp_path: Path) -> None:
-    for sets, told in (
+    for sets, reported in (
         ((2411, 58), "2411 and 58"),
         ((15,), "15"),
         ((15, 55, 82), "15 and 55"),
         ((), "of none"),
     ):
-        with pytest.raises(ConfigError, match=f"data sets {told}.* are not written") as error:
+        with pytest.raises(ConfigError, match=f"data sets {reported}.* are not written") as error:
             md.files.write_measured_modes(tmp_path / "m.unv", virtual(), sets=sets)  # ty: ignore[invalid-argument-type]
         assert "nodes as 2411 or 15, shapes as 55 or 2414" in str(error.value.hint)
     with pytest.raises(ConfigError, match="JSON, which has no data sets"):

@@ -94,8 +94,8 @@ def first_steps(names: Names) -> None:
     assert np.all(in_lab > 20.0 * np.log10(pd["1-g"] / pd["0-g"]))  # no better than the PD loops
     assert np.all(np.isinf(in_lab[-6:]))
     assert hung.kind[hung.name.index(names["first"].mode_name)] == "suspension"
-    (late,), (deviation,) = names["fit"].model.delay_s, names["fit"].uncertainty.delay_s
-    assert abs(late - 0.008) < 3.0 * deviation  # 10 ms less half a hold of 4 ms
+    (delay,), (deviation,) = names["fit"].model.delay_s, names["fit"].uncertainty.delay_s
+    assert abs(delay - 0.008) < 3.0 * deviation  # 10 ms less half a hold of 4 ms
     assert names["fit"].model.delay_s[0] == pytest.approx(0.008, rel=0.05)
     assert len(names["fitted"].system.A) == 13
     assert names["measured_rms"] == pytest.approx(names["predicted"]["closed"], rel=0.1)

@@ -61,8 +61,8 @@ def test_every_page_of_the_manual_is_in_its_index():
     entries = re.findall(r"^([\w*/-]+)$", index, re.MULTILINE)
     reached = {p.resolve() for entry in entries for p in (ROOT / "docs").glob(f"{entry}.md")}
     explained = ROOT / "docs" / "explanation"
-    told = LINK.findall((explained / "index.md").read_text(encoding="utf-8"))
-    reached |= {(explained / target).resolve() for target in told}
+    reported = LINK.findall((explained / "index.md").read_text(encoding="utf-8"))
+    reached |= {(explained / target).resolve() for target in reported}
     assert {p.resolve() for p in tracked("docs/*.md")} - reached == {ROOT / "docs" / "index.md"}
 
 

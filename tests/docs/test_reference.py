@@ -21,11 +21,11 @@ from middeck.files.articles import form as article_form
 from middeck.files.environments import form as environment_form
 from middeck.files.promises import outcomes
 from middeck.files.promises import plans as promise_plans
-from middeck.files.refinements import candidates as candidate_files
+from middeck.files.refinements import candidate_documents as candidate_files
 from middeck.files.refinements import documents as refinements
 from middeck.files.refinements import friction_form, gauge_form, promised_loads, response_form, unknown_form
 from middeck.files.studies import form as study_form
-from middeck.files.studies import promise as study_promise
+from middeck.files.studies import promise_table as study_promise
 from middeck.files.toml.form import Form, unit_of
 from middeck.realtime.engine.interface.shared_file import record_type
 from middeck.realtime.engine.recording.run_file import Run

@@ -79,8 +79,8 @@ def told_by(load: Callable[[Path], object], path: Path, text: str) -> str:
 
 def test_a_comma_before_three_digits_is_either(tmp_path: Path) -> None:
     """``70,000`` was advised to become 70.000, a thousandth of what may be meant."""
-    said = article(tmp_path, ARTICLE.replace("1.0e6", "70,000"))
-    assert "EA_n = 70.000 if it is a decimal comma, EA_n = 70000 if it parts thousands" in said
+    message = article(tmp_path, ARTICLE.replace("1.0e6", "70,000"))
+    assert "EA_n = 70.000 if it is a decimal comma, EA_n = 70000 if it parts thousands" in message
     assert "a decimal point: x_m = 0.200" in article(tmp_path, ARTICLE.replace("x_m = 2.0", "x_m = 0,200"))
 
 
@@ -96,8 +96,8 @@ def test_a_key_in_the_wrong_table_gets_its_own_as_hint(
     tmp_path: Path, head: str, key: str, meant: str
 ) -> None:
     text = HALL.replace("[constants]\ngravity_m_s2 = 9.81\n", "")
-    said = environment(tmp_path, text.replace('name = "hall"\n', f'name = "hall"\n{key}\n'))
-    assert meant in said
+    message = environment(tmp_path, text.replace('name = "hall"\n', f'name = "hall"\n{key}\n'))
+    assert meant in message
     if head:
         assert not environment(tmp_path, f"{text}{head}gravity_m_s2 = 9.81\n")
 
@@ -113,19 +113,19 @@ def test_a_key_for_the_one_that_is_missing_gets_the_hint_of_it(tmp_path: Path) -
 
 def test_a_number_for_a_direction_is_advised_to_be_three(tmp_path: Path) -> None:
     """``cg_m = 0.1`` was advised to become ``[0.1]``, which lacks two."""
-    said = article(tmp_path, ARTICLE.replace("mass_kg = 1.5", "mass_kg = 1.5\ncg_m = 0.1"))
-    assert "must be an array\n  try: cg_m = [x, y, z], 3 values" in said
+    message = article(tmp_path, ARTICLE.replace("mass_kg = 1.5", "mass_kg = 1.5\ncg_m = 0.1"))
+    assert "must be an array\n  try: cg_m = [x, y, z], 3 values" in message
 
 
 def test_a_torque_on_a_node_is_advised_to_need_an_axis(tmp_path: Path) -> None:
     torque = '[[actuator]]\nname = "t"\nframe = "b"\n'
-    said = article(tmp_path, ARTICLE + torque)
-    assert "is no joint, so that the actuator needs an axis\n  try: axis = [x, y, z]" in said
+    message = article(tmp_path, ARTICLE + torque)
+    assert "is no joint, so that the actuator needs an axis\n  try: axis = [x, y, z]" in message
     assert not article(tmp_path, ARTICLE + torque + "axis = [0.0, 0.0, 1.0]\n")
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "message"),
     [
         ("frame", '["b"]', "must be a text in quotes"),
         ("frame", "{ a = 1 }", "must be a text in quotes"),
@@ -134,34 +134,34 @@ def test_a_torque_on_a_node_is_advised_to_need_an_axis(tmp_path: Path) -> None:
     ],
 )
 def test_a_port_of_another_kind_or_misspelt_is_reported(
-    tmp_path: Path, key: str, value: str, said: str
+    tmp_path: Path, key: str, value: str, message: str
 ) -> None:
     """An array ended in ``unhashable type``, a misspelt node in the advice to define a joint."""
     keys = {"name": '"t"', "frame": '"b"'} | {key: value}
     text = "\n".join(f"{name} = {given}" for name, given in keys.items())
-    told = article(tmp_path, f"{ARTICLE}[[actuator]]\n{text}\n")
-    assert f"actuator.0.{key} = " in told
-    assert said in told
+    message = article(tmp_path, f"{ARTICLE}[[actuator]]\n{text}\n")
+    assert f"actuator.0.{key} = " in message
+    assert message in message
 
 
 def test_a_table_that_needs_a_name_is_reported_once(tmp_path: Path) -> None:
-    said = article(tmp_path, ARTICLE.replace("[section.tube]", "[section]"))
-    assert said.count("must have a name\n  try: [section.NAME] above its keys") == 1
-    assert "must be a table" not in said
+    message = article(tmp_path, ARTICLE.replace("[section.tube]", "[section]"))
+    assert message.count("must have a name\n  try: [section.NAME] above its keys") == 1
+    assert "must be a table" not in message
 
 
 def test_a_file_without_schema_gets_the_hint_of_the_line(tmp_path: Path) -> None:
-    said = article(tmp_path, ARTICLE.replace("schema = 1\n", ""))
-    assert "schema: missing\n  try: schema = 1, above the first [table]" in said
+    message = article(tmp_path, ARTICLE.replace("schema = 1\n", ""))
+    assert "schema: missing\n  try: schema = 1, above the first [table]" in message
 
 
 def test_a_name_that_is_not_there_is_no_advice(tmp_path: Path) -> None:
     """An attach point that stands on a frame of its own unknown name advised just that name."""
     joint = '[[revolute]]\nname = "r"\nparent = "c"\naxis = [0.0, 0.0, 1.0]\nmass_kg = 1.0\n'
     point = '[[attach]]\nname = "c"\nframe = "c"\n'
-    said = article(tmp_path, ARTICLE + joint + point)
-    assert said.count('= "c": no frame of this name') == 2
-    assert "attach point on" not in said
+    message = article(tmp_path, ARTICLE + joint + point)
+    assert message.count('= "c": no frame of this name') == 2
+    assert "attach point on" not in message
 
 
 @pytest.mark.parametrize("typed", ["bra.toml", "bar.tom"])
@@ -181,7 +181,7 @@ def test_an_override_of_two_words_is_advised_to_be_one(capsys: pytest.CaptureFix
 
 @pytest.mark.filterwarnings("ignore:.*use more elements")
 @pytest.mark.parametrize(
-    ("ports", "said"),
+    ("ports", "message"),
     [
         ("--control push --measure spot_rte", "no sensor 'spot_rte'\n  try: did you mean 'spot_rate'?"),
         ("--control psh --measure spot", "no actuator 'psh'\n  try: did you mean 'push'?"),
@@ -193,7 +193,7 @@ def test_an_override_of_two_words_is_advised_to_be_one(capsys: pytest.CaptureFix
     ],
 )
 def test_a_port_of_nearly_this_name_is_named(
-    tmp_path: Path, ports: str, said: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ports: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     at = 'frame = "b"\naxis = [0.0, 1.0, 0.0]\n'
     push, spot = f'[[actuator]]\nname = "push"\nkind = "force"\n{at}', f'[[sensor]]\nname = "spot"\n{at}'
@@ -201,7 +201,7 @@ def test_a_port_of_nearly_this_name_is_named(
     environment(tmp_path, HALL)
     files = [str(tmp_path / "bar.toml"), "--environment", str(tmp_path / "hall.toml")]
     assert execute(["design", *files, "--log10-authority", "1", *ports.split()], lambda: False) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 # ---- records -----------------------------------------------------------------------------------------------
@@ -274,13 +274,13 @@ def test_a_band_beyond_half_the_rate_is_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('article = "own"', 'article = "mine"', 'control.article = "mine": no article of this name'),
         ('angles = ["bus_x",', 'angles = ["bus_x", "bus_x",', 'control.angles.1 = "bus_x": is there twice'),
     ],
 )
-def test_a_slip_in_a_study_is_one_fault(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_a_slip_in_a_study_is_one_fault(tmp_path: Path, old: str, new: str, message: str) -> None:
     """With a wrong article each port was a fault; a port named twice came after the first figure."""
     for source in files("middeck.files").joinpath("start").iterdir():
         text = source.read_text(encoding="utf-8").replace("$name", "own")
@@ -290,7 +290,7 @@ def test_a_slip_in_a_study_is_one_fault(tmp_path: Path, old: str, new: str, said
     study.write_text(study.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
         load_study(study)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert len(caught.value.data["faults"]) == 1
 
 
@@ -300,7 +300,7 @@ SURVEY = "frequency [Hz],damping,n1.x,n1.y,n1.z,n3.y,n3.z\n1.75,0.01,0,1,0,-0.6,
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             SURVEY.replace("1.75", "1,75"),
@@ -309,10 +309,10 @@ SURVEY = "frequency [Hz],damping,n1.x,n1.y,n1.z,n3.y,n3.z\n1.75,0.01,0,1,0,-0.6,
         (f"{SURVEY}1.75,0.01,0,1,0,-0.6,0\n", ":4: the mode of line 2 again\n  try: leave one out"),
     ],
 )
-def test_a_slip_in_a_survey_is_reported_with_its_cure(tmp_path: Path, text: str, said: str) -> None:
+def test_a_slip_in_a_survey_is_reported_with_its_cure(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "survey.csv"
     path.write_text(SURVEY.replace(",", ";").replace(".", ",").replace("n1,", "n1.").replace("n3,", "n3."))
     assert load_csv(path).frequency_hz.tolist() == [1.75, 2.45]
     path.write_text(text)
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         load_csv(path)

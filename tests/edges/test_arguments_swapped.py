@@ -59,10 +59,10 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str]] = {
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_an_argument_of_another_kind_is_named(mistake: str) -> None:
-    call, said = MISTAKES[mistake]
+    call, message = MISTAKES[mistake]
     with pytest.raises(md.MiddeckError) as caught:
         call()
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert "\n  try: " in str(caught.value)
 
 

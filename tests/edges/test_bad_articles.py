@@ -240,6 +240,6 @@ def test_a_key_of_the_file_below_a_table_is_advised_to_stand_above(tmp_path: Pat
     file = tmp_path / "late.toml"
     text = '[section.tube]\nEA_n = 1.0\nnode = [{name = "a", x_m = 0.0}]\n'
     file.write_text(f'schema = 1\nname = "late"\n{text}')
-    told = middeck(capfd, "check", file).err
-    assert "section.tube.node" in told
-    assert "a key of the file: write it above the first [table], here it belongs to section.tube" in told
+    message = middeck(capfd, "check", file).err
+    assert "section.tube.node" in message
+    assert "a key of the file: write it above the first [table], here it belongs to section.tube" in message

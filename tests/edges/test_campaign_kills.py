@@ -104,9 +104,9 @@ def test_processes_that_never_begin_are_no_fault_of_a_case(tmp_path, monkeypatch
     ledger = tmp_path / "ledger"
     with monkeypatch.context() as patched:
         patched.setattr(executors, "_begin_worker", never_begin)
-        with pytest.raises(ConfigError, match="before their first case") as told:
+        with pytest.raises(ConfigError, match="before their first case") as caught:
             run_campaign(leaving, some_cases(1), ledger, workers=2)
-    assert "__main__" in (told.value.hint or "")
+    assert "__main__" in (caught.value.hint or "")
     assert _rows(ledger) == []
     assert run_campaign(leaving, some_cases(1), ledger).outcomes[0].result == 0
 
@@ -138,9 +138,9 @@ def test_order_and_pool_change_no_outcome(tmp_path):
 def test_a_full_disk_is_reported_and_loses_nothing(tmp_path):
     ledger = tmp_path / "ledger"
     process = _started(ledger, wait_s=0.0, limit="65536")
-    said = process.communicate()[1]
+    message = process.communicate()[1]
     assert process.returncode
-    assert "ledger cannot be written" in said
+    assert "ledger cannot be written" in message
     kept = _rows(ledger)
     found = run_campaign(quantity, some_cases(COUNT), ledger, inputs=QUICK)
     assert 0 < len(kept) < COUNT == len(found.outcomes)
@@ -171,9 +171,9 @@ def test_what_differs_is_named_and_not_cut_off(tmp_path):
     inputs = {"article": "/a/" + 90 * "long" + "/article.toml", "files": files, "wait_s": 0}
     run_campaign(quantity, some_cases(4), tmp_path / "ledger", inputs=inputs)
     changed = inputs | {"files": [files[0], ["article.toml", "c3" * 32]], "wait_s": 1}
-    with pytest.raises(DataError) as told:
+    with pytest.raises(DataError) as caught:
         run_campaign(quantity, some_cases(4), tmp_path / "ledger", inputs=changed)
-    assert told.value.what == (
+    assert caught.value.what == (
         "the ledger is another campaign's: inputs.files article.toml b2b2b2b2b2b2, now article.toml "
         "c3c3c3c3c3c3; inputs.wait_s 0, now 1"
     )
@@ -208,7 +208,7 @@ def _change_a_digit(path):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "message"),
     [
         (_shorten, "damaged"),
         (_other_text, "damaged"),
@@ -216,10 +216,10 @@ def _change_a_digit(path):
         (_change_a_digit, "case [0-3]"),
     ],
 )
-def test_a_foreign_or_damaged_file_is_refused(finished, spoil, said):
+def test_a_foreign_or_damaged_file_is_refused(finished, spoil, message):
     spoil(finished)
     kept = finished.read_bytes()
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         run_campaign(quantity, some_cases(4), finished, inputs=QUICK)
     assert finished.read_bytes()[100:] == kept[100:]  # SQLite counts openings in its header
 

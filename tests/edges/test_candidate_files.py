@@ -14,7 +14,7 @@ import pytest
 from cli_runner import middeck, refine_once, share_results
 from coarse_articles import coarse
 from middeck.errors import ConfigError, DataError, NumericalError
-from middeck.files.refinements.candidates import RankedTests, load_candidates
+from middeck.files.refinements.candidate_documents import RankedTests, load_candidates
 from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.rank_tests import rank_tests

@@ -136,8 +136,8 @@ def test_a_change_that_only_the_responses_show_is_reported_in_one_line() -> None
         "sentence": "none of 2 modes moved at the level 0.05",
         "response_sentence": "the response moved at 11.44 Hz",
     }  # fmt: skip
-    said = "drifted: the response moved at 11.44 Hz, although none of 2 modes moved at the level 0.05"
-    assert _verdict(document) == [said]
+    message = "drifted: the response moved at 11.44 Hz, although none of 2 modes moved at the level 0.05"
+    assert _verdict(document) == [message]
 
 
 def test_a_record_against_a_model(weeks: dict[str, Path], tmp_path: Path, capfd: Capture) -> None:

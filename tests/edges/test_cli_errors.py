@@ -355,7 +355,7 @@ def test_a_fault_of_the_program_is_one_line_and_no_verdict(
     def broken(*arguments: object, **options: object) -> None:
         raise KeyError("two\nlines")
 
-    monkeypatch.setattr("middeck.cli.given.cases.solve_in", broken)
+    monkeypatch.setattr("middeck.cli.given.typed_article.solve_in", broken)
     code = execute(["compare", str(ARTICLE)], lambda: False)
     out, err = capfd.readouterr()
     assert (code, out) == (INTERNAL, "")

@@ -13,7 +13,7 @@ import scipy.io
 from cli_runner import ROOT, middeck
 from middeck.cli import figures, options
 from middeck.cli.app import VERBS, app
-from middeck.files.exchange.mat import load_mat
+from middeck.files.exchange.matlab_systems import load_mat
 from middeck.files.measured.models import load_model
 from middeck.files.records import load_record, write_record
 from middeck.files.records.formats import SUFFIXES
@@ -254,8 +254,8 @@ def test_a_fit_is_written_as_its_ending_says(tmp_path: Path, capfd: Capture) -> 
     found = scipy.io.loadmat(tmp_path / "model.mat")
     poles = np.linalg.eigvals(found["A"])
     assert np.max(poles.imag) == pytest.approx(model.poles[0].imag, rel=1e-6)
-    late = split_delays(model.delay_s[:, None]).output_s
-    assert found["OutputDelay"].ravel() == pytest.approx(late, rel=1e-6)
+    delays = split_delays(model.delay_s[:, None]).output_s
+    assert found["OutputDelay"].ravel() == pytest.approx(delays, rel=1e-6)
     back = load_mat(tmp_path / "model.mat")
     assert isinstance(back, Plant)
     assert back.delay_s.ravel() == pytest.approx(model.delay_s, rel=1e-6)

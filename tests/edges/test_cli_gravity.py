@@ -132,9 +132,9 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
     held.write_text('schema = 1\nname = "held"\n[[clamp]]\nnode = "n1"\n')
     call = ("compare", coarse("mace-simple"), "--environment", held, "--count", 12)
     shown = middeck(capfd, *call).out
-    told = "orbit: free, no gravity; held: clamped at 'n1', no gravity"
-    told += " (`middeck budget` keeps the clamps in 0-g)"
-    assert told in shown
+    reported = "orbit: free, no gravity; held: clamped at 'n1', no gravity"
+    reported += " (`middeck budget` keeps the clamps in 0-g)"
+    assert reported in shown
     assert "without a partner" in shown
     found = json.loads(middeck(capfd, *call, "--json").out)
     for side, column in (("orbit", 0), ("lab", 1)):
@@ -143,5 +143,5 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
     assert found["unpaired"]["lab"]
     assert not [w for w in found["warnings"] if "is flexible" in w]
     few = json.loads(middeck(capfd, *call[:-1], 3, "--json").out)["warnings"]
-    told = "none of the 3 lowest modes in orbit is flexible: increase --count; `middeck budget` keeps"
-    assert [w for w in few if "is flexible" in w and w.startswith(told)]
+    reported = "none of the 3 lowest modes in orbit is flexible: increase --count; `middeck budget` keeps"
+    assert [w for w in few if "is flexible" in w and w.startswith(reported)]

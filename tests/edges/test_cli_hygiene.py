@@ -87,8 +87,8 @@ def quicker(arguments: list[str]) -> list[str]:
         return [*arguments, "--states", "8" if arguments[0] == "identify" else "4"]
     if arguments[0] != "doctor":
         return arguments
-    told = arguments.index("--seconds") if "--seconds" in arguments else len(arguments)
-    return [*arguments[:told], "--seconds", "1", *arguments[told + 2 :]]
+    reported = arguments.index("--seconds") if "--seconds" in arguments else len(arguments)
+    return [*arguments[:reported], "--seconds", "1", *arguments[reported + 2 :]]
 
 
 @pytest.fixture

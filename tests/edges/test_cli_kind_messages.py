@@ -45,8 +45,8 @@ def test_an_empty_argument_is_no_folder(capfd: Capture, verb: str) -> None:
         "response": ["--input", "a", "--output", "b", "--at", "1"],
     }
     extra = ["law.mdk"] if verb in ("qualify", "gate") else []
-    said = refused(capfd, verb, *empty, *extra, *required.get(verb, []))
-    assert "the text is empty" in said
+    reported = refused(capfd, verb, *empty, *extra, *required.get(verb, []))
+    assert "the text is empty" in reported
 
 
 def results_of() -> list[tuple[str, str]]:
@@ -81,19 +81,19 @@ def test_a_folder_that_takes_no_file_is_refused_before_any_work(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("tempfile.TemporaryFile", locked)
-    monkeypatch.setattr("middeck.cli.given.cases.solve_modes", pytest.fail)
+    monkeypatch.setattr("middeck.cli.given.typed_article.solve_modes", pytest.fail)
     for option, file in (("-o", "shapes.unv"), ("--figure", "modes.svg")):
-        said = refused(capfd, "modes", ARTICLE, option, tmp_path / file)
-        assert f"{option} {tmp_path / file}: Permission denied: no file" in said
-    said = refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", tmp_path / "out")
-    assert "Permission denied" in said
+        message = refused(capfd, "modes", ARTICLE, option, tmp_path / file)
+        assert f"{option} {tmp_path / file}: Permission denied: no file" in message
+    message = refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", tmp_path / "out")
+    assert "Permission denied" in message
     assert not list(tmp_path.iterdir())
 
 
 def test_a_study_fills_no_folder_below_a_file(tmp_path: Path, capfd: Capture) -> None:
     (tmp_path / "taken").touch()
-    said = refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", tmp_path / "taken" / "out")
-    assert f"no such folder: {tmp_path / 'taken'} is a file" in said
+    message = refused(capfd, "study", ROOT / "studies/mace-1993.toml", "-o", tmp_path / "taken" / "out")
+    assert f"no such folder: {tmp_path / 'taken'} is a file" in message
 
 
 def test_names_of_a_command_are_counted_before_it_is_designed(
@@ -114,9 +114,9 @@ def test_a_study_fills_no_folder_without_a_name(capfd: Capture) -> None:
 def test_an_option_for_records_is_not_ignored_with_an_article(
     capfd: Capture, typed: tuple[object, ...]
 ) -> None:
-    said = refused(capfd, "design", ARTICLE, *typed)
+    message = refused(capfd, "design", ARTICLE, *typed)
     kinds = "a fitted model or a record" if typed[0] == "--pade-order" else "a record"
-    assert f"{typed[0]} is for {kinds}\n" in said
+    assert f"{typed[0]} is for {kinds}\n" in message
 
 
 @pytest.mark.parametrize("typed", [("--states", 4), ("--fit-band", "1,2"), ("--periods", 3)])
@@ -128,8 +128,8 @@ def test_an_option_of_fits_is_not_ignored_with_a_model_that_is_fitted(
 
 @pytest.mark.parametrize("typed", ["states=4", "sampled=true"])
 def test_keys_of_fits_are_not_ignored_with_a_model_that_is_fitted(capfd: Capture, typed: str) -> None:
-    said = refused(capfd, "design", "model.json", "--set", typed)
-    assert f"--set {typed.partition('=')[0]} is for a record" in said
+    message = refused(capfd, "design", "model.json", "--set", typed)
+    assert f"--set {typed.partition('=')[0]} is for a record" in message
 
 
 @pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
@@ -142,8 +142,8 @@ def test_models_that_are_qualified_have_no_environment(
         dynamics=zero, inputs=(md.Port("angle", "rad"),), outputs=(md.Port("torque", "N m"),)
     )
     md.write(tmp_path / "law.json", law)
-    said = refused(capfd, "qualify", tmp_path / "law.json", tmp_path / "model.json", *typed)
-    assert f"{typed[0]} is for articles and environments" in said
+    message = refused(capfd, "qualify", tmp_path / "law.json", tmp_path / "model.json", *typed)
+    assert f"{typed[0]} is for articles and environments" in message
 
 
 @pytest.mark.parametrize("typed", [("--environment", "orbit"), ("--count", 4), ("--load-case", "a")])
@@ -169,20 +169,20 @@ def test_an_option_for_articles_is_not_ignored_with_a_model(
 def test_an_option_without_an_effect_beside_a_flag_is_not_ignored(
     capfd: Capture, verb: str, flag: str, more: tuple[object, ...]
 ) -> None:
-    said = refused(capfd, *verb.split(), flag, *more)
-    assert f"{more[0]} has no effect beside {flag}" in said
+    message = refused(capfd, *verb.split(), flag, *more)
+    assert f"{more[0]} has no effect beside {flag}" in message
 
 
 def test_names_that_are_not_there(tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    said = refused(capfd, "design", ARTICLE, "--control", "torque", "--measure", "pri_in_z")
-    assert f"{ARTICLE}: no actuator 'torque'" in said
-    said = refused(capfd, "response", ARTICLE, "--input", "", "--output", "bus_z", "--at", 1)
-    assert said.startswith("error: --input: an option that takes names has none")
+    message = refused(capfd, "design", ARTICLE, "--control", "torque", "--measure", "pri_in_z")
+    assert f"{ARTICLE}: no actuator 'torque'" in message
+    message = refused(capfd, "response", ARTICLE, "--input", "", "--output", "bus_z", "--at", 1)
+    assert message.startswith("error: --input: an option that takes names has none")
     alone = shutil.copy(ARTICLE, tmp_path)
-    said = refused(capfd, "modes", alone, "--set", "no.such=1")
-    assert "not in" in said
-    assert "environment 'lab'" in said
+    message = refused(capfd, "modes", alone, "--set", "no.such=1")
+    assert "not in" in message
+    assert "environment 'lab'" in message
 
 
 @pytest.mark.parametrize("name", ["bus.toml", "parts/bus"])
@@ -194,15 +194,15 @@ def test_a_path_that_is_not_there(capfd: Capture, name: str) -> None:
 def test_the_document_that_is_wrong_is_named_alone(tmp_path: Path, capfd: Capture) -> None:
     empty = tmp_path / "empty.toml"
     empty.touch()
-    said = refused(capfd, "promise", empty, ROOT / "data/virtual-survey/promise.toml")
-    assert said.startswith(f"error: {empty}:1: the file is empty")
+    message = refused(capfd, "promise", empty, ROOT / "data/virtual-survey/promise.toml")
+    assert message.startswith(f"error: {empty}:1: the file is empty")
 
 
 def test_a_picture_is_no_deck(tmp_path: Path, capfd: Capture) -> None:
     picture = tmp_path / "truss.png"
     picture.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR")
-    said = refused(capfd, "convert", picture, "--units", "m-kg-s-N", "-o", tmp_path / "a.toml")
-    assert "looks like a binary file, not a Nastran deck" in said
+    message = refused(capfd, "convert", picture, "--units", "m-kg-s-N", "-o", tmp_path / "a.toml")
+    assert "looks like a binary file, not a Nastran deck" in message
 
 
 # records
@@ -271,8 +271,8 @@ def test_the_file_whose_input_does_not_repeat(tmp_path: Path, capfd: Capture, ve
     twice = np.concatenate([table.u[0, 0, :100], table.u[0, 0, :100]])[:, 0]
     rows = [f"{t},{u:.6g},{y:.6g}" for t, u, y in zip(times, twice, twice, strict=True)]
     good.write_text("time [s],u:torque [N m],y:angle [rad]\n" + "\n".join(rows) + "\n")
-    said = refused(capfd, verb, good, bad, "--periods", 2)
-    assert said.startswith(f"error: {bad}, input torque, experiment 0: the input does not repeat")
+    message = refused(capfd, verb, good, bad, "--periods", 2)
+    assert message.startswith(f"error: {bad}, input torque, experiment 0: the input does not repeat")
 
 
 def test_unlike_records_in_words(tmp_path: Path, capfd: Capture) -> None:
@@ -281,10 +281,10 @@ def test_unlike_records_in_words(tmp_path: Path, capfd: Capture) -> None:
         write_csv(tmp_path / "a.csv", "time", times),
         write_csv(tmp_path / "b.csv", "time", times[:99]),
     )
-    said = refused(capfd, "record", whole, cut)
+    message = refused(capfd, "record", whole, cut)
     assert (
         f"{cut}: mismatched periods and samples: 99 samples, in {whole} 200 samples\n  try: cut them alike"
-        in said
+        in message
     )
 
 
@@ -298,8 +298,8 @@ def test_a_record_has_not_drifted_from_itself(
     rows = [f"{0.01 * k:.2f},{a:.6g},{b:.6g}" for k, (a, b) in enumerate(zip(u, y, strict=True))]
     path.write_text("time_s,u:torque [N m],y:angle [rad]\n" + "\n".join(rows) + "\n")
     monkeypatch.setattr("middeck.cli.work.fit_records.identify", pytest.fail)
-    said = refused(capfd, "drift", path, tmp_path / "." / "a.csv", "--states", 1, "--sampled")
-    assert "the same record twice" in said
+    message = refused(capfd, "drift", path, tmp_path / "." / "a.csv", "--states", 1, "--sampled")
+    assert "the same record twice" in message
 
 
 # in Python

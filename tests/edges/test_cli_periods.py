@@ -86,13 +86,13 @@ def test_design_takes_periods_too(files: tuple[Path, Path], capfd: Capture) -> N
 
 def test_without_periods_they_are_found_in_the_input(files: tuple[Path, Path], capfd: Capture) -> None:
     for path in files:
-        told, found = (
+        reported, found = (
             json.loads(middeck(capfd, "identify", path, "--states", 8, "--json", *more).out)
             for more in (("--periods", PERIODS), ())
         )
-        (said,) = (w for w in found["warnings"] if w not in told["warnings"])
-        assert f"cut into {PERIODS} steady periods of {SAMPLES} samples" in said
-        assert found["frequency_hz"] == told["frequency_hz"]
+        (warning,) = (w for w in found["warnings"] if w not in reported["warnings"])
+        assert f"cut into {PERIODS} steady periods of {SAMPLES} samples" in warning
+        assert found["frequency_hz"] == reported["frequency_hz"]
 
 
 def test_a_record_without_periods_is_fitted_by_its_samples(tmp_path: Path, capfd: Capture) -> None:
@@ -186,12 +186,14 @@ def test_both_fits_take_the_same_options(
 
 
 @pytest.mark.parametrize(
-    ("periods", "said"), [(7, "not 7 whole periods"), (2, "does not repeat"), (4, "repeat")]
+    ("periods", "message"), [(7, "not 7 whole periods"), (2, "does not repeat"), (4, "repeat")]
 )
-def test_a_wrong_number_of_periods(files: tuple[Path, Path], capfd: Capture, periods: int, said: str) -> None:
+def test_a_wrong_number_of_periods(
+    files: tuple[Path, Path], capfd: Capture, periods: int, message: str
+) -> None:
     ended = middeck(capfd, "identify", files[0], "--states", 8, "--periods", periods)
     assert (ended.code, ended.out) == (4, "")
-    assert said in ended.err
+    assert message in ended.err
     assert str(files[0]) in ended.err
 
 
@@ -243,9 +245,9 @@ def test_an_option_of_continuous_models_asks_for_one(
     found = json.loads(middeck(capfd, *ask).out)
     assert found["sampled"] is False
     assert len([w for w in found["warnings"] if "continuous model was chosen" in w and option[0] in w]) == 1
-    said = json.loads(middeck(capfd, *ask, "--continuous").out)
-    assert said["pole"] == found["pole"]
-    assert not any("was chosen" in w for w in said["warnings"])
+    message = json.loads(middeck(capfd, *ask, "--continuous").out)
+    assert message["pole"] == found["pole"]
+    assert not any("was chosen" in w for w in message["warnings"])
     refused = middeck(capfd, *ask, "--sampled")
     assert (refused.code, refused.out) == (2, "")
     assert str(option[0]) in refused.err

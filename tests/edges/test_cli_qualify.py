@@ -19,7 +19,7 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError, DataError, NumericalError
 from middeck.files.laws.compensators import (
@@ -165,14 +165,14 @@ def test_a_file_that_is_no_compensator(
 
 
 def test_a_row_is_what_each_analysis_says_by_itself() -> None:
-    made, late = law(), plant()
-    continuous, sampled = qualify_compensator(made, {"p": late}, WEIGHTS, rates_hz=[200.0])
-    outcome = outcomes_on([late], made, WEIGHTS)[0]
+    made, delayed = law(), plant()
+    continuous, sampled = qualify_compensator(made, {"p": delayed}, WEIGHTS, rates_hz=[200.0])
+    outcome = outcomes_on([delayed], made, WEIGHTS)[0]
     # By quadrature with exp(-s tau), and by a Lyapunov equation of the approximation: 1e-9 in phase.
     assert continuous.rms == pytest.approx(outcome.rms[0], rel=1e-9)
     assert continuous.db == pytest.approx(float(outcome.db[0]), abs=1e-7)
     assert continuous.control_rms == pytest.approx(outcome.control_rms[0], rel=1e-9)
-    assert continuous.loops == measure_margins(late, made).loops
+    assert continuous.loops == measure_margins(delayed, made).loops
     assert sampled.setting == "200 Hz"
     assert sampled.loops[0].channel == "torque"
     # Tustin's rule and the hold cost phase: half a period at crossover, and no more than a period.
@@ -226,8 +226,8 @@ def test_what_cannot_be_decided_is_reported_in_its_row(monkeypatch: pytest.Monke
         return measure_margins(plant, law)
 
     monkeypatch.setattr(qualification, "measure_margins", measure)
-    late, fine = qualify_compensator(law(), {"late": plant(0.5), "fine": plant()}, WEIGHTS)
-    assert (late.stable, late.undecided, late.db) == (False, "a root lies on the axis", np.inf)
+    delayed, fine = qualify_compensator(law(), {"late": plant(0.5), "fine": plant()}, WEIGHTS)
+    assert (delayed.stable, delayed.undecided, delayed.db) == (False, "a root lies on the axis", np.inf)
     assert (fine.stable, fine.undecided) == (True, "")
 
 
@@ -263,8 +263,8 @@ def test_modes_are_moved_by_name_and_by_band(files: Path, capfd: Capture) -> Non
     by_band = qualify(capfd, files, "--shift", "8:10", 30)["rows"]
     assert [row["plant"] for row in by_band] == ["model", "model, 8:10 -30 %", "model, 8:10 +30 %"]
     assert [row["db"] for row in by_name] == [row["db"] for row in by_band]
-    late = plant()
-    moved = shift_modes(late, {"pole at 9 Hz": 0.7})
+    delayed = plant()
+    moved = shift_modes(delayed, {"pole at 9 Hz": 0.7})
     assert by_band[1]["db"] == pytest.approx(
         qualify_compensator(law(), {"m": moved}, WEIGHTS)[0].db, abs=1e-9
     )
@@ -342,8 +342,8 @@ def test_an_article_in_several_environments(tmp_path: Path, capfd: Capture) -> N
     assert [row["plant"] for row in json.loads(ended.out)["rows"]] == [
         "mace-dm in orbit", *(f"{article} in {other}" for other in others)
     ]  # fmt: skip
-    late = ("--count", 12, "--environment", "orbit", "--delay-ms", 7)
-    text = middeck(capfd, "qualify", file, article, *late).err
+    delays = ("--count", 12, "--environment", "orbit", "--delay-ms", 7)
+    text = middeck(capfd, "qualify", file, article, *delays).err
     assert "nothing at these ports holds" in text
 
 

@@ -60,28 +60,28 @@ def interrupted(out: Path, number: int, *, after: str | float) -> tuple[int, str
         script("study", STUDY, "-o", out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
     )
     assert process.stderr is not None
-    said = ""
+    message = ""
     wait_until_it_listens(process)
     if isinstance(after, str):
-        while after not in said:
+        while after not in message:
             line = process.stderr.readline()
-            assert line, said
-            said += line
+            assert line, message
+            message += line
     else:
         time.sleep(after)
     process.send_signal(number)
     stdout, rest = process.communicate(timeout=60)
     assert stdout == ""
-    return process.returncode, said + rest
+    return process.returncode, message + rest
 
 
 # The first moments are spent importing, the later ones computing and drawing.
 @pytest.mark.parametrize("after", repeats(["figures 4 and 5", 0.1, 1.2, 0.0, 0.5, 2.0, "figure 6"], 3))
 def test_ctrl_c_leaves_whole_files_and_code_130(tmp_path: Path, after: str | float) -> None:
-    code, said = interrupted(tmp_path / "out", signal.SIGINT, after=after)
-    assert code == 130, said
-    assert said.rstrip().splitlines()[-1] == "interrupted"
-    assert "Traceback" not in said
+    code, message = interrupted(tmp_path / "out", signal.SIGINT, after=after)
+    assert code == 130, message
+    assert message.rstrip().splitlines()[-1] == "interrupted"
+    assert "Traceback" not in message
     names = whole_files_only(tmp_path / "out")
     assert "report.html" not in names
     if isinstance(after, str):
@@ -90,8 +90,8 @@ def test_ctrl_c_leaves_whole_files_and_code_130(tmp_path: Path, after: str | flo
 
 @pytest.mark.parametrize("after", repeats([0.5, "figures 4 and 5"]))
 def test_sigterm_ends_it_alike(tmp_path: Path, after: str | float) -> None:
-    code, said = interrupted(tmp_path / "out", signal.SIGTERM, after=after)
-    assert (code, said.rstrip().splitlines()[-1]) == (130, "interrupted")
+    code, message = interrupted(tmp_path / "out", signal.SIGTERM, after=after)
+    assert (code, message.rstrip().splitlines()[-1]) == (130, "interrupted")
     assert ("figure-4.svg" in whole_files_only(tmp_path / "out")) == isinstance(after, str)
 
 
@@ -203,9 +203,9 @@ def test_a_campaign_of_interruptions(tmp_path: Path, campaign) -> None:
     for seed in campaign(20):
         after = float(np.random.default_rng(seed).uniform(0.0, 20.0 if LONG else 3.0))
         out = tmp_path / str(seed)
-        code, said = interrupted(out, signal.SIGINT, after=after)
+        code, message = interrupted(out, signal.SIGINT, after=after)
         # A machine so fast that all was done is no failure.
-        assert code in ((130,) if after < 3.0 else (130, 0)), (after, said)
+        assert code in ((130,) if after < 3.0 else (130, 0)), (after, message)
         whole_files_only(out)
 
 

@@ -23,12 +23,12 @@ from middeck.control.loop.performance import Performance
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.qualification import qualify_compensator
-from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.modal import reduce_modes
+from middeck.control.reduction.reduced_compensators import reduce_compensator
 from middeck.control.robust.designs.multimodel import design_multimodel
 from middeck.control.robust.designs.popov import design_popov
 from middeck.control.robust.designs.sensitivity_weighted import design_sensitivity_weighted
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, MiddeckError, NotStabilisableError
 from middeck.files.exchange.scipy_signal import from_scipy
 from middeck.files.measured.models import write_model
@@ -198,9 +198,11 @@ def test_a_period_that_is_none(period_s: float) -> None:
 def test_a_delay_against_a_sample_period() -> None:
     """Seconds taken for milliseconds would be 2500 states; a total delay is no less than the hold's own."""
     weights = LQGWeights(**GOOD)
-    late = delay_plant(plant(), 10.0)
+    delayed = delay_plant(plant(), 10.0)
     refused(
-        lambda: design_sampled_lqg(late, weights, 1e3, 0.004), ConfigError, "10 s is 2500 periods of 0.004 s"
+        lambda: design_sampled_lqg(delayed, weights, 1e3, 0.004),
+        ConfigError,
+        "10 s is 2500 periods of 0.004 s",
     )
     refused(lambda: delay_plant(plant(), -0.1), ConfigError, "or one is negative")
     refused(

@@ -72,8 +72,8 @@ def test_the_laboratory_of_nobody_says_where_it_hangs_an_article(
     tower: Path, capfd: pytest.CaptureFixture[str]
 ):
     """The article does not say where it hangs: the default takes every attach point."""
-    told = middeck(capfd, "modes", tower).err
-    assert "hangs this article by every attach point ('g7', 'g8', 'g9')" in told
+    message = middeck(capfd, "modes", tower).err
+    assert "hangs this article by every attach point ('g7', 'g8', 'g9')" in message
     chosen = tower.with_name("chosen.toml")
     own = '[suspension]\nnodes = ["top"]\noffsets_m = [[0.0, 0.0, 0.0]]\n[[attach]]'
     chosen.write_text(TEXT.replace("[[attach]]", own, 1))
@@ -101,9 +101,9 @@ def test_an_environment_that_was_typed_is_not_called_the_default(
         TEXT.replace("[-0.2, 0.1, 0.1]", "[0.3, 0.1, 0.1]").replace("[0.0, 0.3, 0.0]", "[0.5, 0.3, 0.0]")
     )
     for article in (tower, slack):
-        said = middeck(capfd, "modes", article, *asked).err
-        assert ("'lab', the default environment," in said) == is_default
-        assert ("'lab', the built-in environment," in said) != is_default
+        message = middeck(capfd, "modes", article, *asked).err
+        assert ("'lab', the default environment," in message) == is_default
+        assert ("'lab', the built-in environment," in message) != is_default
 
 
 def test_the_laboratory_stands_where_nobody_made_one(tower: Path, capfd: pytest.CaptureFixture[str]):
@@ -117,8 +117,8 @@ def test_the_laboratory_stands_where_nobody_made_one(tower: Path, capfd: pytest.
         assert ended.code == 0, ended.err
         found = json.loads(ended.out)
         assert (found["environment"], found["kind"]) == (place, [held] * 6 + ["flexible"] * 3)
-        told = [w for w in found["warnings"] if "hangs this article by every attach point" in w]
-        assert len(told) == (place == "lab")
+        shown = [w for w in found["warnings"] if "hangs this article by every attach point" in w]
+        assert len(shown) == (place == "lab")
 
 
 def test_every_verb_says_that_an_article_hangs_far_from_level(capfd: pytest.CaptureFixture[str]):
@@ -161,8 +161,8 @@ def test_points_that_strain_the_article_are_distinguished_from_a_slack_cable(
         "[0.0, 0.3, 0.0]", "[0.2, 0.1002, 0.0]"
     )
     tower.write_text(near)
-    told = middeck(capfd, "modes", tower).err
-    assert "held, the points strain the article between them" in told
+    message = middeck(capfd, "modes", tower).err
+    assert "held, the points strain the article between them" in message
 
 
 def test_the_report_of_a_deck_names_defaults_and_whose_choice_they_are(
@@ -171,13 +171,13 @@ def test_the_report_of_a_deck_names_defaults_and_whose_choice_they_are(
     """Damping of an article without [damping]; gravity that no LOAD selects; which grids the size is of."""
     cards = ["GRID,1", "GRID,2,,1.", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,1.-4,1.-8,2.-8,2.-8"]
     cards += ["CBAR,1,1,1,2,0.,1.,0.", "SPC1,1,123456,1", "GRAV,3,,9.81,0.,0.,-1."]
-    for case, told in (([], True), (["LOAD = 3"], False)):
+    for case, reported in (([], True), (["LOAD = 3"], False)):
         deck = tmp_path / "a.dat"
         deck.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", *case, "BEGIN BULK", *cards, "ENDDATA", ""]))
         out = middeck(capfd, "convert", deck, "--units", "m-kg-s-N").out
         assert (
             "load set '3', 9.81 m/s^2 along [0.0, 0.0, -1.0], though case control selects no LOAD" in out
-        ) == told
+        ) == reported
         assert "damping      1% of strain, 3% of suspension and weight: defaults" in out
         assert "size         1  0  0 m, box of nodes and boundary grids of components" in out
     written = tmp_path / "a.toml"

@@ -185,7 +185,7 @@ offset_m = [0.1, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(
-    ("more", "key", "said", "line"),
+    ("more", "key", "reported", "line"),
     [
         ("[damping.material]\nsteal = 0.1", "damping.material.steal", "no material of this name", 2),
         ("[damping.section]\nrod = 0.1", "damping.section.rod", "no section of this name", 2),
@@ -264,12 +264,12 @@ offset_m = [0.1, 0.0, 0.0]
         ),
     ],
 )
-def test_bad_ones_are_named_with_their_line(tmp_path: Path, more: str, key: str, said: str, line: int):
+def test_bad_ones_are_named_with_their_line(tmp_path: Path, more: str, key: str, reported: str, line: int):
     with pytest.raises(ConfigError) as error:
         load(tmp_path, more)
     (fault,) = error.value.data["faults"]
     assert fault.key == key
-    assert said in fault.message
+    assert reported in fault.message
     assert fault.line == BEAM.count("\n") + line
 
 

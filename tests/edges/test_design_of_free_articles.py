@@ -41,9 +41,9 @@ def test_the_rms_says_that_its_band_leaves_the_rigid_mode_out(
         json.loads(middeck(capfd, "design", article, *ASKED, *band).out)
         for band in ((), ("--band", "0.05,80"))
     )
-    told = [[w for w in found["warnings"] if "rigid mode" in w] for found in (above, below)]
-    assert [len(texts) for texts in told] == [1, 0]
-    assert "begins at 4.48 Hz, above 1 rigid mode, whose rms" in told[0][0]
+    reported = [[w for w in found["warnings"] if "rigid mode" in w] for found in (above, below)]
+    assert [len(texts) for texts in reported] == [1, 0]
+    assert "begins at 4.48 Hz, above 1 rigid mode, whose rms" in reported[0][0]
     assert above["db"]["star"] == pytest.approx(0.0, abs=0.1)
     assert below["db"]["star"] < -10.0
     assert [name.split()[0] for name in above["inert"]] == ["translation"] * 3 + ["rotation", "a"]

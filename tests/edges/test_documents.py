@@ -350,7 +350,7 @@ free_length_m = 1.0
 
 
 @pytest.mark.parametrize(
-    ("more", "key", "said"),
+    ("more", "key", "reported"),
     [
         ('[[node]]\nname = "a"\nx_m = 3.0', "node.2.name", "a second frame of this name"),
         ('[[strut]]\nsection = "bar"\nfrom = "a"\nto = "b"', "strut.1.from", "a second strut"),
@@ -384,10 +384,10 @@ free_length_m = 1.0
         ),
     ],
 )
-def test_names_joints_and_sections(tmp_path: Path, more: str, key: str, said: str) -> None:
+def test_names_joints_and_sections(tmp_path: Path, more: str, key: str, reported: str) -> None:
     path = written(tmp_path, "beam.toml", f"{BEAM}\n{more}\n")
     faults = {f.key: f for f in faults_of(load_structure, path)}
-    assert said in faults[key].message
+    assert reported in faults[key].message
     assert faults[key].line > BEAM.count("\n")
 
 
@@ -419,11 +419,11 @@ def test_broken_files_say_where(tmp_path: Path) -> None:
         "twice.toml": (b"schema = 1\nschema = 1\n", 2, "not valid TOML"),
         "latin.toml": (b'schema = 1\ntitle = "\xe9"\n', 2, "not UTF-8"),
     }
-    for name, (content, line, said) in cases.items():
+    for name, (content, line, text) in cases.items():
         path = tmp_path / name
         path.write_bytes(content)
         (fault,) = faults_of(load_structure, path)
-        assert said in fault.message, name
+        assert text in fault.message, name
         assert fault.file == str(path)
         assert fault.hint
         cut_line = content.count(b"\n") + 1
@@ -474,7 +474,7 @@ def test_an_environment_names_only_attach_points_of_the_article(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "key", "said"),
+    ("old", "new", "key", "reported"),
     [
         ('n3 = "xyz"', 'n3 = "xyw"', "suspension.held.n3", 'must be x, y, z, in this order, as in "yz"'),
         ('n3 = "xyz"', 'n3 = "zx"', "suspension.held.n3", "in this order"),
@@ -484,10 +484,10 @@ def test_an_environment_names_only_attach_points_of_the_article(tmp_path: Path) 
         ("cable_length_m = 4.0", "cable_length_mm = 4000.0", "suspension.cable_length_mm", "in m"),
     ],
 )
-def test_bad_environments(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
+def test_bad_environments(tmp_path: Path, old: str, new: str, key: str, reported: str) -> None:
     (fault,) = faults_of(load_environment, edited(tmp_path, LAB, (old, new)))
     assert fault.key == key
-    assert said in fault.message
+    assert reported in fault.message
 
 
 def test_orbit_needs_no_file_in_python_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -529,7 +529,7 @@ def study_copy(tmp_path: Path, *changes: tuple[str, str]) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "key", "said", "hint"),
+    ("old", "new", "key", "reported", "hint"),
     [
         ("modes_kept = 26 ", "modes_kep = 26 ", "control.modes_kep", "unknown key", "'modes_kept'?"),
         ("levels = 25", "levels = 1", "control.levels", "must be 2 to", ""),
@@ -577,10 +577,10 @@ def study_copy(tmp_path: Path, *changes: tuple[str, str]) -> Path:
         ),
     ],
 )
-def test_bad_studies(tmp_path: Path, old: str, new: str, key: str, said: str, hint: str) -> None:
+def test_bad_studies(tmp_path: Path, old: str, new: str, key: str, reported: str, hint: str) -> None:
     path = study_copy(tmp_path, (old, new))
     faults = {f.key: f for f in faults_of(load_study, path)}
-    assert said in faults[key].message
+    assert reported in faults[key].message
     assert hint in faults[key].hint
     assert faults[key].file == str(path)
     assert faults[key].line == line_with(path, new.strip())
@@ -873,10 +873,10 @@ IMPOSSIBLE = {
 
 @pytest.mark.parametrize("case", IMPOSSIBLE)
 def test_what_no_study_can_do_is_found_on_loading(case: str) -> None:
-    override, key, said = IMPOSSIBLE[case]
+    override, key, text = IMPOSSIBLE[case]
     (fault,) = faults_of(load_study, STUDY, [override])
     assert fault.key == key
-    assert said in fault.message
+    assert text in fault.message
     setter = override.partition("=")[0]
     # The blame is on the override, or on the line of what does not go with it.
     line = STUDY.read_text(encoding="utf-8").splitlines()[fault.line - 1]

@@ -114,8 +114,8 @@ BROKEN = [
 ]
 
 
-@pytest.mark.parametrize(("text", "old", "new", "key", "said"), BROKEN)
-def test_bad_devices(tmp_path: Path, text: str, old: str, new: str, key: str, said: str) -> None:
+@pytest.mark.parametrize(("text", "old", "new", "key", "reported"), BROKEN)
+def test_bad_devices(tmp_path: Path, text: str, old: str, new: str, key: str, reported: str) -> None:
     assert old in text
     path = written(tmp_path, HEAD + text.replace(old, new))
     with pytest.raises(ConfigError) as error:
@@ -123,11 +123,11 @@ def test_bad_devices(tmp_path: Path, text: str, old: str, new: str, key: str, sa
     (fault,) = error.value.data["faults"]
     assert (fault.file, fault.key) == (str(path), key)
     assert fault.line > 0
-    assert said in fault.message
+    assert reported in fault.message
 
 
 @pytest.mark.parametrize(
-    ("changed", "key", "said"),
+    ("changed", "key", "reported"),
     [
         ("device=string", "suspension.device", "constant_force"),
         ("friction_n=0.1", "suspension.friction_n", "needs 'presliding_m'"),
@@ -135,12 +135,12 @@ def test_bad_devices(tmp_path: Path, text: str, old: str, new: str, key: str, sa
         ("moving_mass=-1", "suspension.moving_mass_kg", ">= 0"),
     ],
 )
-def test_bad_suspensions(changed: str, key: str, said: str) -> None:
+def test_bad_suspensions(changed: str, key: str, reported: str) -> None:
     with pytest.raises(ConfigError) as error:
         load_environment(LAB, [f"suspension.{changed}"])
     (fault,) = error.value.data["faults"]
     assert fault.key == key
-    assert said in fault.message
+    assert reported in fault.message
 
 
 def test_a_spring_that_would_be_longer_than_its_cable() -> None:

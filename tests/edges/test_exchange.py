@@ -24,7 +24,7 @@ from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.errors import ConfigError, DataError, MissingExtraError
-from middeck.files.exchange.mat import load_mat, write_mat
+from middeck.files.exchange.matlab_systems import load_mat, write_mat
 from middeck.files.exchange.named_system import as_compensator, exchanged
 from middeck.files.exchange.python_control import from_control, to_control
 from middeck.files.exchange.scipy_signal import from_scipy, to_scipy

@@ -102,8 +102,8 @@ def test_the_accuracy_of_a_test_is_printed(tmp_path: Path):
 
 
 def test_units_and_files_are_reported(tmp_path: Path):
-    said = run(*MULTISINE, "--rms", 1, "--unit", "V", "--name", "a", "-o", tmp_path / "a.csv")
-    assert all(word in said for word in ("rms [V]", "slew [V/s]", f"wrote {tmp_path / 'a.csv'}"))
+    message = run(*MULTISINE, "--rms", 1, "--unit", "V", "--name", "a", "-o", tmp_path / "a.csv")
+    assert all(word in message for word in ("rms [V]", "slew [V/s]", f"wrote {tmp_path / 'a.csv'}"))
     names = ["--inputs", 2, "--name", "a", "--name", "b", "-o", tmp_path / "b.npz"]
     assert "wrote" in run(*MULTISINE, "--rms", 1, *names)
     with np.load(tmp_path / "b.npz") as archive:
@@ -141,7 +141,7 @@ def test_what_makes_no_signal_is_refused(arguments, tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.parametrize(
-    ("kind", "given", "said"),
+    ("kind", "given", "message"),
     [
         ("mls", ("--order", 7, "--band", "1,9"), "mls: --band is for multisine, sweep, noise, burst, binary"),
         ("mls", ("--order", 7, "--period", 4), "--period is for multisine"),
@@ -151,8 +151,10 @@ def test_what_makes_no_signal_is_refused(arguments, tmp_path: Path, monkeypatch:
         ("noise", ("--band", "1,9", "--period", 4, "--set", "order=4"), "noise: --order is for mls"),
     ],
 )
-def test_what_another_kind_of_signal_has_is_not_ignored(kind: str, given: tuple[str | int, ...], said: str):
-    with pytest.raises(ConfigError, match=said):
+def test_what_another_kind_of_signal_has_is_not_ignored(
+    kind: str, given: tuple[str | int, ...], message: str
+):
+    with pytest.raises(ConfigError, match=message):
         run(kind, "--rate", 100, "--peak", 1, *given)
 
 
@@ -162,13 +164,13 @@ def test_help_of_a_verb_that_is_called_by_itself():
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         (("--period", -3, "--rms", 1), r"--period = -3\.0"),
         (("--period", 8, "--rms", -1), r"--rms = -1\.0"),
         (("--period", 8, "--rms", 1, "--set", "rms=-1"), r"^--set rms: rms = -1"),
     ],
 )
-def test_a_number_out_of_range_is_named_as_it_was_typed(given: tuple[str | int, ...], said: str):
-    with pytest.raises(ConfigError, match=said + ": must be > 0"):
+def test_a_number_out_of_range_is_named_as_it_was_typed(given: tuple[str | int, ...], message: str):
+    with pytest.raises(ConfigError, match=message + ": must be > 0"):
         run("multisine", "--band", "1,30", "--rate", 128, *given)

@@ -28,7 +28,7 @@ from middeck.structure.gravity.path_events import EventKind, GravityEvent
 from middeck.structure.model.article import AttachPoint
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import GroundBushing
-from middeck.structure.modes.results.drawing import build_mode_drawing
+from middeck.structure.modes.results.article_drawing import build_mode_drawing
 from structure_builders import TUBE, body, on_cables, straight_beam, tube_bus
 from trusses import truss
 
@@ -302,8 +302,8 @@ def test_the_scale_of_an_upright_article_has_its_length_and_words() -> None:
     ends = axes.transData.transform([(0.0, 0.0), (length, 0.0)])
     drawn = bar.get_tightbbox(canvas.get_renderer())
     assert drawn.width == pytest.approx(ends[1, 0] - ends[0, 0], abs=3.0)
-    for said in (f"{length:g} m", "g 9.81 m/s²"):
-        assert words[said].get_tightbbox(canvas.get_renderer()).width > 5.0
+    for warning in (f"{length:g} m", "g 9.81 m/s²"):
+        assert words[warning].get_tightbbox(canvas.get_renderer()).width > 5.0
 
 
 @pytest.mark.parametrize(("constants", "up"), [

@@ -252,9 +252,9 @@ def test_damping_that_is_not_known_is_flagged():
 
 def test_a_delay_of_whole_periods_cannot_be_seen():
     """A periodic record says nothing of a delay beyond its period: the fit finds what is left of it."""
-    late = fit_response(noisy(a_mode(F, delay_s=10.02), 1e-3), states=2).model
+    delayed = fit_response(noisy(a_mode(F, delay_s=10.02), 1e-3), states=2).model
     # 0.1 % noise on 199 lines: far below a millisecond.
-    assert late.delay_s[0] == pytest.approx(0.02, abs=1e-3)
+    assert delayed.delay_s[0] == pytest.approx(0.02, abs=1e-3)
 
 
 def test_an_output_without_the_others_modes_is_flagged():

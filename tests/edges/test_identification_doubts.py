@@ -120,14 +120,14 @@ def test_a_small_part_of_the_rms_says_on_which_lines_it_is_most():
     )
     wrong = np.where(np.arange(100) < 70, 0.0, 0.9e-6)[:, None, None] + 0j
     error = np.sqrt(np.sum(np.abs(wrong) ** 2) / np.sum(np.abs(H) ** 2))
-    (told,) = warnings_on_model(measured, np.array([error]), 1.0, wrong)
-    assert "5.9e-05% of the response's rms" in told
-    assert "exceeds half of the response on 30 of 100 frequency lines, 71-100 Hz" in told
+    (warning,) = warnings_on_model(measured, np.array([error]), 1.0, wrong)
+    assert "5.9e-05% of the response's rms" in warning
+    assert "exceeds half of the response on 30 of 100 frequency lines, 71-100 Hz" in warning
     noisy = dataclasses.replace(measured, variance=np.full(H.shape, 1e-12))
-    (told,) = warnings_on_model(noisy, np.array([error]), 1.0, wrong)
-    assert "half of the response" not in told  # a line of noise is not wrong
-    (told,) = warnings_on_model(measured, np.array([0.02]), 1.0, 0.02 * H)
-    assert "it is 2% of the response's rms over the band;" in told
+    (warning,) = warnings_on_model(noisy, np.array([error]), 1.0, wrong)
+    assert "half of the response" not in warning  # a line of noise is not wrong
+    (warning,) = warnings_on_model(measured, np.array([0.02]), 1.0, 0.02 * H)
+    assert "it is 2% of the response's rms over the band;" in warning
 
 
 def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_samples():

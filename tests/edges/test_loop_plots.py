@@ -28,9 +28,9 @@ MODES = ModalSystem(
 
 
 def looked_at(delay_s: float) -> tuple[ReturnRatio, Margins]:
-    late = delay_plant(Plant(dynamics=MODES, inputs=(FORCE,), outputs=(WAY, RATE)), delay_s)
+    delayed = delay_plant(Plant(dynamics=MODES, inputs=(FORCE,), outputs=(WAY, RATE)), delay_s)
     law = Compensator(gain_system(np.array([[-2.0, -1.5]])), (WAY, RATE), (FORCE,))
-    return trace_return_ratio(late, law), measure_margins(late, law)
+    return trace_return_ratio(delayed, law), measure_margins(delayed, law)
 
 
 def drawn(figure: Figure, colour: str) -> np.ndarray:

@@ -101,9 +101,11 @@ def test_lumped_halves_of_members_are_not_taken_for_a_small_body(tmp_path, entry
 def test_a_slip_beside_lumped_halves_is_doubted(tmp_path):
     """A mass in grams, and an inertia in another unit that is far too large."""
     heavy = lumped_doubts(tmp_path, "CBEAM", 3, 0.01, ("CONM2,99,1,,1.+6",))
-    assert any("a solid steel cube of it" in said for said in heavy), heavy
+    assert any("a solid steel cube of it" in warning for warning in heavy), heavy
     wide = lumped_doubts(tmp_path, "CBEAM", 3, 0.01, ("CONM2,99,2,,1.\n,300.,,300.,,,300.",))
-    assert any("is its inertia in kg" in said or "is the inertia in kg mm^2" in said for said in wide), wide
+    assert any(
+        "is its inertia in kg" in warning or "is the inertia in kg mm^2" in warning for warning in wide
+    ), wide
 
 
 @pytest.mark.parametrize(

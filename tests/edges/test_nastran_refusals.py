@@ -482,29 +482,29 @@ def test_a_file_cut_off_anywhere_is_refused_or_whole_to_its_last_line(tmp_path, 
         try:
             made = convert(path)
         except ConfigError as error:
-            said = str(error)
+            message = str(error)
         else:
-            said = ""
+            message = ""
             torn = any(f"{cut.name}:" in n and "ends within this line" in n for n in made.notes)
             assert torn == (whole[at - 1] != "\n")
             assert not torn or kind == "include"
             read += [] if torn else [len(ENDING[: at - len(head)].split("\n")) - 1]
             assert any("no ENDDATA" in note for note in made.notes) == (kind != "include")
-        assert not said or f"{cut.name}:" in said
+        assert not message or f"{cut.name}:" in message
         ends = (",+C1\n", ",+C1") if kind == "include" else ",+C1\n"
-        assert "the continuation '+C1' is missing" in said or not whole[:at].endswith(ends)
+        assert "the continuation '+C1' is missing" in message or not whole[:at].endswith(ends)
     assert read == [0, 1, 3, 4, 5, 6, 7]  # lines of the ending
 
 
 def test_a_whole_deck_without_its_end_is_read_with_a_note(tmp_path):
     path = write(tmp_path)
-    told = convert(path)
+    message = convert(path)
     path.write_text(path.read_text().replace("ENDDATA\n", "\n$ the end"))
     made = convert(path)
-    assert document_text(made.document, "") == document_text(told.document, "")
+    assert document_text(made.document, "") == document_text(message.document, "")
     cards, last = read_deck(path).cards, len(path.read_text().split("\n")) - 2
-    said = f"no ENDDATA: {cards} cards to the last line, {path}:{last}; are these all?"
-    assert made.notes == (said, *told.notes)
+    message = f"no ENDDATA: {cards} cards to the last line, {path}:{last}; are these all?"
+    assert made.notes == (message, *message.notes)
 
 
 def test_includes_that_are_missing_or_close(tmp_path):
@@ -560,7 +560,7 @@ def test_masses_by_weight_and_length(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("card", "said"),
+    ("card", "message"),
     [
         ("EIGRL,1,,200.,12", "EIGRL 1 asks for 12 modes up to 200 Hz: middeck modes --count 12"),
         ("EIGR,1,LAN,1.,50.", "EIGR 1 asks for modes up to 50 Hz, at most: see middeck modes --count"),
@@ -570,10 +570,10 @@ def test_masses_by_weight_and_length(tmp_path):
         ("EIGRL,3,,200.,12", ""),
     ],
 )
-def test_what_the_deck_asks_of_its_solver_is_a_hint(tmp_path, card, said):
+def test_what_the_deck_asks_of_its_solver_is_a_hint(tmp_path, card, message):
     """Of four grids one is rigid with another: the article has three nodes, and at most 18 modes."""
     notes = [n for n in convert(write(tmp_path, card)).notes if "asks for" in n]
-    assert notes == [said] * bool(said)
+    assert notes == [message] * bool(message)
 
 
 def test_json_and_settings(capfd, tmp_path):
@@ -692,8 +692,8 @@ def test_damping_matrices_that_case_control_names_otherwise(tmp_path, case, row,
     """In sums, with factors, or not there: those of stiffness are refused, these are told."""
     made = convert(write(tmp_path, *DAMPER, "PARAM,CK2,2.", case=[case]))
     assert [r for r in made.left_out if r[0].startswith("DMIG")] == [row]
-    told = [note for note in made.notes if "B2GG" in note]
-    assert told == ([f"case control selects {absent}, which is not there"] if absent else [])
+    reported = [note for note in made.notes if "B2GG" in note]
+    assert reported == ([f"case control selects {absent}, which is not there"] if absent else [])
 
 
 @pytest.mark.parametrize("back", [-500.0, 0.0, 500.0])
@@ -712,7 +712,7 @@ PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
 
 
 @pytest.mark.parametrize(
-    ("case", "bulk", "said"),
+    ("case", "bulk", "message"),
     [
         ("SPC=5\n", "SPC,5,1,3,0.,,1\n", r"SPC 5 field 7 \(C2\) = 1: no grid whose components 1"),
         (
@@ -732,10 +732,10 @@ PLAIN = "".join(f"{card}\n" for card in (*BULK[:4], BULK[6]))
         ("", "PARAM,CP1,ABC\n", r"PARAM CP1 field 3 \(V1\) = ABC: scales matrices or loads"),
     ],
 )
-def test_what_changed_the_model_in_silence_is_refused(tmp_path, case, bulk, said):
+def test_what_changed_the_model_in_silence_is_refused(tmp_path, case, bulk, message):
     path = tmp_path / "a.dat"
     path.write_text(f"SOL 103\nCEND\n{case}BEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         convert_deck(read_deck(path), SI, "consistent", "a")
 
 
@@ -754,7 +754,7 @@ LACKS = "SPC1,8,123,1\nSPCADD,7,8\nSPCADD,1,8,9,7\nMPCADD,2,3\nFORCE,4,1,,1.,1.\
 
 
 @pytest.mark.parametrize(
-    ("bulk", "said"),
+    ("bulk", "message"),
     [
         ("GRID,8,,1.\nGRID,8,,1.,2.\n", r"a.dat:10: GRID 8 field 5 \(X2\) = 2.: a second grid 8 with"),
         ("PBAR,8,1,1.\nPROD,8,1,1.\n", r"PROD 8 field 2 \(PID\) = 8: a second property 8 with"),
@@ -772,15 +772,15 @@ LACKS = "SPC1,8,123,1\nSPCADD,7,8\nSPCADD,1,8,9,7\nMPCADD,2,3\nFORCE,4,1,,1.,1.\
         ("PBAR,8,1,1.,,,,,,,3.\n", r":9: PBAR 8 field 10: more than 8 fields in one line"),
     ],
 )
-def test_second_numbers_and_lost_continuations_name_their_field(tmp_path, bulk, said):
+def test_second_numbers_and_lost_continuations_name_their_field(tmp_path, bulk, message):
     path = tmp_path / "a.dat"
     path.write_text(f"SOL 103\nCEND\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         read_deck(path)
 
 
 @pytest.mark.parametrize(
-    ("case", "bulk", "said"),
+    ("case", "bulk", "message"),
     [
         ("SPC=99\n", "", r"a.dat:3: SPC = 99: there is no SPC or SPC1 of this number"),
         ("SUBCASE 1\nMPC=98\n", "", r"a.dat:4: MPC = 98: there is no MPC of this number"),
@@ -795,14 +795,14 @@ def test_second_numbers_and_lost_continuations_name_their_field(tmp_path, bulk, 
         ),
     ],
 )
-def test_a_selected_set_that_is_not_there_is_refused(tmp_path, case, bulk, said):
+def test_a_selected_set_that_is_not_there_is_refused(tmp_path, case, bulk, message):
     """As Nastran stops there (UFM 2047, 2053); what is not selected may lack anything, and set 0 is none."""
     path = tmp_path / "a.dat"
     path.write_text(f"SOL 103\nCEND\n{case}BEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         convert_deck(read_deck(path), SI, "consistent", "a")
     none = "SPC=0\nMPC=0\nLOAD=0\nMETHOD=0\n"
-    if "second" not in said:
+    if "second" not in message:
         path.write_text(
             f"SOL 103\nCEND\n{none}SUBCASE 1\nSUBCASE 2\nSPC=0\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n"
         )
@@ -811,12 +811,12 @@ def test_a_selected_set_that_is_not_there_is_refused(tmp_path, case, bulk, said)
         assert not [note for note in made.notes if "not there" in note]
 
 
-@pytest.mark.parametrize(("bulk", "told"), [("", 2), ("EIGR,3,LAN\nSUPORT1,4,1,1\n", 0), ("EIGB,3\n", 0)])
-def test_a_hint_that_is_not_there_is_reported(tmp_path, bulk, told):
+@pytest.mark.parametrize(("bulk", "reported"), [("", 2), ("EIGR,3,LAN\nSUPORT1,4,1,1\n", 0), ("EIGB,3\n", 0)])
+def test_a_hint_that_is_not_there_is_reported(tmp_path, bulk, reported):
     path = tmp_path / "a.dat"
     path.write_text(f"SOL 103\nCEND\nMETHOD=3\nSUPORT1=4\nBEGIN BULK\n{PLAIN}{bulk}ENDDATA\n")
     notes = convert_deck(read_deck(path), SI, "consistent", "a").notes
-    assert len([note for note in notes if "which is not there" in note]) == told
+    assert len([note for note in notes if "which is not there" in note]) == reported
 
 
 @pytest.mark.parametrize("order", [1, -1])

@@ -60,9 +60,9 @@ def test_a_pinned_end_does_not_stand_in_the_way_of_its_grid() -> None:
 def test_nodes_that_may_move_apart_stay_a_question_with_an_answer(model) -> None:
     found = placed(model)
     assert found.channels == ("g401 y",)
-    (said, left) = found.warnings
-    assert "node 11 of the test stands where bar7a and g402 do: which of them is it?" in said
-    assert "the number of that node in its name, or its name in a JSON survey" in said
+    (warning, left) = found.warnings
+    assert "node 11 of the test stands where bar7a and g402 do: which of them is it?" in warning
+    assert "the number of that node in its name, or its name in a JSON survey" in warning
     assert "2 channels of nodes that are not in the model are left out: 11" in left
 
 

@@ -76,19 +76,19 @@ def test_damage_is_refused_or_stays_where_it_was_done(tmp_path, campaign):
 
 
 @pytest.mark.parametrize(
-    ("at", "new", "said"),
+    ("at", "new", "message"),
     [
         (4, b"\x00\x00\x00\x09", "0 columns|9 columns|no matrix's|150994944 columns|column"),
         (0, b"\x19\x00\x00\x00", "no header in either byte order"),
         (24 + 4, b"\x19\x00\x00\x00", "a record of 24 bytes that ends as one of 25"),
     ],
 )
-def test_headers(tmp_path, at, new, said):
+def test_headers(tmp_path, at, new, message):
     write_op4(tmp_path / "a.op4", _matrices())
     content = bytearray((tmp_path / "a.op4").read_bytes())
     content[at : at + 4] = new
     (tmp_path / "a.op4").write_bytes(bytes(content))
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         read_op4(tmp_path / "a.op4")
 
 

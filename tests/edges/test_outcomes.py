@@ -39,8 +39,8 @@ def compared(folder: Path, text: str, promise: Path = PROMISE) -> dict:
 
 
 def mode(hz: float, **keys: object) -> str:
-    said = "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
-    return f'[[mode]]\nenvironment = "orbit"\nfrequency_hz = {hz}\n{said}'
+    message = "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
+    return f'[[mode]]\nenvironment = "orbit"\nfrequency_hz = {hz}\n{message}'
 
 
 def crossed() -> MeasuredModes:
@@ -127,10 +127,10 @@ def test_shapes_that_few_channels_do_not_distinguish_are_open(tmp_path: Path):
     found = compared(tmp_path, survey(tmp_path, few))
     (verdict,) = found["verdicts"]
     assert verdict["open"]
-    said = "\n".join(found["remarks"])
-    assert "2 of 3 channels of the survey are in the promise" in said
-    assert "30 Hz resembles none that was promised" in said
-    assert "which mode it is stays open" in said
+    message = "\n".join(found["remarks"])
+    assert "2 of 3 channels of the survey are in the promise" in message
+    assert "30 Hz resembles none that was promised" in message
+    assert "which mode it is stays open" in message
 
 
 @pytest.mark.parametrize(
@@ -165,32 +165,32 @@ def test_files_that_are_no_longer_what_was_promised_on_are_named(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     """Beside the promise of the repository none; beside a copy with a survey that was measured anew this."""
-    said = middeck(capfd, "outcome", PROMISE, FOLDER / "outcome.toml", "--json").out
-    assert json.loads(said)["remarks"] == []
+    message = middeck(capfd, "outcome", PROMISE, FOLDER / "outcome.toml", "--json").out
+    assert json.loads(message)["remarks"] == []
     for name in ("promise.json", "outcome.toml", "refine.toml", SHAPES.name, "mace-simple-lab.json"):
         (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
     seen = load_measured_modes(FOLDER / "mace-simple-lab.json")
     write_measured_modes(
         tmp_path / "mace-simple-lab.json", dataclasses.replace(seen, frequency_hz=1.001 * seen.frequency_hz)
     )
-    said = middeck(capfd, "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json").out
-    (remark,) = json.loads(said)["remarks"]
+    message = middeck(capfd, "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json").out
+    (remark,) = json.loads(message)["remarks"]
     assert remark.startswith("mace-simple-lab.json beside the promise is not the file that it was made of")
     promise = tmp_path / "promise.json"
     body = {k: v for k, v in json.loads(promise.read_text()).items() if k != SEAL}
     twin = {"name": "mace-simple-lab.json", "sha256": sha256_of(tmp_path / "mace-simple-lab.json")}
     promise.write_text(json.dumps(seal(body | {"files": [*body["files"], twin]})))  # of another folder
-    said = middeck(capfd, "outcome", promise, tmp_path / "outcome.toml", "--json").out
-    assert json.loads(said)["remarks"] == []
+    message = middeck(capfd, "outcome", promise, tmp_path / "outcome.toml", "--json").out
+    assert json.loads(message)["remarks"] == []
 
 
 def test_two_files_of_one_name_are_known_by_either_hash(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     """Surveys of two tests have one name in folders of their own; one of them lies beside the promise."""
     for name in ("outcome.toml", SHAPES.name, "mace-simple-lab.json"):
         (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
-    said = {k: v for k, v in json.loads(Path(PROMISE).read_text()).items() if k != SEAL}
+    message = {k: v for k, v in json.loads(Path(PROMISE).read_text()).items() if k != SEAL}
     other = {"name": "mace-simple-lab.json", "sha256": "0" * 64}
-    (tmp_path / "promise.json").write_text(json.dumps(seal(said | {"files": [*said["files"], other]})))
+    (tmp_path / "promise.json").write_text(json.dumps(seal(message | {"files": [*message["files"], other]})))
     asked = "outcome", tmp_path / "promise.json", tmp_path / "outcome.toml", "--json"
     assert json.loads(middeck(capfd, *asked).out)["remarks"] == []
 
@@ -209,10 +209,10 @@ def test_documents_older_than_shapes_are_read(tmp_path: Path, frozen: Path):
 
 
 def test_the_verb_says_by_what_modes_were_paired(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
-    said = middeck(capfd, "outcome", PROMISE, FOLDER / "outcome.toml").out
-    assert "orbit: mode 1, first bending x-y" in said
-    assert "shape, MAC 1.00" in said
+    message = middeck(capfd, "outcome", PROMISE, FOLDER / "outcome.toml").out
+    assert "orbit: mode 1, first bending x-y" in message
+    assert "shape, MAC 1.00" in message
     (tmp_path / "outcome.toml").write_text(HEAD + mode(1.7579, number=1), encoding="utf-8")
-    said = middeck(capfd, "outcome", PROMISE, tmp_path / "outcome.toml").out
-    assert "number: open" in said
-    assert "which mode it is stays open" in said
+    message = middeck(capfd, "outcome", PROMISE, tmp_path / "outcome.toml").out
+    assert "number: open" in message
+    assert "which mode it is stays open" in message

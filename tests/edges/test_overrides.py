@@ -97,17 +97,17 @@ def test_an_article_prefix_confines_a_value_wherever_it_lives() -> None:
     assert study.case("dm", "lab")[0].nodes[0].body.mass == 3.0
     assert study.case("simple", "orbit")[0].nodes[0].body.mass == 3.5
     assert study.control.modes_kept == 24
-    with pytest.raises(ConfigError, match="no article 'dm' in an environment 'mars'") as told:
+    with pytest.raises(ConfigError, match="no article 'dm' in an environment 'mars'") as caught:
         study.case("dm", "mars")
-    assert told.value.hint == "articles: dm, simple; environments: orbit, lab"
+    assert caught.value.hint == "articles: dm, simple; environments: orbit, lab"
 
 
 def test_a_suspension_value_has_no_effect_in_orbit() -> None:
     overrides = ("suspension.bounce_hz=0.2", "constants.gravity_direction=[0,0,-1]")
-    with pytest.warns(UserWarning, match="has no effect: its table is not in .*orbit") as said:
+    with pytest.warns(UserWarning, match="has no effect: its table is not in .*orbit") as caught:
         changed = case(*overrides, environment="orbit")[1]
     assert changed == case(environment="orbit")[1]
-    assert len(said) == len(overrides)
+    assert len(caught) == len(overrides)
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -124,7 +124,7 @@ def test_gravity_is_refused_where_nothing_holds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("override", "said"),
+    ("override", "message"),
     [
         ("suspension.bounse_hz=1", "did you mean 'suspension.bounce_hz'?"),
         ("node.9.mass=1", "did you mean 'node."),
@@ -141,9 +141,9 @@ def test_gravity_is_refused_where_nothing_holds() -> None:
         ("gimbal.0.angle_x=30", "did you mean 'gimbal.0.angle_x_deg'?"),
     ],
 )
-def test_what_cannot_be_set_is_refused(override: str, said: str) -> None:
+def test_what_cannot_be_set_is_refused(override: str, message: str) -> None:
     error = refused(override)
-    assert said in str(error)
+    assert message in str(error)
     assert error.exit_code == 2
     assert error.data["faults"][0].file == "--set"
 

@@ -292,7 +292,7 @@ def test_an_outcome_that_cannot_be_is_refused(tmp_path: Path, text: str, what: s
 
 
 def test_scores_are_those_of_a_hand_count():
-    said = [
+    warnings = [
         Statement(kind="mode", name="f", low=1.0, high=2.0),
         Statement(kind="compensator", name="held", low=-21.0, high=-19.0, probability=0.9, cautious=-18.5),
         Statement(kind="compensator", name="lost", low=-30.0, high=np.inf, probability=0.6, cautious=np.inf),
@@ -302,7 +302,7 @@ def test_scores_are_those_of_a_hand_count():
         Scored(kind="compensator", name="held", value=-20.0),
         Scored(kind="compensator", name="lost", value=None, stable=False),
     ]
-    found = score(judge(said, came))
+    found = score(judge(warnings, came))
     assert found.coverage == pytest.approx(2 / 3)
     assert found.brier == pytest.approx((0.1**2 + 0.6**2) / 2)
     assert found.pessimism == pytest.approx(1.5)

@@ -77,13 +77,13 @@ def test_what_was_sealed_without_being_a_promise_is_bad_data(
         for value in rng.sample(WRONG, tried):
             path.write_text(json.dumps(changed(whole, at, value)), encoding="utf-8")
             code = execute(["outcome", str(path), str(outcome)], lambda: False)
-            said = capfd.readouterr().err
-            assert code in (0, 4), (at, value, said)
-            assert "Traceback" not in said
+            message = capfd.readouterr().err
+            assert code in (0, 4), (at, value, message)
+            assert "Traceback" not in message
             if code:
                 refused += 1
-                assert str(path) in said or str(outcome) in said, (at, value, said)
-                assert "\n  try: " in said, (at, value, said)
+                assert str(path) in message or str(outcome) in message, (at, value, message)
+                assert "\n  try: " in message, (at, value, message)
     assert refused > 60 * tried / len(WRONG)
 
 

@@ -16,8 +16,8 @@ from middeck.files.any_value import write
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.laws.packages import load_package
 from middeck.files.promises.plans import load_plan
-from middeck.files.promises.plants import load_promised_plants
 from middeck.files.promises.promise_file import read_promise
+from middeck.files.promises.promise_plants import load_promised_plants
 from middeck.realtime.package.filter_sections import LoopPath, static_gain
 from middeck.realtime.package.vectors import add_test_vectors
 from middeck.updating.promise.plan import group_loop

@@ -35,23 +35,23 @@ def test_times_and_decimals_of_csv(tmp_path: Path, unit: str, scale: float, mark
     assert found.record.sample_hz == 256.0
     assert np.array_equal(found.record.u[0, 0, :, 0], U)
     assert np.array_equal(found.record.y[0, 0, :, 0], Y)
-    said = [f.what for f in found.faults]
+    warnings = [f.what for f in found.faults]
     expected = (("decimal commas",) if point == "," else ()) + (() if unit == "s" else ("times",))
-    assert len(said) == bool(expected)
-    assert all(word in said[0] for word in expected)
+    assert len(warnings) == bool(expected)
+    assert all(word in warnings[0] for word in expected)
     stream = open_record(path)
     assert np.array_equal(np.concatenate([y for _, y in stream.blocks(16)])[:, 0], Y)
     assert stream.sample_hz == 256.0
 
 
 @pytest.mark.parametrize(
-    ("heads", "said"),
+    ("heads", "message"),
     [
         (("time (ms)", "force (left) (kN)", "rate (rad/s^2)"), ["decimal commas", "0.001 s"]),
         (("time", "force (in) [kN]", "rate [rad/s^2]"), ["decimal commas", "times are read as seconds"]),
     ],
 )
-def test_units_in_round_brackets_and_quoted_decimal_commas(tmp_path, heads, said) -> None:
+def test_units_in_round_brackets_and_quoted_decimal_commas(tmp_path, heads, message) -> None:
     rows = [
         ",".join(f'"{x!r}"'.replace(".", ",") for x in row)
         for row in zip((np.arange(50) / 0.256).tolist(), U.tolist(), Y.tolist(), strict=True)
@@ -61,7 +61,7 @@ def test_units_in_round_brackets_and_quoted_decimal_commas(tmp_path, heads, said
     assert found.record.sample_hz == pytest.approx(256.0 if "ms" in heads[0] else 0.256, rel=1e-12)
     assert np.array_equal(found.record.u[0, 0, :, 0], U)
     assert [port.unit for port in (*found.record.inputs, *found.record.outputs)] == ["kN", "rad/s^2"]
-    assert all(any(word in fault.what for fault in found.faults) for word in said)
+    assert all(any(word in fault.what for fault in found.faults) for word in message)
 
 
 @pytest.mark.parametrize("cell", ["1.234,5", "1,234,567", "1,2,3"])
@@ -123,16 +123,16 @@ def test_a_channel_on_both_sides_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("heading", "step", "said"),
+    ("heading", "step", "message"),
     [("time", 3.90625, "256 Hz"), ("time", 1.0, "count the lines"), ("time [s]", 1.0, "count the lines")],
 )
 def test_times_that_are_hardly_seconds_are_doubted(
-    tmp_path: Path, heading: str, step: float, said: str
+    tmp_path: Path, heading: str, step: float, message: str
 ) -> None:
     lines = [f"{k * step:g},{u},{y}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
     (tmp_path / "run.csv").write_text("\n".join((f"{heading},u:force [N],y:way [m]", *lines)) + "\n")
     (fault,) = read_record(tmp_path / "run.csv").faults
-    assert (fault.severity, said in fault.what) == ("serious", True)
+    assert (fault.severity, message in fault.what) == ("serious", True)
     assert read_record(tmp_path / "run.csv", name_columns(sample_hz=1.0 / step)).faults == ()
     assert read_record(written(tmp_path / "run.csv", "s", 1.0, ",", ".")).faults == ()
 

@@ -357,7 +357,7 @@ def test_any_node_comes_back_from_a_universal_file(tmp_path, node):
 
 
 @pytest.mark.parametrize(
-    ("port", "said"),
+    ("port", "message"),
     [
         (Port("y", "N", Channel(node="12345678901")), "longer than 10"),
         (Port("y", "N", Channel(node="NONE")), "'NONE' is no name in a universal file"),
@@ -367,9 +367,9 @@ def test_any_node_comes_back_from_a_universal_file(tmp_path, node):
         (Port("y", " N"), "' N' is no name"),
     ],
 )
-def test_what_a_universal_file_would_lose_is_refused(tmp_path, port, said):
+def test_what_a_universal_file_would_lose_is_refused(tmp_path, port, message):
     x = np.arange(6.0).reshape(1, 1, 6, 1)
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         write_record(tmp_path / "a.uff", a_record((x, x), (Port("u", "N"),), (port,)))
     assert not list(tmp_path.iterdir())
 

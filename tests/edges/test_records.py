@@ -77,7 +77,7 @@ def test_a_flipped_byte(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"y": None}, "arrays missing: y"),
         ({"schema": np.int64(2)}, "schema is 2"),
@@ -99,8 +99,8 @@ def test_a_flipped_byte(tmp_path: Path) -> None:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_inconsistent_archives(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
-    assert said in refused(rewritten(tmp_path / "r.npz", **changes)).what
+def test_inconsistent_archives(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    assert message in refused(rewritten(tmp_path / "r.npz", **changes)).what
 
 
 def test_a_sample_that_is_no_number_names_its_channel(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_a_sample_that_is_no_number_names_its_channel(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("r.npz", b"", "the file is empty"),
         ("r.csv", b"", "the file is empty"),
@@ -123,11 +123,11 @@ def test_a_sample_that_is_no_number_names_its_channel(tmp_path: Path) -> None:
         ("r.npz", b"\x93NUMPY nonsense", "not an NPZ archive"),
     ],
 )
-def test_files_that_are_none(tmp_path: Path, name: str, content: bytes, said: str) -> None:
+def test_files_that_are_none(tmp_path: Path, name: str, content: bytes, message: str) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     error = refused(path)
-    assert said in error.what
+    assert message in error.what
     assert error.hint
 
 
@@ -160,7 +160,7 @@ def test_rounded_time_stamps_are_even(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "said"),
+    ("text", "place", "message"),
     [
         (HEADER + "0.0,1,2\n0.1,3,4\n0.25,5,6\n", "channel time", "uneven time steps"),
         (HEADER + "0.0,1,2\n0.1,3,4\n0.1,5,6\n", "channel time", "uneven time steps"),
@@ -177,10 +177,10 @@ def test_rounded_time_stamps_are_even(tmp_path: Path) -> None:
         ("time [s],u:t [V],y:a [V],y:a [V]\n0,1,2,3\n1,2,3,4\n", "r.csv", "two channels are named 'a'"),
     ],
 )
-def test_bad_csv(tmp_path: Path, text: str, place: str, said: str) -> None:
+def test_bad_csv(tmp_path: Path, text: str, place: str, message: str) -> None:
     error = refused(csv_file(tmp_path, text))
     assert place in error.where
-    assert said in error.what
+    assert message in error.what
 
 
 def test_several_files_are_experiments_of_one_record(tmp_path: Path) -> None:

@@ -126,22 +126,22 @@ CASES: dict[str, tuple[Builder, str]] = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_it_is_refused(tmp_path: Path, case: str, capfd: pytest.CaptureFixture[str]) -> None:
-    build, said = CASES[case]
+    build, message = CASES[case]
     path = build(tmp_path)
     with pytest.raises(DataError) as caught:
         load_record(path)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert str(path) in caught.value.where
     assert caught.value.hint
     streamed = _streamed(path)
     assert streamed is None or streamed.hint
-    if "not finite" in said:  # shown as a gap, which is why
+    if "not finite" in message:  # shown as a gap, which is why
         ended = middeck(capfd, "record", path)
         assert (ended.code, "gap" in ended.out) == (0, True)
     else:
         ended = middeck(capfd, "record", path)
         assert (ended.code, ended.out) == (4, "")
-        assert said in ended.err
+        assert message in ended.err
         assert re.search(r"\n  try: \S", ended.err)
 
 
@@ -163,7 +163,7 @@ def test_a_stream_refuses_it_too(tmp_path: Path, case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ("sample_hz = -1.0\n", "must be > 0"),
         ('[[channel]]\nname = "torque"\nunits = "N m"\n', "did you mean 'unit'"),
@@ -172,14 +172,14 @@ def test_a_stream_refuses_it_too(tmp_path: Path, case: str) -> None:
         ("", "the file is empty"),
     ],
 )
-def test_a_wrong_file_of_channels(tmp_path: Path, content: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(said)) as caught:
+def test_a_wrong_file_of_channels(tmp_path: Path, content: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(message)) as caught:
         load_record(beside(content)(tmp_path))
     assert "r.csv.toml" in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ('[[channel]]\nname = "force"\nnode = "1"\n', "no channel is named 'force'"),
         ("sample_hz = 100.0\n", "sampled at 10 Hz; 100 Hz were stated"),
@@ -187,8 +187,8 @@ def test_a_wrong_file_of_channels(tmp_path: Path, content: str, said: str) -> No
         ('[[channel]]\nname = "torque"\ncalibrated = "soon"\n', "not a date"),
     ],
 )
-def test_a_file_of_channels_that_does_not_fit(tmp_path: Path, content: str, said: str) -> None:
-    with pytest.raises(DataError, match=re.escape(said)):
+def test_a_file_of_channels_that_does_not_fit(tmp_path: Path, content: str, message: str) -> None:
+    with pytest.raises(DataError, match=re.escape(message)):
         load_record(beside(content)(tmp_path))
 
 
@@ -211,7 +211,7 @@ def refused_or_read(path: Path) -> MiddeckError | None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--inputs", "torque"), "named together"),
         (("--inputs", "a=b=c", "--outputs", "y"), "names no column"),
@@ -220,9 +220,9 @@ def refused_or_read(path: Path) -> MiddeckError | None:
     ],
 )
 def test_wrong_options(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], arguments: tuple[str, ...], message: str
 ) -> None:
     path = beside("sample_hz = 10.0\n")(tmp_path)
     ended = middeck(capfd, "record", path, *arguments)
     assert ended.code == 2
-    assert said in ended.err
+    assert message in ended.err

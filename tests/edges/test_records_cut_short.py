@@ -110,11 +110,11 @@ def test_a_file_of_ours_says_how_many_samples_it_has(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("last", "said"),
+    ("last", "message"),
     [("0.2,3,", "cell 3 of 3 is empty.*truncated"), ("0.2,,3", "cell 2 of 3 is empty.*nan where")],
 )
-def test_an_empty_cell_of_a_csv_is_called_that(tmp_path: Path, last: str, said: str) -> None:
+def test_an_empty_cell_of_a_csv_is_called_that(tmp_path: Path, last: str, message: str) -> None:
     path = tmp_path / "cut.csv"
     path.write_text(f"time,u,y\n0,1,2\n0.1,1,2\n{last}\n")
-    with pytest.raises(DataError, match=f"(?s){said}"):
+    with pytest.raises(DataError, match=f"(?s){message}"):
         load_record(path)

@@ -39,20 +39,20 @@ def written(folder: Path, **arrays: object) -> Path:
 )
 def test_even_times_give_the_rate(times: np.ndarray, rate: float, tmp_path: Path) -> None:
     assert md.load_record(written(tmp_path, t=times)).sample_hz == pytest.approx(rate, rel=1e-9)
-    (told,) = read_record(written(tmp_path, time=times)).faults
-    assert (told.severity, told.kind) == ("note", "rate")
-    assert f"give {rate:.9g} Hz" in told.what
+    (warning,) = read_record(written(tmp_path, time=times)).faults
+    assert (warning.severity, warning.kind) == ("note", "rate")
+    assert f"give {rate:.9g} Hz" in warning.what
     assert read_record(written(tmp_path, t=times, fs=rate)).faults == ()
 
 
 @pytest.mark.parametrize("times", [K, K / 4.0])
 def test_slow_times_are_doubted(times: np.ndarray, tmp_path: Path) -> None:
-    (told,) = read_record(written(tmp_path, t=times)).faults
-    assert told.severity == "serious"
+    (warning,) = read_record(written(tmp_path, t=times)).faults
+    assert warning.severity == "serious"
 
 
 @pytest.mark.parametrize(
-    ("told", "said"),
+    ("reported", "message"),
     [
         ({"fs": 0.004}, r"fs = 0.004 means 0.004 Hz: if it is a period, it is 250 Hz"),
         ({"Ts": 250.0}, r"Ts = 250 means 0.004 Hz: if it is a rate, it is 250 Hz"),
@@ -62,22 +62,26 @@ def test_slow_times_are_doubted(times: np.ndarray, tmp_path: Path) -> None:
         ({"Ts": 1.0}, ""),
     ],
 )
-def test_a_period_told_as_a_rate_is_doubted(told: dict[str, object], said: str, tmp_path: Path) -> None:
-    path = written(tmp_path, **told)
-    if "run" in told:
-        scipy.io.savemat(path, told)
+def test_a_period_told_as_a_rate_is_doubted(
+    reported: dict[str, object], message: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, **reported)
+    if "run" in reported:
+        scipy.io.savemat(path, reported)
     faults = read_record(path).faults
-    assert [f.severity for f in faults] == (["serious"] if said else [])
-    assert all(re.search(said, f.what) for f in faults)
+    assert [f.severity for f in faults] == (["serious"] if message else [])
+    assert all(re.search(message, f.what) for f in faults)
 
 
-@pytest.mark.parametrize("told", [{"fs": 0.1}, {"Ts": 10.0}])
-def test_a_slow_rate_that_the_times_confirm_is_not_doubted(told: dict[str, object], tmp_path: Path) -> None:
-    assert read_record(written(tmp_path, t=10.0 * K, **told)).faults == ()
+@pytest.mark.parametrize("reported", [{"fs": 0.1}, {"Ts": 10.0}])
+def test_a_slow_rate_that_the_times_confirm_is_not_doubted(
+    reported: dict[str, object], tmp_path: Path
+) -> None:
+    assert read_record(written(tmp_path, t=10.0 * K, **reported)).faults == ()
 
 
 @pytest.mark.parametrize(
-    ("arrays", "said"),
+    ("arrays", "message"),
     [
         ({"t": np.where(K > 900, K + 1, K) / 256.0}, "not in even steps"),
         ({"t": (K + 0.2 * np.sin(K)) / 256.0}, "not in even steps"),
@@ -90,8 +94,8 @@ def test_a_slow_rate_that_the_times_confirm_is_not_doubted(told: dict[str, objec
         ({}, "no sampling rate"),
     ],
 )
-def test_others_are_refused(arrays: dict[str, np.ndarray], said: str, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=said):
+def test_others_are_refused(arrays: dict[str, np.ndarray], message: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=message):
         md.load_record(written(tmp_path, **arrays))
 
 

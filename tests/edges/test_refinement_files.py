@@ -399,9 +399,9 @@ def test_the_verb_refines_damping_and_says_how_well_it_knows_it(
     assert suspension["std"] == pytest.approx(suspension["spread"], rel=1e-6)
     assert "the tests do not determine suspension" in document["warnings"]
     assert document["model_error"].keys() == {"suspension", "flexible", "damping"}
-    (told,) = document["damping"]
-    np.testing.assert_allclose(told["measured"], 0.01)
-    np.testing.assert_allclose(told["deviation"], 0.0005)
+    (reported,) = document["damping"]
+    np.testing.assert_allclose(reported["measured"], 0.01)
+    np.testing.assert_allclose(reported["deviation"], 0.0005)
     assert 0.0 < max(document["predicted"]["damping_deviation"]) < 0.003
     shown = middeck(capfd, "refine", ARTICLE, file, "-o", tmp_path / "refined.toml").out
     assert "damping in survey stand" in shown
@@ -456,12 +456,12 @@ def test_friction_is_read_in_degrees_and_reported_in_newton_metres(
     assert stated.slip_angle == pytest.approx(np.radians(0.02))
     assert not stated.random
     document = json.loads(middeck(capfd, "refine", ARTICLE, file, "--json").out)
-    (told,) = document["friction"]
-    assert told["slip_torque_nm"] == pytest.approx(1e-6, rel=0.05)
-    assert told["slip_torque_deviation_nm"] == pytest.approx(0.3e-6, rel=0.05)
-    assert told["slip_angle_deg"] == pytest.approx(0.02, rel=0.05)
+    (reported,) = document["friction"]
+    assert reported["slip_torque_nm"] == pytest.approx(1e-6, rel=0.05)
+    assert reported["slip_torque_deviation_nm"] == pytest.approx(0.3e-6, rel=0.05)
+    assert reported["slip_angle_deg"] == pytest.approx(0.02, rel=0.05)
     assert document["not_in_the_article"] == ["slip"]
-    assert any("without the friction of joints: pri_z" in said for said in document["warnings"])
+    assert any("without the friction of joints: pri_z" in warning for warning in document["warnings"])
     assert "friction of joints" in middeck(capfd, "refine", ARTICLE, file).out
 
 

@@ -211,7 +211,7 @@ def test_the_page_says_which_values_of_the_rig_count(written):
     assert "<code>identification_noise</code>" in assumptions
     assert re.search(r"Coulomb and\s+viscous friction", assumptions)
     assert re.search(r"there is no\s+play", assumptions)
-    used = (ROOT / "src/middeck/files/studies/rig.py").read_text()
+    used = (ROOT / "src/middeck/files/studies/rig_table.py").read_text()
     for key in RigForm.model_fields:
         assert re.search(rf"\bform\.{key}\b", used), key
 
@@ -360,8 +360,8 @@ def test_every_claim_is_in_the_summary(page, numbers):
     assert len({c["claim"] for c in claims}) == len(claims) > 40
     for claim in claims:
         # The unit stands with the number.
-        said = claim["claim"].removesuffix(f" [{claim['unit']}]")
-        assert rows[said] == ("yes" if claim["holds"] else "no")
+        message = claim["claim"].removesuffix(f" [{claim['unit']}]")
+        assert rows[message] == ("yes" if claim["holds"] else "no")
     # So few states are too few for the mirror, and the page says so.
     assert "no" in {holds for claim, holds in rows.items() if claim.startswith("mirror")}
 
@@ -503,9 +503,9 @@ def test_the_summary_lists_all_that_does_not_hold(numbers):
     claims = claim_rows(numbers)
     lines = [line.text for line in does_not_hold(numbers, claims)]
     for row in claims:
-        said = [x for x in lines if x.startswith(row.claim.partition(" [")[0] + ": ")]
-        assert len(said) == (not row.holds)
-        assert all(row.number in x and row.asked in x for x in said)
+        warnings = [x for x in lines if x.startswith(row.claim.partition(" [")[0] + ": ")]
+        assert len(warnings) == (not row.holds)
+        assert all(row.number in x and row.asked in x for x in warnings)
     loops = {"CL1": "low", "CL2": "high", "CL3": "robust"}
     for who, key in loops.items():
         unstable = not all(on["stable"] for on in numbers["figure_9b"][key]["rig"])
@@ -529,10 +529,10 @@ def test_every_warning_reaches_the_page(written, numbers):
     warnings = every_warning(numbers)
     assert warnings
     assert all(w in text for w in warnings)
-    told = copy.deepcopy(numbers)
-    told["figure_4"]["lab"]["warnings"] = ["the cable is short"]
-    told["figure_9b"]["drifted"]["warnings"] = ["the fit is poor"]
-    assert {"the cable is short", "the fit is poor"} <= {w.text for w in warned(told)}
+    reported = copy.deepcopy(numbers)
+    reported["figure_4"]["lab"]["warnings"] = ["the cable is short"]
+    reported["figure_9b"]["drifted"]["warnings"] = ["the fit is poor"]
+    assert {"the cable is short", "the fit is poor"} <= {w.text for w in warned(reported)}
 
 
 def test_each_row_of_claims_is_in_one_unit(numbers):

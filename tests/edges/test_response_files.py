@@ -61,12 +61,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def written(folder: Path, heard: str, loop: str = LOOP) -> Path:
+def written(folder: Path, survey: str, loop: str = LOOP) -> Path:
     """The sample's refinement, with a response of its survey and unknowns of the loop."""
     text = (SURVEY / "refine.toml").read_text(encoding="utf-8")
     head, unknown, rest = text.partition("[[unknown]]")
     file = folder / "refine.toml"
-    file.write_text(head + heard + "\n" + unknown + rest + loop, encoding="utf-8")
+    file.write_text(head + survey + "\n" + unknown + rest + loop, encoding="utf-8")
     return file
 
 
@@ -79,9 +79,9 @@ def test_delay_and_gain_come_out_of_a_file(folder: Path, capfd: pytest.CaptureFi
         assert abs(named[name]["x"] - true) < 3.0 * named[name]["std"]
     assert named["delay"]["std"] < 5e-5
     assert named["gain"]["std"] < 0.012
-    (heard,) = found["responses"]
-    assert heard["lines"] > 300
-    assert heard["miss"] < 1.5
+    (measured,) = found["responses"]
+    assert measured["lines"] > 300
+    assert measured["miss"] < 1.5
     assert set(found["not_in_the_article"]) >= {"delay", "gain"}
     assert any(path.name == "heard.unv" for path in load_refinement(folder / "refine.toml", ARTICLE).files)
 

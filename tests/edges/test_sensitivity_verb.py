@@ -11,7 +11,7 @@ import pytest
 import middeck as md
 from cli_runner import ROOT, middeck
 from coarse_articles import coarse
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 

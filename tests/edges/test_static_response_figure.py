@@ -34,8 +34,8 @@ def test_the_curve_passes_through_the_table(
     ended = middeck(capfd, *ASKED, *static, "--figure", tmp_path / "a.svg")
     assert ended.code == 0, ended.err
     (table,) = json.loads(ended.out)["responses"]
-    told = np.abs(np.array(table["re"]) + 1j * np.array(table["im"]))
+    reported = np.abs(np.array(table["re"]) + 1j * np.array(table["im"]))
     lines, asked = (np.abs(r.H[:, 0, 0]) for r in drawn)
-    np.testing.assert_allclose(asked, told, rtol=1e-12)
+    np.testing.assert_allclose(asked, reported, rtol=1e-12)
     curve = np.interp([5.0, 20.0], drawn[0].frequency_hz, lines)
-    np.testing.assert_allclose(curve, told, rtol=0.02)
+    np.testing.assert_allclose(curve, reported, rtol=0.02)

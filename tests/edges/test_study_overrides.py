@@ -207,13 +207,13 @@ def late() -> ZeroGControl:
     return outcome
 
 
-def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(late: ZeroGControl) -> None:
-    rows = {row["claim"].partition(";")[0]: row for row in figure_7_claims(late)}
+def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(delay: ZeroGControl) -> None:
+    rows = {row["claim"].partition(";")[0]: row for row in figure_7_claims(delay)}
     low = rows["at the lowest authority the error is smaller in 1-g than in 0-g"]
     assert (low["holds"], low["number"]) == (False, None)
     repeats = rows["in the rigid sub-model the same mode becomes unstable first, within 0.25 decade"]
     assert (repeats["holds"], repeats["number"]) == (False, None)
-    json_text(ZERO_G_CONTROL.tabulate(late))  # raises for what is not finite
+    json_text(ZERO_G_CONTROL.tabulate(delay))  # raises for what is not finite
 
 
 def leaves(table: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

@@ -51,15 +51,15 @@ ALIKE: dict[str, Callable[[Path], Path]] = {
 @pytest.mark.parametrize("name", ALIKE)
 def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
     deck, parts = read_assembly(ALIKE[name](tmp_path / "a"), UNITS, "a")
-    told, known = read_assembly(copied(tmp_path / "b"), UNITS, "a")
-    assert deck.cards == told.cards
+    reported, known = read_assembly(copied(tmp_path / "b"), UNITS, "a")
+    assert deck.cards == reported.cards
     for file, part in known.items():
         np.testing.assert_array_equal(parts[file].stiffness, part.stiffness)
         assert parts[file].frames == part.frames
 
 
 @pytest.mark.parametrize(
-    ("edits", "said"),
+    ("edits", "message"),
     [
         ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "")], r"there is no BEGIN SUPER"),
         ([(MAIN, "INCLUDE 'inboard.pch'\n\nENDDATA\n", "GRID")], r"dat:\d+: the file ends within this line"),
@@ -72,9 +72,9 @@ def test_other_writings_are_the_same_deck(name: str, tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_deck_that_is_not_whole_is_refused(
-    edits: list[tuple[str, str, str]], said: str, tmp_path: Path
+    edits: list[tuple[str, str, str]], message: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         read_assembly(copied(tmp_path / "a", *edits), UNITS, "a")
 
 
@@ -99,9 +99,9 @@ def test_modal_masses_that_are_no_mass_of_the_deck_are_reported(tmp_path: Path, 
     scaled = [m._replace(value=m.value * (factor if m.name == "MXX" else 1.0)) for m in held.values()]
     write_op4(path, scaled)
     deck, _ = read_assembly(main, UNITS, "a")
-    said = [note for note in deck.notes if "modal masses" in note]
-    assert bool(said) == (factor != 1.0)
-    assert not said or "se101 has modal masses of 386.1, Nastran writes 1" in said[0]
+    warnings = [note for note in deck.notes if "modal masses" in note]
+    assert bool(warnings) == (factor != 1.0)
+    assert not warnings or "se101 has modal masses of 386.1, Nastran writes 1" in warnings[0]
 
 
 BY_PLACE = (
@@ -113,7 +113,7 @@ TWIN = ("outboard.asm", THIRD, f"GRID          99            600.      0.    300
 
 
 @pytest.mark.parametrize(
-    ("edits", "said"),
+    ("edits", "message"),
     [
         ((TWIN,), "boundary grid 3 stands at several grids: (3, 99|99, 3)"),
         ((("outboard.asm", "AUTO          ", "AUTO         x"),), r"TOL = X is no distance"),
@@ -125,12 +125,12 @@ TWIN = ("outboard.asm", THIRD, f"GRID          99            600.      0.    300
     ],
 )
 def test_places_that_tell_no_one_grid_are_refused(
-    edits: tuple[tuple[str, str, str], ...], said: str, tmp_path: Path
+    edits: tuple[tuple[str, str, str], ...], message: str, tmp_path: Path
 ) -> None:
     """The grids of the main bulk data are 300 mm apart."""
     _, parts = read_assembly(copied(tmp_path / "a", *BY_PLACE), UNITS, "a")
     assert parts["a-se101.npz"].frames == ("g3", "g11", "g19", "g27")
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         read_assembly(copied(tmp_path / "b", *BY_PLACE, *edits), UNITS, "a")
 
 
@@ -156,10 +156,10 @@ def test_one_grid_apart_moves_no_component_in_silence(tmp_path: Path, far: float
         )
     ]
     deck, parts = read_assembly(copied(tmp_path / "a", *edits), UNITS, "a")
-    told, offsets = " ".join(deck.notes), parts["a-se101.npz"].fixed_at
-    assert stays == ("se101 is moved" not in told)
+    reported, offsets = " ".join(deck.notes), parts["a-se101.npz"].fixed_at
+    assert stays == ("se101 is moved" not in reported)
     assert stays == (np.count_nonzero(np.linalg.norm(offsets, axis=1)) == 1)
-    assert f"over a distance of {far if stays else 0.75 * far:.2g} (" in told
+    assert f"over a distance of {far if stays else 0.75 * far:.2g} (" in reported
 
 
 def test_a_component_that_its_grids_take_elsewhere_is_reported(tmp_path: Path) -> None:

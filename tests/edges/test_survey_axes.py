@@ -85,7 +85,7 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
 
 
 @pytest.mark.parametrize(
-    ("systems", "defined", "displaced", "said"),
+    ("systems", "defined", "displaced", "message"),
     [
         (
             system(4, 1, TURNED),
@@ -102,9 +102,9 @@ def test_systems_that_are_the_global_one_are_read(tmp_path: Path, label: int) ->
     ],
 )
 def test_other_systems_are_refused(
-    tmp_path: Path, systems: str, defined: int, displaced: int, said: str
+    tmp_path: Path, systems: str, defined: int, displaced: int, message: str
 ) -> None:
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         survey(tmp_path, units(), systems, places(defined, displaced), normal(10.0, 0.01))
 
 

@@ -61,13 +61,20 @@ class Survey:
         lengths = np.array([self.scale or 1.0] * 3 + [1.0] * 3)[: self.width]
         values = self.motion[m] * lengths * (root if self.complex else omega) ** DERIVATIVE[self.quantity]
         kinds = (1, 3, 5) if self.complex else (1, 2, 2)
-        told = whole(*kinds[:2], self.width // 3 + 1, self.quantity, kinds[2], self.width)
+        reported = whole(*kinds[:2], self.width // 3 + 1, self.quantity, kinds[2], self.width)
         both = [root.real, root.imag] if self.complex else [0.0, 0.0]
         if self.shapes == 55:
             own = [*both, 1.0, 0.0, 0.0, 0.0] if self.complex else [self.hz[m], 1.0, self.ratio[m], 0.0]
-            head = [*["NONE"] * 5, told, whole(2, len(own), 1, m + 1), *reals(own)]
+            head = [*["NONE"] * 5, reported, whole(2, len(own), 1, m + 1), *reals(own)]
         else:
-            head = [whole(m + 1), "mode", whole(1), *["NONE"] * 5, told, whole(0, 0, 0, 0, 1, m + 1, 0, 0)]
+            head = [
+                whole(m + 1),
+                "mode",
+                whole(1),
+                *["NONE"] * 5,
+                reported,
+                whole(0, 0, 0, 0, 1, m + 1, 0, 0),
+            ]
             head += [whole(0, 0), *reals([0.0, self.hz[m], omega**2, 1.0, self.ratio[m], 0.0])]
             head += reals([*both, 0.0, 0.0, 0.0, 0.0])
         for k in self.rng.permutation(5):
@@ -107,7 +114,9 @@ def test_a_survey_comes_in_and_goes_out(seed: int, end: str, tmp_path: Path) -> 
     path.write_text(end.join([*truth.lines, ""]), newline="")
     found = md.load_measured_modes(path)
     compare(found, truth)
-    assert any("lengths are taken as metres" in said for said in found.warnings) == (truth.scale is None)
+    assert any("lengths are taken as metres" in warning for warning in found.warnings) == (
+        truth.scale is None
+    )
     for sets in SETS:
         md.files.write_measured_modes(tmp_path / "b.unv", found, sets=sets)
         compare(md.load_measured_modes(tmp_path / "b.unv"), truth)

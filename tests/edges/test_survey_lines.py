@@ -52,12 +52,12 @@ def survey(path: Path, ids: list[int], trace: list[list[int]], z: np.ndarray) ->
             for i, v in zip(ids, z[:, mode], strict=True)
             for t in (whole(i), "".join(f"{x:13.5E}" for x in (0.0, 0.0, 1e3 * v)))
         ]
-        told = [whole(1, 2, 2, 8, 2, 3), whole(2, 4, 1, mode + 1)]
+        reported = [whole(1, 2, 2, 8, 2, 3), whole(2, 4, 1, mode + 1)]
         lines += data_set(
             55,
             [
                 *["NONE"] * 5,
-                *told,
+                *reported,
                 "".join(f"{x:13.5E}" for x in (2.0 + 3.0 * mode, 1.0, 0.01, 0.0)),
                 *shape,
             ],
@@ -86,12 +86,12 @@ def beam_modes() -> md.Modes:
 def test_trace_lines_and_header_are_read_kept_and_written(tmp_path: Path) -> None:
     found = md.load_measured_modes(survey(tmp_path / "a.unv", IDS, TRACE, Z))
     assert found.source == "wing 3; as delivered; modal lab 7; 27-NOV-26 10:11:12"
-    said = (
+    message = (
         tuple(map(str, IDS[:9])),
         tuple(map(str, IDS[9:])),
         tuple(map(str, (IDS[0], 99, IDS[2], IDS[3]))),
     )
-    assert found.lines == said
+    assert found.lines == message
     md.files.write_measured_modes(tmp_path / "a.json", found)
     again = md.load_measured_modes(tmp_path / "a.json")
     assert (again.lines, again.source) == (found.lines, found.source)
@@ -101,7 +101,7 @@ def test_trace_lines_and_header_are_read_kept_and_written(tmp_path: Path) -> Non
         md.files.write_measured_modes(tmp_path / name, written)
         written = md.load_measured_modes(tmp_path / name)
         assert written.source == found.source
-        assert written.lines == (said[0][1:], said[1], said[2][2:])
+        assert written.lines == (message[0][1:], message[1], message[2][2:])
 
 
 def test_lines_are_written_in_sets_of_250_entries(tmp_path: Path) -> None:

@@ -74,10 +74,10 @@ SLIPS = {
 }
 
 
-@pytest.mark.parametrize("said", SLIPS)
+@pytest.mark.parametrize("message", SLIPS)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_slip_is_seen(modes: Modes, said: str, seed: int) -> None:
-    assert said in doubts(modes, SLIPS[said](survey(modes, seed)))
+def test_a_slip_is_seen(modes: Modes, message: str, seed: int) -> None:
+    assert message in doubts(modes, SLIPS[message](survey(modes, seed)))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -108,7 +108,7 @@ def test_a_refinement_says_so() -> None:
     seen = SLIPS["rad/s in place of Hz"](survey(modes, 1))
     unknown = md.Unknown(name="modulus", parameters=("members.E",), spread=0.1)
     refined = md.refine(article, [md.Survey(name="s", measured=seen, environment=lab)], [unknown])
-    assert any("rad/s in place of Hz" in said for said in findings(refined))
+    assert any("rad/s in place of Hz" in warning for warning in findings(refined))
 
 
 def test_correlate_says_so(tmp_path: Path, modes: Modes, capfd: pytest.CaptureFixture[str]) -> None:

@@ -15,20 +15,20 @@ SCHEMA = "middeck.promise/1"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('"date":', '"date": "1999-01-01", "date":', "'date' stands twice"),
         ("1.5", "NaN", "not what was sealed"),
         ("1.5", "1e999", "not what was sealed"),
     ],
 )
-def test_tampering_that_a_parser_forgives_is_refused(tmp_path, old, new, said):
+def test_tampering_that_a_parser_forgives_is_refused(tmp_path, old, new, message):
     path = tmp_path / "promise.json"
     text = json.dumps(seal({"schema": SCHEMA, "date": "2026-11-23", "value": 1.5}))
     path.write_text(text)
     assert read_sealed(path, SCHEMA)["value"] == 1.5
     path.write_text(text.replace(old, new))
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         read_sealed(path, SCHEMA)
 
 

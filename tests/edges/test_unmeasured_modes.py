@@ -61,14 +61,14 @@ def test_the_fundamental_is_the_models_and_not_the_lowest_measured(chosen: list[
     assert (only.worst is None) != measured
     assert frequencies.verdict == "open"
     for found in (shapes, frequencies):
-        said = " ".join(found.warnings)
+        message = " ".join(found.warnings)
         hz = hung().frequency_hz
-        assert ("a flexible mode lies below all that was measured" in said) != measured
+        assert ("a flexible mode lies below all that was measured" in message) != measured
         assert (
-            f"mode {FIRST} {hung().name[FIRST]!r} of {hz[FIRST]:.4g} Hz has no partner" in said
+            f"mode {FIRST} {hung().name[FIRST]!r} of {hz[FIRST]:.4g} Hz has no partner" in message
         ) != measured
         # Of a hung article; which modes those are is counted here.
-        assert "of the model only suspension modes have more than 10 % of the effective mass" in said
+        assert "of the model only suspension modes have more than 10 % of the effective mass" in message
 
 
 def test_a_model_far_off_in_one_mode_fails_though_that_has_no_partner() -> None:
@@ -106,8 +106,10 @@ def test_a_mode_of_large_effective_mass_that_was_not_measured_is_named() -> None
     others = [i for i in range(2, len(fraction)) if fraction[i] > 0.1]
     for one in (0, int(np.argmin(fraction))):  # the fundamental, which is none of these, and the smallest
         found = compare_frequencies(modes, bare(measure_modes(modes, chosen=[one])), ECSS)
-        (said,) = [w for w in found.warnings if "large effective mass" in w]
-        assert f"of {modes.frequency_hz[others[0]]:.4g} Hz has more than 10 % of the effective mass" in said
+        (warning,) = [w for w in found.warnings if "large effective mass" in w]
+        assert (
+            f"of {modes.frequency_hz[others[0]]:.4g} Hz has more than 10 % of the effective mass" in warning
+        )
 
 
 def test_a_changed_limit_says_which_it_replaced() -> None:
@@ -152,7 +154,7 @@ def test_a_mode_that_hardly_moves_the_sensors_is_named(tip: float, named: bool) 
     modes = solve_modes(solve_equilibrium(heavy, Environment.clamped("a", gravity=0.0)))
     bending = [i for i, name in enumerate(modes.name) if name.endswith("bending x-y")][:3]
     test = measure_modes(modes, [("b", "y"), ("b", "rz")], chosen=bending[1:])
-    said = [w for w in correlated(modes, test).warnings if "moves the sensors" in w]
-    assert bool(said) == named
+    remarks = [w for w in correlated(modes, test).warnings if "moves the sensors" in w]
+    assert bool(remarks) == named
     if named:
-        assert f"of {modes.frequency_hz[bending[2]]:.4g} Hz moves the sensors" in said[0]
+        assert f"of {modes.frequency_hz[bending[2]]:.4g} Hz moves the sensors" in remarks[0]

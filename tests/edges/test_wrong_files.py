@@ -26,7 +26,7 @@ from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.promises.outcomes import load_outcomes
 from middeck.files.promises.plans import load_plan
 from middeck.files.records import load_record, write_record
-from middeck.files.refinements.candidates import load_candidates
+from middeck.files.refinements.candidate_documents import load_candidates
 from middeck.files.refinements.documents import load_refinement
 from middeck.files.refinements.promised_loads import load_promised_loads
 from middeck.files.setups import load_environment, load_structure
@@ -368,12 +368,12 @@ def test_no_hint_of_the_library_names_an_option() -> None:
 def test_no_hint_of_a_verb_names_python_or_an_option_that_it_lacks(verb: str) -> None:
     every = {o for own in OPTIONS.values() for o in own}
     for place, hint in hints():
-        said = on_command_line(hint, verb, OPTIONS, public_names())
-        assert not re.search(PYTHON, said.replace("VALUE", "")), (place, said)
-        for option in re.findall(r"(?<![\w-])--[a-z][\w-]*", said):
+        message = on_command_line(hint, verb, OPTIONS, public_names())
+        assert not re.search(PYTHON, message.replace("VALUE", "")), (place, message)
+        for option in re.findall(r"(?<![\w-])--[a-z][\w-]*", message):
             assert option in every
-            there = option in OPTIONS[verb] or any(option in OPTIONS[v] for v in VERBS if v in said)
-            assert there, (place, said)
+            there = option in OPTIONS[verb] or any(option in OPTIONS[v] for v in VERBS if v in message)
+            assert there, (place, message)
 
 
 def test_a_hint_of_the_command_line_itself_names_its_options() -> None:
@@ -449,8 +449,8 @@ def test_gravity_is_not_taken_out_of_a_measurement(
 ):
     """A fitted model where an article is asked for: refused with the reason, which a survey is not told."""
     model = tmp_path / "fitted.json"
-    for schema, said in (("model", True), ("measured-modes", False)):
+    for schema, warning in (("model", True), ("measured-modes", False)):
         model.write_text(f'{{"schema": "middeck.{schema}/1"}}', encoding="utf-8")
         ended = run(capfd, verb, model, *more)
         assert ended.code == ConfigError.exit_code
-        assert ("gravity and suspension are in all modes of a measurement" in ended.err) == said
+        assert ("gravity and suspension are in all modes of a measurement" in ended.err) == warning

@@ -51,7 +51,9 @@ def test_the_chain_reaches_its_report_whatever_is_hidden() -> None:
         assert drawing.promised_and_came(kept)
         assert drawing.routes(kept)
         assert len(promise_claims(numbers)) == 6
-        assert {f"record from orbit: {said}" for said in kept.measured.warnings} <= set(numbers["warnings"])
+        assert {f"record from orbit: {warning}" for warning in kept.measured.warnings} <= set(
+            numbers["warnings"]
+        )
         assert frequency_error(numbers, "refined_hz") < min(0.1, frequency_error(numbers, "sheet_hz") / 8.0)
         gap = route_gap_db(numbers)
         assert gap is not None

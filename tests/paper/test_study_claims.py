@@ -12,9 +12,9 @@ from middeck.identification.model.measurement_model import (
 )
 from middeck.identification.model.plant_model import model_of_plant
 from middeck.identification.plants.zeros import path_zeros
-from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.rig.linear_view import linearise_rig
+from middeck.laboratory.tested_article import rig_article_plant
 from middeck.study.chapters.gravity_responses.numbers_and_claims import figure_6_claims
 from middeck.study.chapters.measured_control.numbers_and_claims import figure_9_claims
 from middeck.study.chapters.two_sensor_control.numbers_and_claims import (

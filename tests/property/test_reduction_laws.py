@@ -11,8 +11,8 @@ from random_plants import random_plant
 from balanced_cut import cut_balanced, hankel_values
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
-from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.modal import reduce_modes
+from middeck.control.reduction.reduced_compensators import reduce_compensator
 from middeck.systems.poles.stability import growth_rates
 from middeck.systems.state_space.statespace import StateSpace, poles
 from plant_builders import unit_weights

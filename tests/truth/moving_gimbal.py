@@ -7,8 +7,8 @@ import gimbal_record
 import numpy as np
 import scipy.signal
 
+from middeck.signals.excitation.band_noise import design_noise
 from middeck.signals.excitation.limits import Limits
-from middeck.signals.excitation.noise import design_noise
 from middeck.signals.record import Record
 
 RATE = 256.0
@@ -16,14 +16,14 @@ T = 1.0 / RATE
 HOLD = 0.5 * T
 
 
-def motion_of_mode(v, late, hz, zeta):
+def motion_of_mode(v, delay, hz, zeta):
     """q'' + 2 zeta w q' + w^2 q = v, v held and late; hz and zeta for each sample, constant by segments.
 
     In z with q = 2 Re z, q' = 2 Re(lambda z) a step is z' = e z + drive, a recursion of first order; where
     the frequency steps, q and q' go on and z is found anew.
     """
-    whole = int(np.floor(late / T + 1e-9))
-    part = late - whole * T
+    whole = int(np.floor(delay / T + 1e-9))
+    part = delay - whole * T
     padded = np.concatenate([np.zeros(whole + 1), v])
     old, new = padded[: len(v)], padded[1 : len(v) + 1]
     edges = np.flatnonzero((np.diff(hz) != 0.0) | (np.diff(zeta) != 0.0)) + 1
@@ -52,8 +52,8 @@ def record(seed, seconds, *, hz=None, zeta=None, outputs=1, noise=0.01, inputs=1
     phi, psi = gimbal_record.PHI[:outputs], gimbal_record.PSI[:inputs]
     y = np.zeros((samples, outputs))
     for o in range(outputs):
-        late = gimbal_record.DELAY_S[o] - HOLD
-        modes = [motion_of_mode(u @ psi[:, m], late, hz[:, m], zeta[:, m]) for m in range(5)]
+        delay = gimbal_record.DELAY_S[o] - HOLD
+        modes = [motion_of_mode(u @ psi[:, m], delay, hz[:, m], zeta[:, m]) for m in range(5)]
         y[:, o] = phi[o] @ np.array(modes)
     rms = noise * np.sqrt(np.mean(y**2, axis=0))
     y = y + rms * rng.standard_normal(y.shape)

@@ -34,8 +34,8 @@ def reference_plant() -> Plant:
     )
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
-    late = 0.010 / UNIT_S
-    return delay_plant(plant, np.array([[0.0, 0.0], [late, late]]))
+    delay = 0.010 / UNIT_S
+    return delay_plant(plant, np.array([[0.0, 0.0], [delay, delay]]))
 
 
 def grid() -> np.ndarray:

@@ -17,12 +17,12 @@ from middeck.control.robust.verification.monte_carlo import noise_on, uncontroll
 from middeck.control.sampled.emulation import emulate
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Sampler
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig.runs import run_closed_loop
+from middeck.laboratory.tested_article import RigArticle, rig_article_plant
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.plants.plant import Plant, delay_plant, remove_delays, require_modal

@@ -13,9 +13,9 @@ import updating_case as case
 
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.rig.rig import build_rig
 from middeck.laboratory.rig.runs import run_open_loop
+from middeck.laboratory.tested_article import RigArticle, rig_article_plant
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.record import Record

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from middeck.signals.excitation.binary import design_binary, design_mls
+from middeck.signals.excitation.band_noise import design_burst, design_noise
+from middeck.signals.excitation.binary_signals import design_binary, design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
-from middeck.signals.excitation.noise import design_burst, design_noise
 from middeck.signals.excitation.signal import Excitation, repeat_periods
 from middeck.signals.excitation.sweep import design_sweep
 from middeck.signals.ports import Port

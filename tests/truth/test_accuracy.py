@@ -15,7 +15,7 @@ from middeck.identification.uncertainty.accuracy import expected_accuracy, struc
 from middeck.identification.uncertainty.covariance import draw_errors
 from middeck.identification.uncertainty.model_unknowns import model_at, unknowns_of
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
-from middeck.signals.excitation.binary import design_mls
+from middeck.signals.excitation.binary_signals import design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.excitation.sweep import design_sweep
@@ -41,8 +41,8 @@ def test_a_plant_becomes_the_model_of_a_perfect_test():
     plant = gimbal_model.plant(3, 2)
     # The same through eigenvalues of its state space; their condition costs a few digits.
     by_states = model_of_plant(Plant(dynamics=plant.system, inputs=plant.inputs, outputs=plant.outputs))
-    late = np.exp(-2j * np.pi * f[:, None] * gimbal_record.DELAY_S)[:, :, None]
-    np.testing.assert_allclose(model_response(by_states, f) * late, truth, atol=1e-9 * np.abs(truth).max())
+    turn = np.exp(-2j * np.pi * f[:, None] * gimbal_record.DELAY_S)[:, :, None]
+    np.testing.assert_allclose(model_response(by_states, f) * turn, truth, atol=1e-9 * np.abs(truth).max())
     assert structure_of(gimbal_model.model()).real_constants
     rigid = ModalSystem(omega=[0.0], zeta=[0.0], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("free",))
     for dynamics in (rigid, StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]])):

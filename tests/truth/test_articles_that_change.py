@@ -57,7 +57,7 @@ def test_play_is_reported(of, campaign):
         size, f = grid(plant[0], plant[1], 2 * COUNT, RATE)
         u = np.fft.irfft(np.fft.rfft(rng.standard_normal(size)) * ((f > 0.5) & (f < 30.0)), size)
         H, noise = response(*plant, 2j * np.pi * f), 1e-3 * rng.standard_normal(size)
-        for width, told in ((0.0, False), (0.05, True)):
+        for width, reported in ((0.0, False), (0.05, True)):
             force = play(u, width * u.std()) if of == "actuator" else u
             y = np.fft.irfft(H * np.fft.rfft(force), size)
             y = play(y, width * y.std()) if of == "sensor" else y
@@ -70,8 +70,8 @@ def test_play_is_reported(of, campaign):
                 periodic=False,
             )
             warnings = fit_record(record, states=6, sampled=False).warnings
-            assert any("sign of the velocity" in line for line in warnings) == told, (seed, warnings)
-            assert told or not any("deviation" in line for line in warnings)
+            assert any("sign of the velocity" in line for line in warnings) == reported, (seed, warnings)
+            assert reported or not any("deviation" in line for line in warnings)
 
 
 def test_outputs_interpolated_between_samples_are_reported(campaign):

@@ -54,10 +54,10 @@ def test_no_verdict_on_many_loops_is_silently_wrong(campaign) -> None:
                 which = rng.integers(2)
                 mixed = [_mixed(s, condition, rng) if i == which else s for i, s in enumerate(halves)]
                 stacks = _together(*mixed)
-                with warnings.catch_warnings(record=True) as heard:
+                with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always")
                     found, decided = measure_many(*stacks), decide_many(stacks[0])
-                if heard:
+                if caught:
                     assert np.array_equal(found.stable, decided), (seed, condition)
                     warned += condition < 1e7
                     continue

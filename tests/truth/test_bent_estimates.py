@@ -14,7 +14,7 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
-from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.orbit.predicted_frequencies import Prediction, predict_modes
 from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.surveys import Survey, set_up

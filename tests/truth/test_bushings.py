@@ -19,7 +19,7 @@ from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from structure_builders import GRAVITY, TUBE, body, member, node, random_configuration, structure
 

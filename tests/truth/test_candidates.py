@@ -18,7 +18,7 @@ from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.rank_tests import rank_tests
 from middeck.updating.candidates.refinement_after_one_test import foresee
 from middeck.updating.orbit.deflections import Deflection, predict_deflections
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import Linear, estimate_at
 from middeck.updating.refinement.problem import linear_problem
 from middeck.updating.refinement.refine import Refined, refine
@@ -77,15 +77,15 @@ def test_one_mode_and_one_unknown_in_closed_form():
     seen = survey_of(modes_of(mast(EI=1.02), clamped()), USUAL, chosen=[0])
     found = refine(mast(), [seen], (MODULUS,))
     (J,), tau, noise = found.compared[0].slope[0], found.estimate.tau[1], 1e-3
-    told = foresee(found, candidate(count=1, channels=())).refined.estimate
+    predicted = foresee(found, candidate(count=1, channels=())).refined.estimate
 
     def std(noise: float) -> float:
         return (MODULUS.spread**-2 + J**2 / (tau**2 + noise**2)) ** -0.5
 
     assert found.estimate.x_std[0] == pytest.approx(std(noise), rel=1e-3)
-    assert told.x_std[0] == pytest.approx(std(noise / np.sqrt(2.0)), rel=1e-3)
-    np.testing.assert_allclose(told.x, found.estimate.x, rtol=1e-9)
-    np.testing.assert_allclose(told.d, found.estimate.d, rtol=1e-9)
+    assert predicted.x_std[0] == pytest.approx(std(noise / np.sqrt(2.0)), rel=1e-3)
+    np.testing.assert_allclose(predicted.x, found.estimate.x, rtol=1e-9)
+    np.testing.assert_allclose(predicted.d, found.estimate.d, rtol=1e-9)
 
 
 def held(really: Refined, before: Refined) -> Refined:
@@ -112,11 +112,11 @@ def test_what_is_foreseen_is_what_refining_tells(settings: tuple[tuple[str, floa
     measured = measure_modes(modes, chosen=range(20), noise=noise, rng=np.random.default_rng(5))
     made = Survey(name="made", measured=measured, environment=lab, settings=settings)
     really = held(refine(article, [*surveys, made], before.unknowns), before)
-    told, came = ranking.tests[0], predict_modes(really, Environment.orbit()).log_std
+    predicted, came = ranking.tests[0], predict_modes(really, Environment.orbit()).log_std
     new = predict_modes(before, Environment.orbit()).seen < 0.5
     assert np.count_nonzero(new) == 5
-    assert np.all(told.ratio[new] < 0.2)
-    np.testing.assert_allclose(told.std[new], came[new], rtol=0.03)
+    assert np.all(predicted.ratio[new] < 0.2)
+    np.testing.assert_allclose(predicted.std[new], came[new], rtol=0.03)
 
 
 def test_all_of_it_is_foreseen_where_modes_are_apart():
@@ -147,8 +147,8 @@ def test_a_test_made_twice_tells_no_more_than_one_without_noise():
         exact = estimate_at(
             dataclasses.replace(problem, std=np.where(rows, 1e-9, problem.std)), found.estimate.tau
         )
-        told = foresee(found, again).refined.estimate
-        np.testing.assert_allclose(told.x_std, exact.x_std, rtol=0.01)
+        predicted = foresee(found, again).refined.estimate
+        np.testing.assert_allclose(predicted.x_std, exact.x_std, rtol=0.01)
 
 
 def test_a_mode_that_no_test_saw_is_best_seen():
@@ -183,20 +183,20 @@ def test_a_static_test_is_foreseen_as_refining_on_it_tells():
     first = dataclasses.replace(push("first", along="z"), value=np.array([0.0066]))
     seen = survey_of(modes_of(mast(EI=1.02, split=1.02), clamped()), USUAL, chosen=range(2))
     before = refine(mast(), [seen], (MODULUS, SPLIT, TOP, GJ), statics=[first])
-    told = foresee(before, push()).refined
-    value = told.statics[-1].value
+    predicted = foresee(before, push()).refined
+    value = predicted.statics[-1].value
     made = dataclasses.replace(push(), value=value)
     really = refine(mast(), [seen], before.unknowns, statics=[first, made])
-    assert len(told.estimate.d) == len(really.estimate.d)
+    assert len(predicted.estimate.d) == len(really.estimate.d)
     same = estimate_at(problem_of(really), before.estimate.tau)
-    np.testing.assert_allclose(told.estimate.x_std, same.x_std, rtol=0.02)
-    assert told.estimate.x_std[1] < 0.96 * before.estimate.x_std[1]
+    np.testing.assert_allclose(predicted.estimate.x_std, same.x_std, rtol=0.02)
+    assert predicted.estimate.x_std[1] < 0.96 * before.estimate.x_std[1]
 
 
 def test_static_tests_of_an_article_that_had_none():
-    told = foresee(two_modes_seen(), push())
-    assert len(told.refined.estimate.tau) == len(told.refined.unseen) == 4
-    assert told.refined.fields is not None
+    predicted = foresee(two_modes_seen(), push())
+    assert len(predicted.refined.estimate.tau) == len(predicted.refined.unseen) == 4
+    assert predicted.refined.fields is not None
 
 
 def test_a_candidate_beside_static_tests_alone():
@@ -218,22 +218,22 @@ def test_what_gauges_will_read_is_promised_too():
     tests = [push("half", 0.5), push("across", 0.5, along="z"), candidate("modes", count=2)]
     found = rank_tests(two_modes_seen(), tests, {}, readings=readings)
     assert [t.name for t in found.tests] == ["half", "across", "modes"]
-    (told,) = readings(two_modes_seen())
+    (reported,) = readings(two_modes_seen())
     (before,) = found.promised
     assert (before.name, before.where, before.unit) == ("tip", "promised", "m")
-    assert before.std == pytest.approx(told.std[0] / told.value[0], rel=1e-9)
+    assert before.std == pytest.approx(reported.std[0] / reported.value[0], rel=1e-9)
     (then,) = readings(found.tests[0].foreseen.refined)
-    assert found.tests[0].widest == pytest.approx(then.std[0] / told.std[0], rel=1e-6)
-    assert then.value[0] == pytest.approx(told.value[0], rel=1e-3)
+    assert found.tests[0].widest == pytest.approx(then.std[0] / reported.std[0], rel=1e-6)
+    assert then.value[0] == pytest.approx(reported.value[0], rel=1e-3)
     both = rank_tests(two_modes_seen(), tests, ORBIT, count=3, readings=readings)
     assert len(both.promised) == 4
 
 
 def test_modes_that_move_no_channel_are_left_out():
     """Bending in the plane of x leaves z at rest; what is not seen tells nothing."""
-    told = foresee(two_modes_seen(), candidate(channels=(("top", "z"),)))
-    (added,) = told.refined.compared[1:]
-    left = [hz for _, hz in told.unseen]
+    predicted = foresee(two_modes_seen(), candidate(channels=(("top", "z"),)))
+    (added,) = predicted.refined.compared[1:]
+    left = [hz for _, hz in predicted.unseen]
     assert left
     assert len(added.pairs) + len(left) == 6
     assert not set(np.round(left, 6)) & set(np.round(added.survey.measured.frequency_hz, 6))

@@ -14,11 +14,11 @@ from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.model.article import Body, Damper, DamperPlace, Damping, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
-from middeck.updating.orbit.damping import DampingParts
-from middeck.updating.orbit.frequencies import Prediction, SolvedModes, predict_at, solve_there
+from middeck.updating.orbit.predicted_damping import DampingParts
+from middeck.updating.orbit.predicted_frequencies import Prediction, SolvedModes, predict_at, solve_there
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import Refined, refine
-from middeck.updating.residuals.damping import shifted_by_losses
+from middeck.updating.residuals.damping_rows import shifted_by_losses
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
 
@@ -188,8 +188,8 @@ def test_frequencies_that_losses_move_are_reported_where_they_were_taken_for_und
     (one,) = found.compared
     assert shifted_by_losses(one) == pytest.approx(off[one.pairs[:, 1]], rel=1e-6)
     worst = np.max(np.abs(off))  # of both modes: the product of the four roots has no dampers in it
-    (said,) = [line for line in findings(found) if "that of the undamped mode" in line]
-    assert f"{100.0 * worst:.2g} %, {worst / 1e-4:.2g} of its stated deviations" in said
+    (warning,) = [line for line in findings(found) if "that of the undamped mode" in line]
+    assert f"{100.0 * worst:.2g} %, {worst / 1e-4:.2g} of its stated deviations" in warning
     wide = dataclasses.replace(one, survey=dataclasses.replace(one.survey, frequency_std=0.1))
     same = refined_on_the_ground(Damping(flexible=0.05, suspension=0.05))
     for silent in (dataclasses.replace(found, compared=(wide,)), same):

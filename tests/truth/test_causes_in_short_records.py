@@ -89,21 +89,21 @@ def kinds(record: Record) -> set[str]:
 
 @pytest.mark.parametrize("samples", [400, 600])
 def test_a_long_delay_is_measured_in_a_short_record(samples: int, campaign: Campaign) -> None:
-    said: list[bool] = []
+    reported: list[bool] = []
     for seed in campaign(80, 10):
         record, delay = late(seed, samples)
         found = [f for f in detect_faults(record) if f.kind == "delay"]
         assert all(abs(int(f.what.split()[1]) - delay) <= 12 for f in found), seed
-        said.append(bool(found))
-    assert np.mean(said) >= 0.75
+        reported.append(bool(found))
+    assert np.mean(reported) >= 0.75
 
 
 def test_a_fit_of_a_short_record_names_the_delay() -> None:
     """Only a share that is not explained was told, and that the residual follows the inputs."""
     record, delay = late(4, 400)
     fitted = fit_record(record, states=4)
-    (told,) = (w for w in fitted.warnings if "after the inputs" in w)
-    assert abs(int(told.split()[3]) - delay) <= 12
+    (warning,) = (w for w in fitted.warnings if "after the inputs" in w)
+    assert abs(int(warning.split()[3]) - delay) <= 12
     assert "sound" not in fitted.standing
 
 
@@ -139,16 +139,16 @@ def test_a_short_sweep_is_not_told_to_be_fed_back(campaign: Callable[..., range]
         "feedback" in kinds(measured("sweep", seed, 300)) for seed in (256, 358, *campaign(1000, 20))
     )
     broken = [analogue_sweep(seed) for seed in campaign(300, 60)]
-    told = [f for record in broken for f in find_relation_faults(record)]
-    assert sum(f.kind == "feedback" for f in told) <= len(broken) // 50
-    assert all("an input jumps there" in f.what for f in told if f.kind == "joint")
+    reported = [f for record in broken for f in find_relation_faults(record)]
+    assert sum(f.kind == "feedback" for f in reported) <= len(broken) // 50
+    assert all("an input jumps there" in f.what for f in reported if f.kind == "joint")
 
 
 @pytest.mark.parametrize(("samples", "share"), [(500, 0.2), (800, 0.6)])
 def test_samples_lost_in_an_output_are_placed_in_a_short_record(
     samples: int, share: float, campaign: Campaign
 ) -> None:
-    said: list[bool] = []
+    reported: list[bool] = []
     for seed in campaign(100, 12):
         rng, whole = np.random.default_rng([73, seed]), measured("white", seed, samples + 20)
         at, lost = int(rng.integers(samples // 5, 4 * samples // 5)), int(rng.integers(2, 20))
@@ -160,8 +160,8 @@ def test_samples_lost_in_an_output_are_placed_in_a_short_record(
         ]
         assert all(f"answers {lost} samples earlier" in f.what for f in found), seed
         assert all(abs(f.samples[0][0] - at) < 60 for f in found), seed
-        said.append(bool(found))
-    assert np.mean(said) >= share
+        reported.append(bool(found))
+    assert np.mean(reported) >= share
 
 
 def test_experiments_of_few_samples_that_contradict_each_other_are_reported(campaign: Campaign) -> None:
@@ -184,5 +184,5 @@ def test_nothing_of_it_is_reported_for_sound_records(kind: str, samples: int, ca
     seeds = (*((59,) if kind == "release" else ()), *campaign(100, 14))
     records = [measured(kind, seed, samples) for seed in seeds]
     checks = find_relation_faults, find_stuck, find_gain_drift
-    said = [[f.kind for check in checks for f in check(record)] for record in records]
-    assert sum(map(bool, said)) <= len(seeds) // 50, said
+    warnings = [[f.kind for check in checks for f in check(record)] for record in records]
+    assert sum(map(bool, warnings)) <= len(seeds) // 50, warnings

@@ -17,7 +17,7 @@ from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.residual_flexibility import compare_static_gain
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.structure.sensitivity.rest import differentiate_rest
 from structure_builders import GRAVITY, TUBE, body, joint, member, node, spin, straight_beam, structure

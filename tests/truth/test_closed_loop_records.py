@@ -67,8 +67,8 @@ def test_the_direct_estimate_is_where_theory_has_it():
     """(G S_rr + conj(K) S_vv) / (S_rr + |K|^2 S_vv): between the plant and 1/K."""
     for noise in (NOISE, 10.0):
         _, u, y = cut(0, samples=400_000 if LONG else 100_000, noise=noise)
-        told = pytest.warns(UserWarning, match="feedback") if noise == NOISE else contextlib.nullcontext()
-        with told:
+        caught = pytest.warns(UserWarning, match="feedback") if noise == NOISE else contextlib.nullcontext()
+        with caught:
             found = estimate_response(bare(u, y), method="h1", segment=1024, band_hz=(0.01, 0.4))
         G, k = plant(found.frequency_hz), response(K, found.frequency_hz)
         biased = (G + k.conj() * noise**2) / (1.0 + np.abs(k) ** 2 * noise**2)

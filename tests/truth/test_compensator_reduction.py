@@ -19,8 +19,8 @@ from middeck.control.law.uncertainty import without_delays
 from middeck.control.loop.closed_loop import close_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import Shaping
-from middeck.control.reduction.compensators import reduce_compensator
 from middeck.control.reduction.gramian import factor_gramians, restrict
+from middeck.control.reduction.reduced_compensators import reduce_compensator
 from middeck.control.reduction.separation import subtract
 from middeck.control.reduction.weighted_loop import (
     absorb,
@@ -172,9 +172,9 @@ def test_errors_are_relative_to_the_rms_of_both_ports(plant, law, given, direct)
 
 
 def test_a_law_for_two_plants_holds_both(plant, law):
-    late = reference_plant()
-    shifted = shift_modes(late, {NAMES[0]: 0.01})
-    found = reduce_compensator(law, [late, shifted], 8, **GIVEN)
+    delayed = reference_plant()
+    shifted = shift_modes(delayed, {NAMES[0]: 0.01})
+    found = reduce_compensator(law, [delayed, shifted], 8, **GIVEN)
     assert found.stable.tolist() == [True, True]
     assert found.loop_error.shape == found.cost_ratio.shape == (2,)
 
@@ -220,13 +220,15 @@ def test_stability_is_that_with_the_delay_and_not_with_its_approximation(tau):
         omega=[omega], zeta=[0.01], psi=[[1.0]], phi=[[gain]], phi_rate=[[0.0]], names=("fast",)
     )
     u, y = (Port("u", "N"),), (Port("y", "m"),)
-    late = delay_plant(Plant(dynamics=fast, inputs=u, outputs=y, w=("u",), u=("u",), z=("y",), y=("y",)), tau)
+    delayed = delay_plant(
+        Plant(dynamics=fast, inputs=u, outputs=y, w=("u",), u=("u",), z=("y",), y=("y",)), tau
+    )
     lag = StateSpace([[-corner]], [[corner]], [[-1.0]], [[0.0]])
     law = Compensator(series(second_order_section(150.0, 0.001, 150.0, 0.01), lag), y, u)
-    found = reduce_compensator(law, late, 1, method="balanced", homotopy=False)
-    assert found.stable.tolist() == [decide_stability(late, found).stable]
+    found = reduce_compensator(law, delayed, 1, method="balanced", homotopy=False)
+    assert found.stable.tolist() == [decide_stability(delayed, found).stable]
     # Here Pade's third order says the opposite, in the first two cases.
-    assert close_loop(without_delays(late), found).stable == {0.010: False, 0.014: True, 0.017: True}[tau]
+    assert close_loop(without_delays(delayed), found).stable == {0.010: False, 0.014: True, 0.017: True}[tau]
     assert found.stable.tolist() == [{0.010: True, 0.014: False, 0.017: True}[tau]]
 
 

@@ -306,20 +306,20 @@ def test_output4_without_cards_names_what_is_missing(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("units", "scale", "told"), [("mm-kg-s-mN", 1.0, 0), ("mm-t-s-N", 1.0, 1), ("m-kg-s-N", 1000.0, 1)]
+    ("units", "scale", "reported"), [("mm-kg-s-mN", 1.0, 0), ("mm-t-s-N", 1.0, 1), ("m-kg-s-N", 1000.0, 1)]
 )
-def test_a_component_in_wrong_units_is_reported(tmp_path, units, scale, told):
+def test_a_component_in_wrong_units_is_reported(tmp_path, units, scale, reported):
     """1.59 kg of truss, 1.6 m long: as tonnes it is near to solid iron, and still as soft as a truss."""
     text = panel(units=units)
     for place in (0.6, 0.3):
         text = text.replace(f"_m = {place}", f"_m = {place * scale}")
     (tmp_path / "panel.toml").write_text(text)
     found = summarise(md.load_structure(tmp_path / "panel.toml")).warnings
-    assert sum("'outboard'" in text and "are its units" in text for text in found) == told
+    assert sum("'outboard'" in text and "are its units" in text for text in found) == reported
 
 
-@pytest.mark.parametrize(("count", "hz", "told"), [(8, 3000.0, 0), (6, 5.0, 0), (8, 5.0, 1)])
-def test_blocks_of_steel_and_lumps_on_springs_are_no_wrong_units(tmp_path, count, hz, told):
+@pytest.mark.parametrize(("count", "hz", "reported"), [(8, 3000.0, 0), (6, 5.0, 0), (8, 5.0, 1)])
+def test_blocks_of_steel_and_lumps_on_springs_are_no_wrong_units(tmp_path, count, hz, reported):
     """A cube of 0.4 m has its modes at kHz; one on springs has six slow ones; no cube has eight."""
     mass, stiffness = np.zeros((2, 6 + count, 6 + count))
     weight = 7850.0 * 0.4**3
@@ -330,7 +330,7 @@ def test_blocks_of_steel_and_lumps_on_springs_are_no_wrong_units(tmp_path, count
     document = {"schema": 1, "name": "cube", "node": [node], "component": [table]}
     (tmp_path / "cube.toml").write_text(document_text(document, ""))
     found = summarise(md.load_structure(tmp_path / "cube.toml")).warnings
-    assert sum("are its units" in text for text in found) == told
+    assert sum("are its units" in text for text in found) == reported
 
 
 def test_a_study_hashes_what_the_cards_of_a_component_include(tmp_path, component, capfd):
@@ -472,7 +472,7 @@ def test_places_of_other_grids(folder):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("EXTRN          3  123456", "EXTRN          3     123", "32 rows for 29 coordinates"),
         ("EXTRN          3  123456", "EXTRN          3  123457", "no grid and components"),
@@ -481,11 +481,11 @@ def test_places_of_other_grids(folder):
         ("          11               0 0.6", "          11               9 0.6", "coordinate system 9"),
     ],
 )  # fmt: skip
-def test_cards_that_do_not_fit(folder, old, new, said):
+def test_cards_that_do_not_fit(folder, old, new, message):
     text = (folder / "inboard.pch").read_text()
     assert old in text
     (folder / "inboard.pch").write_text(text.replace(old, new))
-    with pytest.raises((DataError, ConfigError), match=said):
+    with pytest.raises((DataError, ConfigError), match=message):
         read(folder)
 
 
@@ -521,12 +521,12 @@ def test_names_of_grids_are_what_other_programs_make_of_them(tmp_path, component
 def test_files_that_hold_no_component(tmp_path, component):
     arrays = {"stiffness": component.stiffness, "mass": component.mass}
     whole = arrays | {"grids": ["a", "b"], "positions": component.positions}
-    for more, said in (
+    for more, warning in (
         ({"K": component.stiffness}, "stiffness under two"),
         ({"grids": ["a", "a"]}, "one name"),
     ):
         np.savez(tmp_path / "a.npz", **(whole | more))
-        with pytest.raises(DataError, match=said):
+        with pytest.raises(DataError, match=warning):
             load_component(tmp_path / "a.npz")
     np.savez(tmp_path / "a.npz", **arrays)
     with pytest.raises(DataError, match="no grids, positions"):
@@ -535,8 +535,8 @@ def test_files_that_hold_no_component(tmp_path, component):
     with pytest.raises(DataError, match="3 grids of six coordinates"):
         load_component(tmp_path / "b.npz")
     (tmp_path / "c.npz").write_bytes((tmp_path / "a.npz").read_bytes()[:200])
-    for name, said in (("c.npz", "truncated"), ("d.npz", "no such file"), ("e.txt", "no ending")):
-        with pytest.raises(DataError, match=said):
+    for name, warning in (("c.npz", "truncated"), ("d.npz", "no such file"), ("e.txt", "no ending")):
+        with pytest.raises(DataError, match=warning):
             load_component(tmp_path / name)
     with pytest.raises(ConfigError, match=r"name it .npz or .mat"):
         write_component(tmp_path / "f.txt", component)
@@ -547,7 +547,7 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
     write_component(tmp_path / "part.npz", component)
     path = with_positions(article(tmp_path), component.positions[1])
     good = path.read_text()
-    for old, new, said in (
+    for old, new, warning in (
         ('b = "b" }', 'c = "b" }', "no grid c"),
         (', b = "b" }', " }", "an unconnected node"),
         ('b = "b" }', 'b = "z" }', "no frame of this name"),
@@ -556,7 +556,7 @@ def test_articles_name_what_their_component_lacks(tmp_path, component):
         ('"part.npz"', '"part.npz"\ncards = ["part.pch"]', r"not of \.npz"),
     ):
         path.write_text(good.replace(old, new))
-        with pytest.raises((ConfigError, DataError), match=said):
+        with pytest.raises((ConfigError, DataError), match=warning):
             md.load_structure(path)
 
 

@@ -14,7 +14,7 @@ from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.environment_loads import no_loads
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.assembly.mesh import mesh_structure
-from middeck.structure.elements.component import ComponentElement, component_state
+from middeck.structure.elements.component_element import ComponentElement, component_state
 from middeck.structure.elements.frames import move, rigid_columns
 from middeck.structure.elements.rotations import rotation_exp
 from middeck.structure.model.clamps import Clamp
@@ -27,7 +27,7 @@ from middeck.structure.model.component import (
 )
 from middeck.structure.model.finer_mesh import refine_mesh
 from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness, left_out
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.sensitivity.rest import differentiate_rest
 from middeck.structure.summary.summary import summarise
@@ -218,7 +218,7 @@ def _pair(matrix, i, j, by):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda c: {"stiffness": c.stiffness + np.triu(c.stiffness, 1)}, "is not symmetric: .* grid a"),
         (lambda c: {"stiffness": _pair(c.stiffness, 0, 0, 10.0)}, "resists a motion as one body .*grid a x"),
@@ -232,12 +232,12 @@ def _pair(matrix, i, j, by):
         (lambda c: {"mass": c.mass * np.nan}, "not finite at grid a x"),
     ],
 )  # fmt: skip
-def test_what_no_component_can_be_is_named(change, said):
+def test_what_no_component_can_be_is_named(change, message):
     good = _good()
     assert not [*component_faults(good)]
     bad = dataclasses.replace(good, **change(good))
     faults = "; ".join(component_faults(bad))
-    assert re.search(said, faults), faults
+    assert re.search(message, faults), faults
 
 
 @pytest.mark.parametrize("tie", [0.0, 1e9, 1e12])
@@ -349,7 +349,7 @@ def test_what_is_seldom_meant_is_doubted():
     assert not [*warnings_on_component(good)]
     heavy = dataclasses.replace(good, mass=_pair(good.mass, 14, 14, 0.0625))
     stiff = dataclasses.replace(good, stiffness=_pair(good.stiffness, 14, 14, 1e20))
-    for bad, said in ((heavy, "modal mass of 1.0625"), (stiff, "modal coordinate 3 at")):
+    for bad, warning in ((heavy, "modal mass of 1.0625"), (stiff, "modal coordinate 3 at")):
         for unit in (1.0, 1e-3):  # modal masses are one in the units of a file, 1e-6 in those of mm
             modal = np.diag(np.append(np.ones(12), np.full(bad.modal, unit)))
             bad = dataclasses.replace(
@@ -357,7 +357,7 @@ def test_what_is_seldom_meant_is_doubted():
             )
             assert not [*component_faults(bad)]
             (doubt,) = warnings_on_component(bad)
-            assert (said if unit == 1.0 else said.replace("1.0625", "1.0625e-06")) in doubt
+            assert (warning if unit == 1.0 else warning.replace("1.0625", "1.0625e-06")) in doubt
 
 
 def test_mass_as_one_body():

@@ -112,8 +112,8 @@ def test_a_law_whose_gains_are_rounding_says_so():
     A = sla.block_diag([[0.0, 1.0], [-0.7834, -0.0064]], [[0.0, 1.0], [-6.1594, -0.0325]])
     B, C = [[0.0, 0.0], [-0.75, -1.65], [0.0, 0.0], [1.09, -1.61]], [[-1.96, 0.0, -1.91, 0.0]]
     u = ("u1", "u2")
-    late = make_plant(A, B, C, w=u, u=u, z=("y1",), y=("y1",), delay_s=np.array([[0.0045, 0.0586]]))
-    plant = approximate_delays(late, 3)
+    delayed = make_plant(A, B, C, w=u, u=u, z=("y1",), y=("y1",), delay_s=np.array([[0.0045, 0.0586]]))
+    plant = approximate_delays(delayed, 3)
 
     def law(price, noise):
         weights = LQGWeights(
@@ -146,8 +146,8 @@ def test_a_law_whose_regulator_leaves_poles_all_but_at_rest_says_so():
     B = [[0.0], [1.59], [0.0], [1.67], [0.0], [-0.527]]
     C = [[0.607, 0.0, -0.629, 0.0, -1.57, 0.0], [-0.375, 0.0, -0.396, 0.0, 1.15, 0.0]]
     y, delay_s = ("y1", "y2"), np.array([[0.0158], [0.0232]])
-    late = make_plant(A, B, C, w=("u1",), u=("u1",), z=y, y=y, delay_s=delay_s)
-    plant = approximate_delays(late, 3)
+    delayed = make_plant(A, B, C, w=("u1",), u=("u1",), z=y, y=y, delay_s=delay_s)
+    plant = approximate_delays(delayed, 3)
 
     def law(price):
         return design_lqg(
@@ -270,13 +270,13 @@ def test_translations_are_set_aside_of_a_delayed_plant_too():
         y=tuple(p.name for p in plant.outputs),
         z=tuple(p.name for p in plant.outputs[:9]),
     )
-    late = approximate_delays(delay_plant(everything, 0.01), 2)
-    part = partition_modes(late)
+    delayed = approximate_delays(delay_plant(everything, 0.01), 2)
+    part = partition_modes(delayed)
     assert part.inert == ("translation x", "translation y", "translation z")
     assert len(part.active.system.A) == 46 + 2 * len(plant.inputs)
     omega = np.geomspace(0.1, 400.0, 50)
     np.testing.assert_allclose(
-        statespace_response(part.active.system, omega), statespace_response(late.system, omega), rtol=1e-9
+        statespace_response(part.active.system, omega), statespace_response(delayed.system, omega), rtol=1e-9
     )
     weights = dataclasses.replace(
         mace_like.weights(INTENSITY),
@@ -284,9 +284,9 @@ def test_translations_are_set_aside_of_a_delayed_plant_too():
         input=np.ones(7),
         sensor=np.repeat([2e-5**2, 2e-4**2], 9),
     )
-    law = design_lqg(late, weights, 10.0)
+    law = design_lqg(delayed, weights, 10.0)
     assert law.inert == part.inert
-    assert close_loop(late, law).stable
+    assert close_loop(delayed, law).stable
     assert decide_stability(delay_plant(everything, 0.01), law).stable
 
 

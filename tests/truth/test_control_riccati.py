@@ -118,13 +118,13 @@ def test_states_that_no_noise_drives_spoil_nothing(order, noise):
     plant = Plant(
         dynamics=modes, inputs=(Port("u", "N"), Port("w", "N")), outputs=(Port("z", "m"), Port("y", "m"))
     )
-    late = approximate_delays(delay_plant(plant, 0.0075), order).system
-    Q, R = 1e-8 * late.B[:, 1:] @ late.B[:, 1:].T, np.array([[noise]])
-    C = late.C[1:]
-    solution = solve_riccati(late.A.T, C.T, Q, R)
+    delayed = approximate_delays(delay_plant(plant, 0.0075), order).system
+    Q, R = 1e-8 * delayed.B[:, 1:] @ delayed.B[:, 1:].T, np.array([[noise]])
+    C = delayed.C[1:]
+    solution = solve_riccati(delayed.A.T, C.T, Q, R)
     # Rounding of a dozen rows; the level asked of five hundred is 1e-10.
     assert solution.residual < 1e-13
-    assert residual(solution.X, late.A.T, C.T, Q, R) < 1e-13
+    assert residual(solution.X, delayed.A.T, C.T, Q, R) < 1e-13
 
 
 def test_unreachable_growing_mode_is_named():
@@ -190,12 +190,12 @@ def test_a_newton_step_near_the_axis_is_judged_by_its_residual_without_a_warning
 @pytest.mark.parametrize("order", range(2, 9))
 def test_states_that_cost_nothing_spoil_no_unit(order: int) -> None:
     """A way late by two times is weighed; what is late by two others costs nothing, and X is zero there."""
-    late = [(0.05, 0, 1.0), (0.4, 0, 0.0), (0.1, 1, 0.0), (0.3, 1, 1.0)]
-    parts = [pade(tau, order) for tau, _, _ in late]
+    delay = [(0.05, 0, 1.0), (0.4, 0, 0.0), (0.1, 1, 0.0), (0.3, 1, 1.0)]
+    parts = [pade(tau, order) for tau, _, _ in delay]
     A = sla.block_diag([[0.0, 1.0], [0.0, 0.0]], *(p.A for p in parts))
-    drives = [p.B * (np.arange(2) == i) for p, (_, i, _) in zip(parts, late, strict=True)]
+    drives = [p.B * (np.arange(2) == i) for p, (_, i, _) in zip(parts, delay, strict=True)]
     B = np.vstack([[[-0.05, -0.3], [1.0, 1.0]], *drives])
-    seen = [w * np.linalg.solve((p.A @ p.A).T, p.C[0]) for p, (_, _, w) in zip(parts, late, strict=True)]
+    seen = [w * np.linalg.solve((p.A @ p.A).T, p.C[0]) for p, (_, _, w) in zip(parts, delay, strict=True)]
     way = np.concatenate([[1.0, 0.0], *seen])
     found = solve_riccati(A, B, np.outer(way, way), np.eye(2))
     # The level asked for at 500 states; here rounding leaves 1e-16 to 1e-12.

@@ -15,8 +15,8 @@ from engine_campaigns import cases_of, seeds_of
 from middeck.control.law.compensator import Compensator, arrange_ports
 from middeck.control.law.pd_loops import PDLoops
 from middeck.control.lqg.design import design_lqg
-from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.files.exchange.named_system import as_compensator
 from middeck.files.exchange.python_control import from_control

@@ -231,8 +231,8 @@ def test_recalled_limits_say_so_and_seen_ones_do_not(lab: Modes):
     assert all(c.source for p in PROFILES for c in p.criteria)
     measured = measure_modes(lab, TRANSLATIONS, chosen=FLEXIBLE)
     for profile in PROFILES:
-        said = any(RECALLED in w for w in correlate(lab, measured, profile, runs=1).warnings)
-        assert said == profile.recalled
+        message = any(RECALLED in w for w in correlate(lab, measured, profile, runs=1).warnings)
+        assert message == profile.recalled
 
 
 # How often a correct model passes

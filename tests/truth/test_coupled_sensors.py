@@ -56,8 +56,8 @@ def _lead(fit):
 @pytest.mark.parametrize(("tau", "of"), repeats([(4.0, "response"), (0.5, "response"), (9.0, "samples")]))
 def test_the_tail_of_a_coupled_hammer_is_taken_out(tau, of):
     test = average_blows(_blows(1, force=tau))
-    (told,) = [w for w in test.warnings if "AC-coupled" in w]
-    assert float(told.split("time constant of ")[1].split()[0]) == pytest.approx(tau, rel=0.1)
+    (warning,) = [w for w in test.warnings if "AC-coupled" in w]
+    assert float(warning.split("time constant of ")[1].split()[0]) == pytest.approx(tau, rel=0.1)
     fit = fit_impact(test, of=of)
     assert fit.warnings == ()
     assert fit.model.states == 4
@@ -110,9 +110,9 @@ def _measured(seed, factor=1.0):
 def test_a_response_names_the_coupled_side_and_its_time_constant(who, factor):
     fit = fit_response(_measured(1, factor), states=4)
     assert fit.delay_standing == ("doubtful",)
-    (told,) = [w for w in fit.warnings if "AC-coupled" in w]
-    assert told.startswith(who)
-    assert float(told.split("some ")[1].split()[0]) == pytest.approx(2.0, rel=0.25)
+    (warning,) = [w for w in fit.warnings if "AC-coupled" in w]
+    assert warning.startswith(who)
+    assert float(warning.split("some ")[1].split()[0]) == pytest.approx(2.0, rel=0.25)
 
 
 @pytest.mark.parametrize("seed", repeats(range(10)))

@@ -18,7 +18,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, solve_damped
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.sensitivity.damping import differentiate_pencil
+from middeck.structure.sensitivity.damping_derivatives import differentiate_pencil
 from middeck.structure.sensitivity.parameters import list_parameters
 from middeck.updating.unknowns.unknowns import Unknown, bind, change
 from repeats import repeats

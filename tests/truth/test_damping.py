@@ -347,7 +347,7 @@ def test_bad_values_are_refused(make, message: str):
 def test_a_path_that_dampers_join_is_warned_about_by_its_own_error():
     """A port that hardly sees the damped mode: coupling of 1 % is a third of its response, and is told."""
     rng = np.random.default_rng(5)
-    told, wrong = [], []
+    reported, wrong = [], []
     for _ in range(12):
         k, c = 10.0 ** rng.uniform(1.0, 3.0, 2), 10.0 ** rng.uniform(-6.0, -0.5, 2)
         parts = dataclasses.replace(
@@ -374,9 +374,9 @@ def test_a_path_that_dampers_join_is_warned_about_by_its_own_error():
         exact = [np.linalg.solve(M * x**2 + np.diag(c) * x + np.diag(k), [0.0, 1.0]) for x in s]
         found = evaluate_plant(plant, modes.frequency_hz).H[:, :2, 0]
         wrong.append(np.max(np.abs(found - exact) / np.abs(exact).max(axis=0)))
-        told.append(any("losses join the modes" in str(w.message) for w in caught))
-    assert told == [error > LEFT_OUT for error in wrong]
-    assert 3 <= sum(told) <= 9
+        reported.append(any("losses join the modes" in str(w.message) for w in caught))
+    assert reported == [error > LEFT_OUT for error in wrong]
+    assert 3 <= sum(reported) <= 9
 
 
 def test_large_loss_factors_are_warned_about():

@@ -173,23 +173,23 @@ def test_many_modes_agree_with_a_fine_approximation() -> None:
         omega = 2.0 * np.pi * rng.uniform(0.3, 20.0, n)
         modes = sum_of_modes(omega, 0.01, rng.standard_normal((n, 2)), rng.standard_normal((2, n)))
         ports = (Port("u1", "N"), Port("u2", "N")), (Port("y1", "m"), Port("y2", "m"))
-        late = delay_plant(
+        delayed = delay_plant(
             Plant(dynamics=modes, inputs=ports[0], outputs=ports[1]), rng.uniform(0.0, 0.02, (2, 2))
         )
         law = StateSpace(
             [[-20.0]], rng.standard_normal((1, 2)), 300.0 * rng.standard_normal((2, 1)), np.zeros((2, 2))
         )
         K = Compensator(law, ports[1], ports[0])
-        found = decide_stability(late, K)
-        values = np.linalg.eigvals(_closed(late, K, 12))
+        found = decide_stability(delayed, K)
+        values = np.linalg.eigvals(_closed(delayed, K, 12))
         assert found.growing == int(np.sum(values.real > 1e-8))
         assert found.pole.real == pytest.approx(values.real.max(), rel=1e-6, abs=1e-9)
         unstable += not found.stable
     assert 3 <= unstable <= 9
 
 
-def _closed(late: Plant, law: Compensator, order: int) -> np.ndarray:
-    return close_loop(approximate_delays(late, order), law).system.A
+def _closed(delay: Plant, law: Compensator, order: int) -> np.ndarray:
+    return close_loop(approximate_delays(delay, order), law).system.A
 
 
 @pytest.mark.parametrize(("k", "stable"), [(0.8, True), (1.2, False)])
@@ -201,10 +201,10 @@ def test_direct_terms_with_a_delay(k: float, stable: bool) -> None:
 
 def test_direct_terms_delayed_by_different_times_are_refused_where_it_matters() -> None:
     through = Plant(dynamics=gain_system(np.ones((2, 1))), inputs=(FORCE,), outputs=(WAY, RATE))
-    late = delay_plant(through, np.array([[0.1], [0.2]]))
-    assert decide_stability(late, gain(0.4, 0.4)).stable
+    delayed = delay_plant(through, np.array([[0.1], [0.2]]))
+    assert decide_stability(delayed, gain(0.4, 0.4)).stable
     with pytest.raises(NumericalError, match="direct term"):
-        decide_stability(late, gain(0.8, 0.8))
+        decide_stability(delayed, gain(0.8, 0.8))
 
 
 def test_without_delay_and_sampled_by_eigenvalues() -> None:
@@ -217,10 +217,10 @@ def test_without_delay_and_sampled_by_eigenvalues() -> None:
 
 
 def test_a_gain_margin_is_where_stability_ends() -> None:
-    late = delay_plant(BODY, 0.2)
-    limit = measure_margins(late, gain(2.0, 0.7)).loops[0].gain_limits[1]
+    delayed = delay_plant(BODY, 0.2)
+    limit = measure_margins(delayed, gain(2.0, 0.7)).loops[0].gain_limits[1]
     for factor, stable in ((limit * (1.0 - 1e-7), True), (limit * (1.0 + 1e-7), False)):
-        assert decide_stability(late, gain(2.0 * factor, 0.7 * factor)).stable is stable
+        assert decide_stability(delayed, gain(2.0 * factor, 0.7 * factor)).stable is stable
 
 
 @dataclasses.dataclass(frozen=True)
@@ -477,16 +477,16 @@ def _three_modes(rng: np.random.Generator) -> Plant:
 
 
 @pytest.mark.filterwarnings("ignore:margin and damping are uncertain")
-@pytest.mark.parametrize("late", [0.0, 0.7])
+@pytest.mark.parametrize("delay", [0.0, 0.7])
 @pytest.mark.parametrize("condition", [1e4, 1e7, 1e8])
 def test_a_law_in_mixed_states_is_decided_as_in_its_own_or_not(
-    condition: float, late: float, campaign: Callable[[int], range]
+    condition: float, delay: float, campaign: Callable[[int], range]
 ) -> None:
     """Rounding in mixed states moves roots by the condition: none passes for what it is not."""
     for seed in campaign(200):
         rng = np.random.default_rng([3, seed])
         plain, mixed = _mixed_law(rng, condition)
-        plant = delay_plant(_three_modes(rng), late) if late else _three_modes(rng)
+        plant = delay_plant(_three_modes(rng), delay) if delay else _three_modes(rng)
         truth = decide_stability(plant, plain)
         try:
             assert decide_stability(plant, mixed).growing == truth.growing
@@ -494,18 +494,18 @@ def test_a_law_in_mixed_states_is_decided_as_in_its_own_or_not(
             assert condition > 1e4
 
 
-@pytest.mark.parametrize("late", [0.0, 0.7])
-def test_a_plant_that_a_law_leaves_undecided_counts_as_lost_among_many(late: float) -> None:
+@pytest.mark.parametrize("delay", [0.0, 0.7])
+def test_a_plant_that_a_law_leaves_undecided_counts_as_lost_among_many(delay: float) -> None:
     undecided = 0
     for seed in range(6):
         rng = np.random.default_rng([4, seed])
         plain, law = _mixed_law(rng, 3e7)
-        plants = [delay_plant(p, late) if late else p for p in (_three_modes(rng) for _ in range(4))]
+        plants = [delay_plant(p, delay) if delay else p for p in (_three_modes(rng) for _ in range(4))]
         truth = np.array([decide_stability(plant, plain).stable for plant in plants])
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             stable, rms, _ = noise_on(plants, law, unit_weights(("force",), 1e-6))
-        named = re.search(r"positions ([\d, ]+) from 0", str(said[0].message)) if said else None
+        named = re.search(r"positions ([\d, ]+) from 0", str(caught[0].message)) if caught else None
         lost = [int(k) for k in named[1].split(", ")] if named else []
         assert np.isinf(rms[lost]).all()
         kept = np.setdiff1d(range(4), lost)
@@ -522,9 +522,9 @@ HEAVY_READS = np.concatenate([[-0.03, 1.0, -3.0, 2.0, -1.0, 0.3], np.full(6, 0.0
 
 def _held_heavy_body(authority: float) -> tuple[Plant, Compensator]:
     modes = sum_of_modes(HEAVY_RATES, HEAVY_DAMPING, HEAVY_DRIVES[:, None], HEAVY_READS[None])
-    late = delay_plant(grouped_plant(modes, (FORCE,), (WAY,)), 0.01)
-    model = approximate_delays(late, approximation_order(late))
-    return late, design_lqg(model, unit_weights(("force",), 1e-9, process=1e-4), authority)
+    delayed = delay_plant(grouped_plant(modes, (FORCE,), (WAY,)), 0.01)
+    model = approximate_delays(delayed, approximation_order(delayed))
+    return delayed, design_lqg(model, unit_weights(("force",), 1e-9, process=1e-4), authority)
 
 
 @pytest.mark.filterwarnings("ignore:margin and damping are uncertain")  # by the per cent
@@ -533,8 +533,8 @@ def test_a_heavy_body_that_a_law_holds_slowly_beside_fast_modes(authority: float
     """Slow roots beside modes to 3 kHz look like integrators that rounding has split. The margin is where
     roots by the argument principle begin; regulator and estimator make them double, known to a per cent.
     """
-    late, law = _held_heavy_body(authority)
-    found = decide_stability(late, law)
+    delayed, law = _held_heavy_body(authority)
+    found = decide_stability(delayed, law)
 
     poles, vectors = np.linalg.eig(law.system.A)
     gains = (law.system.C @ vectors)[0] * np.linalg.solve(vectors, law.system.B.astype(complex))[:, 0]
@@ -562,7 +562,7 @@ def test_last_digits_of_a_law_that_holds_a_heavy_body_decide_nothing(
     """Its slowest roots are double, at -0.01050338 and -0.0114677 rad/s (50 digits): not to be found one by
     one.
     """
-    late, law = held_heavy_body
+    delayed, law = held_heavy_body
     rng = np.random.default_rng([5, seed])
     system, n = law.system, len(law.system.A)
     T = np.eye(n)
@@ -576,7 +576,7 @@ def test_last_digits_of_a_law_that_holds_a_heavy_body_decide_nothing(
         M * (1.0 + 1e-15 * rng.standard_normal(M.shape))
         for M in (T @ system.A @ back, T @ system.B, system.C @ back)
     )
-    found = decide_loop(form_loop(late, dataclasses.replace(law, dynamics=StateSpace(A, B, C, system.D))))
+    found = decide_loop(form_loop(delayed, dataclasses.replace(law, dynamics=StateSpace(A, B, C, system.D))))
     assert found.decays
     assert found.growing == 0
     assert found.margin == pytest.approx(0.01050338, rel=0.01 if states != "mixed" else 0.05)
@@ -615,7 +615,7 @@ def test_roots_that_crowd_beside_a_pole_are_found_from_a_ring(middle: complex, n
 
 def test_a_ring_whose_roots_may_lie_on_either_side_of_the_axis_tells_nothing() -> None:
     """A double root at -a, and noise that splits it by more than a: undecided; by less: found."""
-    for a, told in ((1e-5, False), (1e-2, True)):
+    for a, reported in ((1e-5, False), (1e-2, True)):
         rng = np.random.default_rng(1)
 
         def determinant(s: np.ndarray) -> np.ndarray:
@@ -623,7 +623,7 @@ def test_a_ring_whose_roots_may_lie_on_either_side_of_the_axis_tells_nothing() -
 
         starts = np.array([-a + 1e-4, -a - 1e-4, 5.0, -5.0], dtype=complex)
         crowd = find_crowd(determinant, starts[0], starts, np.zeros(0, dtype=complex))
-        assert (crowd is not None) is told
+        assert (crowd is not None) is reported
 
 
 def test_a_real_root_beside_such_a_pole_stays_real_and_counts_once() -> None:

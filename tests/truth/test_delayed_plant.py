@@ -34,9 +34,9 @@ NO_SUM = np.array([[0.010, 0.013], [0.012, 0.010], [0.011, 0.014]])
 
 @pytest.mark.parametrize("delay_s", [SUM, NO_SUM])
 def test_response_is_the_plant_times_each_delay(delay_s: np.ndarray) -> None:
-    late = evaluate_plant(delay_plant(PLANT, delay_s), HZ).H
+    delayed = evaluate_plant(delay_plant(PLANT, delay_s), HZ).H
     expected = evaluate_plant(PLANT, HZ).H * np.exp(-2j * np.pi * HZ[:, None, None] * delay_s)
-    np.testing.assert_allclose(late, expected, rtol=1e-13)
+    np.testing.assert_allclose(delayed, expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("delay_s", [SUM, NO_SUM, np.zeros((3, 2))])
@@ -79,9 +79,9 @@ def test_what_stands_for_a_delay_is_evaluated_as_it_is_built(shape: tuple[int, i
     """Of a plant of ones the approximation is nothing but its delays; one of them is on time."""
     rng = np.random.default_rng(5)
     rows, columns = shape
-    late = rng.uniform(0.0, 0.1, (rows, 1)) + rng.uniform(0.0, 0.1, (1, columns))
-    late = late if sums else rng.uniform(0.0, 0.1, shape)
-    late[0, 0] = 0.0 if not sums else late[0, 0]
+    delay = rng.uniform(0.0, 0.1, (rows, 1)) + rng.uniform(0.0, 0.1, (1, columns))
+    delay = delay if sums else rng.uniform(0.0, 0.1, shape)
+    delay[0, 0] = 0.0 if not sums else delay[0, 0]
     inputs = tuple(Port(f"u{i}", "N") for i in range(columns))
     ones = Plant(
         dynamics=gain_system(np.ones(shape)),
@@ -89,5 +89,5 @@ def test_what_stands_for_a_delay_is_evaluated_as_it_is_built(shape: tuple[int, i
         outputs=tuple(Port(f"y{i}", "m") for i in range(rows)),
     )
     s = rng.uniform(-1.0, 1.0, 12) + 1j * rng.uniform(0.1, 200.0, 12)
-    built = by_solving(approximate_delays(delay_plant(ones, late), 9).system)(s)
-    np.testing.assert_allclose(evaluate_approximation(late, 9, s), built, atol=1e-11)
+    built = by_solving(approximate_delays(delay_plant(ones, delay), 9).system)(s)
+    np.testing.assert_allclose(evaluate_approximation(delay, 9, s), built, atol=1e-11)

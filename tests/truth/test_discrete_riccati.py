@@ -63,13 +63,13 @@ def sampled_resonators(period, count=15):
 def delayed(A, B, C, steps):
     """The same with inputs late by whole samples: a shift register, poles at zero, defective."""
     n, m = B.shape
-    late = steps * m
-    Ad = np.zeros((n + late, n + late))
+    delay = steps * m
+    Ad = np.zeros((n + delay, n + delay))
     Ad[:n, :n], Ad[:n, n : n + m] = A, B
-    Ad[n : n + late - m, n + m :] = np.eye(late - m)
-    Bd = np.zeros((n + late, m))
+    Ad[n : n + delay - m, n + m :] = np.eye(delay - m)
+    Bd = np.zeros((n + delay, m))
     Bd[-m:] = np.eye(m)
-    return Ad, Bd, np.hstack([C, np.zeros((len(C), late))])
+    return Ad, Bd, np.hstack([C, np.zeros((len(C), delay))])
 
 
 @pytest.mark.parametrize("period", [1e-2, 1e-3, 1e-4])

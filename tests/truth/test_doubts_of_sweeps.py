@@ -44,7 +44,7 @@ def test_a_clean_sweep_raises_no_doubt(seed):
         warnings.simplefilter("error")
         response = estimate_response(record)
     fit = fit_response(response, states=STATES)
-    assert not [said for said in fit.warnings if any(word in said for word in DOUBTS)]
+    assert not [warning for warning in fit.warnings if any(word in warning for word in DOUBTS)]
     found, order = natural_hz(fit.model), np.argsort(natural_hz(fit.model))
     assert np.all(np.abs(found[order] - modal_hz) < 4.0 * fit.uncertainty.natural_hz[order])
 
@@ -58,8 +58,8 @@ def test_noise_on_all_lines_alike_still_raises_both():
     noisy = dataclasses.replace(
         response, H=response.H + noise, variance=np.full(response.H.shape, (0.3 * rms) ** 2), covariance=None
     )
-    said = " ".join(fit_response(noisy, states=STATES).warnings)
-    assert all(word in said for word in DOUBTS)
+    message = " ".join(fit_response(noisy, states=STATES).warnings)
+    assert all(word in message for word in DOUBTS)
 
 
 def test_a_mode_that_moves_while_it_is_measured_raises_a_doubt():
@@ -76,7 +76,7 @@ def test_a_mode_that_moves_while_it_is_measured_raises_a_doubt():
     fit = fit_response(estimate_response(record, band_hz=(1.5, 35.0)), states=2)
     found, deviation = natural_hz(fit.model), fit.uncertainty.natural_hz
     assert np.all(np.abs(found - modal) > 4.0 * deviation)  # no frequency that it had: the doubt is due
-    assert any("scatters by" in said for said in fit.warnings)
+    assert any("scatters by" in warning for warning in fit.warnings)
 
 
 def test_a_mode_that_the_model_lacks_raises_a_doubt_though_its_lines_weigh_little():
@@ -86,5 +86,5 @@ def test_a_mode_that_the_model_lacks_raises_a_doubt_though_its_lines_weigh_littl
     ports = {"inputs": (Port("force", "N"),), "outputs": (Port("sensor", "m"),)}
     measured = FrequencyResponse(frequency_hz=f, H=H, variance=variance, **ports)
     residual = np.where(f > 90.0, -10.0, 0.0)[:, None, None] + 0j
-    said = warnings_on_model(measured, np.array([0.96]), 0.4, residual)
-    assert [words for words in said if "96% of the response unexplained" in words]
+    warnings = warnings_on_model(measured, np.array([0.96]), 0.4, residual)
+    assert [words for words in warnings if "96% of the response unexplained" in words]

@@ -26,7 +26,7 @@ from middeck.structure.model.component import Component
 from middeck.structure.model.environment import AnchoredSpring
 from middeck.structure.model.links import Interpolation, Link, Share
 from middeck.structure.model.section import MemberMass
-from middeck.structure.modes.results.drawing import Drawing, build_mode_drawing, build_rest_drawing
+from middeck.structure.modes.results.article_drawing import Drawing, build_mode_drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 from repeats import repeats
 from structure_builders import (

@@ -101,10 +101,10 @@ def test_constants_and_delays_that_change_are_distinguished_from_poles():
     before = fit_response(two_modes.measure(rng), states=4).covariance
     s = 2j * np.pi * two_modes.LINES
     plain = two_modes.measure(rng)
-    late = fit_response(
+    delayed = fit_response(
         dataclasses.replace(plain, H=plain.H * np.exp(-0.005 * s)[:, None, None]), states=4
     ).covariance
-    found = compare_fits(before, late)
+    found = compare_fits(before, delayed)
     assert [m.moved or m.reshaped for m in found.modes] == [False, False]
     assert found.delays[0].changed
     assert "the delay of payload from" in found.sentence

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from struck_plant import grid, response
-from test_hold_not_said import record_of
+from test_hold_not_stated import record_of
 
 from middeck.identification.record_fit.fit_record import fit_record
 from repeats import LONG
@@ -33,8 +33,8 @@ def swept(seed, drift):
 def test_a_gain_that_drifts_in_a_sweep_is_named_with_its_size(drift, campaign):
     """Damping was up to 104 of its deviations off, and what was said was any cause but this."""
     for seed in campaign(24):
-        said = " ".join(swept(seed, drift).warnings)
-        (percent,) = re.findall(r"its gain changes during the record, by ([+-][\d.]+)%", said)
+        message = " ".join(swept(seed, drift).warnings)
+        (percent,) = re.findall(r"its gain changes during the record, by ([+-][\d.]+)%", message)
         assert float(percent) == pytest.approx(100.0 * drift, rel=0.25)
 
 

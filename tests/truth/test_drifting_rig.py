@@ -142,14 +142,14 @@ def test_a_drift_that_doubles_a_frequency_in_a_run_is_refused():
 def integrated(plant, drifts, age_s, u, gyro):
     """The same as a differential equation: modes, lag and filter of a gyro, torques held and late."""
     modal = plant.dynamics
-    late = DELAY - 0.5 * T - (1.0 / gyro.bandwidth_hz + np.sqrt(2.0) / gyro.anti_alias_hz) / (2.0 * np.pi)
+    delay = DELAY - 0.5 * T - (1.0 / gyro.bandwidth_hz + np.sqrt(2.0) / gyro.anti_alias_hz) / (2.0 * np.pi)
     lag, cut, n = 2.0 * np.pi * gyro.bandwidth_hz, 2.0 * np.pi * gyro.anti_alias_hz, len(modal.omega)
-    edges = np.unique(np.concatenate([T * np.arange(len(u)), late + T * np.arange(len(u))]))
+    edges = np.unique(np.concatenate([T * np.arange(len(u)), delay + T * np.arange(len(u))]))
     state, readings = np.zeros(2 * n + 3), []
     for begin, end in zip(edges, [*edges[1:], len(u) * T], strict=True):
         if abs(begin / T - round(begin / T)) < 1e-9 and round(begin / T) < len(u):
             readings.append(state[-2])
-        k = int(np.floor((begin - late) / T + 1e-9))
+        k = int(np.floor((begin - delay) / T + 1e-9))
         torque = u[k, 0] if 0 <= k < len(u) else 0.0
 
         def rate(t, x, torque=torque):

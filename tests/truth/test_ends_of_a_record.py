@@ -18,8 +18,8 @@ def test_tails_at_both_ends_are_terms_of_the_transient(campaign):
         plant = plant_of(seed)
         record = driven(plant, np.random.default_rng(seed), 1000, (0.5, 40.0), noise=0.0, free=0.0)
         data = record_data(record, (0.5, 40.0), whole=False)
-        late = int(np.ceil(100.0 * plant[3])) + 1
-        transient = type(data.transient)(0.01, late, 1)
+        delay = int(np.ceil(100.0 * plant[3])) + 1
+        transient = type(data.transient)(0.01, delay, 1)
         w = 2.0 * np.pi * plant[0]
         pole = np.exp(0.01 * w * (-plant[1] + 1j * np.sqrt(1.0 - plant[1] ** 2)))[:, None]
         free = [1.0 / (1.0 - z * np.exp(-0.01 * data.s)) for z in (pole, pole.conj())]

@@ -45,8 +45,8 @@ def plant_of(rng: np.random.Generator) -> Plant:
     into, out = ports("i", nu + 1, "N"), ports("o", ny + 1, "m")
     names_u, names_y = (tuple(p.name for p in side[1:]) for side in (into, out))
     plant = Plant(dynamics=modal, inputs=into, outputs=out, w=("i0",), u=names_u, z=("o0",), y=names_y)
-    late = rng.uniform(0.0, 3.0, (ny + 1, nu + 1)) / omega[0]
-    return delay_plant(plant, late if rng.random() < 0.5 else np.full(late.shape, late[0, 0]))
+    delay = rng.uniform(0.0, 3.0, (ny + 1, nu + 1)) / omega[0]
+    return delay_plant(plant, delay if rng.random() < 0.5 else np.full(delay.shape, delay[0, 0]))
 
 
 def weights_of(plant: Plant) -> LQGWeights:

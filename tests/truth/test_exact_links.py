@@ -36,7 +36,7 @@ from middeck.structure.rest.equilibrium import rest_warnings, solve_equilibrium
 from middeck.structure.rest.link_loads import link_loads
 from middeck.structure.rest.rest_criteria import TOLERANCE
 from middeck.structure.rest.suspension_tuning import environment_loads, tune_suspension
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from middeck.systems.plants.plant import Plant
 from repeats import repeats
@@ -398,9 +398,9 @@ def test_a_link_that_repeats_others_is_named_and_one_that_nearly_does_is_refused
     nodes = [node("a", ZERO), node("b", (1, 0, 0), body(1.0, inertia=(1, 1, 1))), node("c", (1, 1, 0))]
     ring = [Link(name=f"{p}{q}", first=p, second=q) for p, q in ("ab", "bc", "ca")]
     rest = solve_equilibrium(linked(structure(nodes), *ring), hung("c"))
-    said = [w for w in rest_warnings(rest) if "repeats" in w]
-    assert len(said) == 6
-    assert all(f"link 'ca' {w}" in " ".join(said) for w in ("along x", "about z"))
+    remarks = [w for w in rest_warnings(rest) if "repeats" in w]
+    assert len(remarks) == 6
+    assert all(f"link 'ca' {w}" in " ".join(remarks) for w in ("along x", "about z"))
     twice = [
         Link(
             name=name,

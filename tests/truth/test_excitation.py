@@ -5,7 +5,8 @@ import pytest
 from signal_bank import BAND, PERIOD_S, RATE, signals
 
 from middeck.errors import ConfigError
-from middeck.signals.excitation.binary import design_binary, design_mls
+from middeck.signals.excitation.band_noise import design_burst, design_noise
+from middeck.signals.excitation.binary_signals import design_binary, design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import (
     compact_phases,
@@ -13,7 +14,6 @@ from middeck.signals.excitation.multisine import (
     random_multisine,
     schroeder_phases,
 )
-from middeck.signals.excitation.noise import design_burst, design_noise
 from middeck.signals.excitation.signal import line_power, repeat_periods, slew_of
 from middeck.signals.excitation.sweep import design_sweep
 from repeats import repeats

@@ -82,9 +82,9 @@ def test_residues_of_a_body_that_a_fast_lag_drives(seed: int, kind: str) -> None
     rng = np.random.default_rng([242, seed])
     system, body, lag = two_forces(rng, kind)
     parted = part_integrators(system)
-    late = np.stack([np.zeros(2), -body[:, 1] / lag], axis=1)
+    delay = np.stack([np.zeros(2), -body[:, 1] / lag], axis=1)
     assert parted.residues[1] == pytest.approx(body, rel=1e-6)
-    assert parted.residues[0] == pytest.approx(late, abs=1e-6 * np.abs(body).max())
+    assert parted.residues[0] == pytest.approx(delay, abs=1e-6 * np.abs(body).max())
     again, dropped = rest_once(system)
     assert dropped == 0
     assert isinstance(again, StateSpace)

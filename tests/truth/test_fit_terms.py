@@ -249,8 +249,8 @@ def test_normal_equations_are_those_of_qr(layout, experiments, transient, alike,
         data = dataclasses.replace(data, weight=np.repeat(data.weight[:, :, :1], data.H.shape[2], axis=2))
     terms = build_terms(layout, data, theta)
     shared = Functions(terms, from_sums=from_sums)
-    heard = weigh(terms, shared)
-    found = [solve_normal(terms, shared, of) for of in heard]
+    measured = weigh(terms, shared)
+    found = [solve_normal(terms, shared, of) for of in measured]
     assert [one.linear.shape[0] for one in found] == ([2] if data.drive is None else [1, 1])
     each = [_by_columns(terms, o).solved(terms) for o in range(2)]
     for fast, exact in zip(found, [summed(each)] if data.drive is None else each, strict=True):

@@ -179,8 +179,8 @@ def test_feedback_in_a_record_is_reported_and_no_mode_is_sound():
 
 def test_a_refusal_names_the_delay_that_is_the_cause():
     clean = shaken(PLANT, 1536, RATE, (1.0, 40.0), noise=1e-2)
-    late = 480
-    y = np.concatenate([1e-2 * np.random.default_rng(1).standard_normal(late), clean.y[0, 0, :-late, 0]])
+    delay = 480
+    y = np.concatenate([1e-2 * np.random.default_rng(1).standard_normal(delay), clean.y[0, 0, :-delay, 0]])
     with pytest.raises(FitError, match=r"tip answers 4[89]\d samples") as refused:
         fit_record(dataclasses.replace(clean, y=y[None, None, :, None]), states=4, sampled=False)
     assert "shift the output" in refused.value.hint
@@ -306,9 +306,9 @@ def test_a_pair_of_modes_narrower_than_a_line_is_reported(seed):
     near = (np.array([12.0, 12.0 * (1.0 + gap)]), np.array([zeta, zeta]), [500.0, 400.0], 0.0)
     record = shaken(near, count, RATE, (1.0, 40.0), noise=1e-4, seed=seed)
     fit = fit_response(estimate_response(record), states=4, delay=False)
-    said = [w for w in fit.warnings if "determine its frequency and damping" in w]
+    remarks = [w for w in fit.warnings if "determine its frequency and damping" in w]
     sound = [m for m, standing in enumerate(fit.standing) if standing == "sound"]
-    assert len(said) >= len(sound)
+    assert len(remarks) >= len(sound)
 
 
 def a_pair(seed, apart):
@@ -409,7 +409,7 @@ def test_hum_that_repeats_with_the_period_is_named_and_the_mode_beside_it_doubte
         record = Record(sample_hz=rate, u=u, y=y + added, inputs=(FORCE,), outputs=(TIP,), periodic=True)
         fit = fit_response(estimate_response(record))
         at = int(np.argmin(np.abs(fit.model.poles - w[0] * (1j * np.sqrt(1.0 - zeta[0] ** 2) - zeta[0]))))
-        told = [text for text in fit.warnings if "follows one line" in text]
+        shown = [text for text in fit.warnings if "follows one line" in text]
         assert fit.standing[at] == standing
-        assert bool(told) == (standing == "doubtful")
-        assert all("the mode at 7 Hz" in text for text in told)
+        assert bool(shown) == (standing == "doubtful")
+        assert all("the mode at 7 Hz" in text for text in shown)

@@ -103,7 +103,7 @@ def test_doubtful_modes_are_left_out_by_name(fit: FitResult, survey: MeasuredMod
     doubted = tuple("doubtful" if m == lowest else s for m, s in enumerate(fit.standing))
     less = survey_from_fit(case.sheet()[0], dataclasses.replace(fit, standing=doubted))
     np.testing.assert_array_equal(less.frequency_hz, survey.frequency_hz[1:])
-    assert any("is doubtful: left out" in said for said in less.warnings)
+    assert any("is doubtful: left out" in warning for warning in less.warnings)
     none = dataclasses.replace(fit, standing=("doubtful",) * len(fit.standing))
     with pytest.raises(DataError, match="no mode to be sure of"):
         survey_from_fit(case.sheet()[0], none)
@@ -137,7 +137,7 @@ def test_it_is_refined_and_what_was_left_out_is_reported(survey: MeasuredModes):
     found = refine(article, [placed], [modulus])
     assert found.converged
     assert len(found.compared[0].pairs) >= 12
-    assert any(said.startswith("rig: the pole at") for said in findings(found))
+    assert any(warning.startswith("rig: the pole at") for warning in findings(found))
     far = dataclasses.replace(survey, frequency_hz=1e-3 * survey.frequency_hz)
     with pytest.raises(ConfigError, match="no measured mode resembles"):
         refine(article, [dataclasses.replace(placed, measured=far)], [modulus])

@@ -32,9 +32,9 @@ def own_roots(g: float, a: float, b: float, tau: float) -> np.ndarray:
     """The roots right of the axis up to 20 rad/s."""
     s = (np.linspace(0.0, 0.6, 7)[:, None] + 1j * np.linspace(0.0, 20.0, 201)).ravel()
     for _ in range(60):
-        late = np.exp(-s * tau)
-        slope = 1.0 + g * late * (1.0 - tau * (s + a))
-        step = (s + b + g * (s + a) * late) / slope
+        turn = np.exp(-s * tau)
+        slope = 1.0 + g * turn * (1.0 - tau * (s + a))
+        step = (s + b + g * (s + a) * turn) / slope
         s = s - step / np.maximum(1.0, np.abs(step))
     with np.errstate(all="ignore"):
         held = np.abs(s + b + g * (s + a) * np.exp(-s * tau)) < 1e-11

@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from engine_campaigns import seeds_of
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.realtime.engine.interface.adaptive_gain import AdaptiveGain
 from middeck.realtime.engine.interface.settings import Drive, EngineSettings, SensorTest

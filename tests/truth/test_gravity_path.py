@@ -615,5 +615,5 @@ def test_branches_change_their_order_by_a_crossing_or_the_path_says_that_it_foun
     for i, j in itertools.combinations(range(8), 2):
         flipped = (first[i] > first[j]) != (last[i] > last[j])
         unexplained += flipped != bool(crossings.count({path.name[i], path.name[j]}) % 2)
-    said = [w for w in path.warnings if "change their order" in w]
-    assert unexplained == len(said) == open_pairs
+    remarks = [w for w in path.warnings if "change their order" in w]
+    assert unexplained == len(remarks) == open_pairs

@@ -11,7 +11,7 @@ import scipy.integrate as si
 import scipy.linalg as sla
 
 from middeck.errors import ConfigError, UnstableEquilibriumError
-from middeck.laboratory.article import solve_rig_article
+from middeck.laboratory.tested_article import solve_rig_article
 from middeck.structure.assembly.energy import assemble
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.wheel_forces import spinning_wheels
@@ -436,11 +436,11 @@ def test_a_plant_warns_of_too_few_modes():
     for speed in (100.0, 1000.0, 3000.0):
         modes = standstill(parts, spinning(Environment.orbit(), w=speed))
         whole = solve_gyroscopic_modes(modes, UNDAMPED).omega
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             plant = build_plant(modes, inputs=[], outputs=[], count=26, damping=UNDAMPED)
-        if said:
-            assert "lower; take more modes" in str(said[0].message)
+        if caught:
+            assert "lower; take more modes" in str(caught[0].message)
             warned.append(speed)
             continue
         poles = np.abs(np.linalg.eigvals(plant.system.A))
@@ -469,9 +469,9 @@ def test_no_rigid_mode_is_left_out():
 
 
 def _plant_warning(modes: Modes) -> str:
-    with pytest.warns(UserWarning, match="take more modes") as said:
+    with pytest.warns(UserWarning, match="take more modes") as caught:
         build_plant(modes, inputs=[], outputs=[], count=26, damping=UNDAMPED)
-    return str(said[0].message)
+    return str(caught[0].message)
 
 
 # Standstill and rest

@@ -239,9 +239,9 @@ def test_an_unstable_loop_is_stopped_and_says_where(plant):
     rates = growth_rates(close_rig(rig, law))
     growing = rates[np.argmax(rates.real)]
     assert growing.real > 0.1
-    told = float(stopped.cause.split("mostly at ")[1].removesuffix(" Hz"))
+    reported = float(stopped.cause.split("mostly at ")[1].removesuffix(" Hz"))
     # Four seconds are five turns: a twentieth of a hertz.
-    assert told == pytest.approx(abs(growing.imag) / (2.0 * np.pi), abs=0.05)
+    assert reported == pytest.approx(abs(growing.imag) / (2.0 * np.pi), abs=0.05)
     y = stopped.partial.y[0, 0, :, 1]
     assert abs(y[-1]) > 0.3
     assert np.abs(y[:-1]).max() <= 0.3

@@ -293,10 +293,10 @@ def test_qualify_has_the_hold_once_or_says_what_it_assumes(
         shown = json.loads(middeck(capfd, "qualify", law_file, file, "--json").out)
         (row,) = shown["rows"]
         gains[word] = row["gain_db"]
-        said = [w for w in shown["warnings"] if "does not state" in w]
-        assert len(said) == (not word)
-        if said:
-            assumed = float(said[0].split("gain ")[1].split(" dB")[0])
+        remarks = [w for w in shown["warnings"] if "does not state" in w]
+        assert len(remarks) == (not word)
+        if remarks:
+            assumed = float(remarks[0].split("gain ")[1].split(" dB")[0])
     decibels = 20.0 * np.log10(upper_gain(truth, law))
     assert gains["--held"] == pytest.approx(decibels, abs=0.01)
     assert abs(gains[""] - decibels) > 0.1
@@ -327,8 +327,8 @@ def test_poles_that_stand_for_what_is_folded_back_are_not_folded_themselves():
         p = 2.0 * np.pi * hz * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
         motion = ss.lfilter([0.0, (np.exp(p * h) - 1.0) / p], [1.0, -np.exp(p * h)], np.array(forces) + 0j)
         y += gain * hz * motion.imag
-    late = round(delay_s / h)
-    seen = np.concatenate([np.zeros(late), y[0, :-late]]) + 0.02 * y[0].std() / y[1].std() * y[1]
+    delay = round(delay_s / h)
+    seen = np.concatenate([np.zeros(delay), y[0, :-delay]]) + 0.02 * y[0].std() / y[1].std() * y[1]
     record = Record(
         sample_hz=rate, u=u[None, None, :, None], y=seen[None, None, ::over, None], inputs=PORTS[0],
         outputs=PORTS[1], periodic=False, held=True,

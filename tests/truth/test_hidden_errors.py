@@ -10,10 +10,10 @@ import pytest
 
 from middeck.files.setups import load_structure
 from middeck.files.studies.documents import load_study
-from middeck.laboratory.article import RigArticle, solve_rig_article
 from middeck.laboratory.article_rig import build_article_rig, rig_delay
 from middeck.laboratory.hidden_errors import hide_in_structure
 from middeck.laboratory.rig.linear_view import linearise_rig
+from middeck.laboratory.tested_article import RigArticle, solve_rig_article
 from middeck.systems.plants.response import statespace_response
 from rig_checks import hidden
 
@@ -102,9 +102,11 @@ def test_delay_and_gains_turn_and_scale_the_response(dm, lab):
         rig = build_article_rig(wrong, settings, **PORTS)
         return statespace_response(linearise_rig(rig).sampled, 2.0 * np.pi * hz)[:, :, 0]
 
-    plain, late = response(), response(delay_s=8e-4)
+    plain, delayed = response(), response(delay_s=8e-4)
     # A part of a tick, exactly; only what a held command folds from beyond 250 Hz is not of the response.
-    np.testing.assert_allclose(late / plain, np.exp(-2j * np.pi * hz * 8e-4)[:, None] * [1.0, 1.0], atol=2e-3)
+    np.testing.assert_allclose(
+        delayed / plain, np.exp(-2j * np.pi * hz * 8e-4)[:, None] * [1.0, 1.0], atol=2e-3
+    )
     drifted = RigArticle(article.equilibrium, article.modes, hidden(delay_s=8e-4))
     assert rig_delay(drifted, settings) == pytest.approx(settings.delay_s + 8e-4, rel=1e-12)
     gained = response(gain=(("pri_in_z", 1.02), ("pri_rel_z", 0.98)))

@@ -175,8 +175,8 @@ def test_a_blow_of_the_other_sign_is_named_and_an_experiment_without_one_reporte
     assert [b.rejected.split(":")[0] for b in found] == ["", "", "wrong sign", ""]
     assert abs(found[2].struck - 1510) <= 1
     still = dataclasses.replace(record, u=np.concatenate([u, 0.0 * u]), y=np.concatenate([record.y, 0.0 * u]))
-    told = average_blows(still).warnings
-    assert told == ("1 of 4 blows were rejected", "no blow in experiment 1: its force has no peak")
+    shown = average_blows(still).warnings
+    assert shown == ("1 of 4 blows were rejected", "no blow in experiment 1: its force has no peak")
 
 
 def test_the_hardest_blow_may_be_the_one_of_the_other_sign():
@@ -256,8 +256,8 @@ def test_only_blows_without_a_filter_are_reported_to_fold_back(campaign):
         for t, size in zip(times, rng.uniform(30.0, 80.0, count), strict=True):
             part = (clock - t - rng.uniform(0.0, 0.01)) / rng.uniform(0.02, 0.06)
             bare += size * np.sin(np.pi * part) * ((part > 0.0) & (part < 1.0))
-        told = warnings_on_folding(dataclasses.replace(record, u=bare.reshape(record.u.shape) + noise))
-        assert [line.split(":")[0] for line in told] == ["input force"]
+        warnings = warnings_on_folding(dataclasses.replace(record, u=bare.reshape(record.u.shape) + noise))
+        assert [line.split(":")[0] for line in warnings] == ["input force"]
 
 
 @pytest.mark.parametrize(("of", "whole", "share"), [("samples", 4, 4), ("response", 40, 4)])

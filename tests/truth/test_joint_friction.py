@@ -56,9 +56,9 @@ def test_slip_torque_slip_angle_and_delay_are_found(rubbing: Record):
     assert found.slip_angle[0] == pytest.approx(BEARING.slip_angle, rel=0.05)
     assert found.delay_s == pytest.approx(DELAY, abs=3e-4)
     np.testing.assert_allclose(found.stiffness, found.slip_torque / found.slip_angle)
-    told = find_friction(rubbing, JOINTS, band_hz=BAND, delay_s=DELAY)
-    assert told.delay_s == pytest.approx(DELAY, abs=1e-12)
-    assert told.slip_torque[0] == pytest.approx(found.slip_torque[0], rel=5e-3)
+    reported = find_friction(rubbing, JOINTS, band_hz=BAND, delay_s=DELAY)
+    assert reported.delay_s == pytest.approx(DELAY, abs=1e-12)
+    assert reported.slip_torque[0] == pytest.approx(found.slip_torque[0], rel=5e-3)
 
 
 def test_behind_the_friction_the_article_is_linear(rubbing: Record):

@@ -143,8 +143,8 @@ def test_modes_that_share_their_losses_are_reported_with_their_ratios(seed: int,
     one = soft_bus(seed, tmp_path)
     assert one is not None
     found = estimate_damping(one.lab, count=26)
-    told = [SHARED.match(text) for text in found.warnings]
-    ratio = {int(m[k]): float(m[k + 2]) for m in told if m for k in (1, 2)}
+    shown = [SHARED.match(text) for text in found.warnings]
+    ratio = {int(m[k]): float(m[k + 2]) for m in shown if m for k in (1, 2)}
     true, part = complex_damping(one.lab, 26)
     mixed = (part < 0.98) & (np.abs(found.zeta - true) > 0.02 * true)
     assert mixed.any()
@@ -201,9 +201,9 @@ def test_soft_struts_bend_among_the_pendulums_and_are_distinguished():
     one = sheet("simple", "material.lexan.E_pa=2.35e8")
     ranked = kinds_by_rank(one.lab.equilibrium, one.lab.kind)
     for m in np.flatnonzero([a != b for a, b in zip(ranked, one.lab.kind, strict=True)]):
-        (said,) = (w for w in one.lab.warnings if f"mode {m} " in w)
-        assert f"{one.lab.frequency_hz[m]:.4g} Hz" in said
-        assert "damping.rule" in said
+        (warning,) = (w for w in one.lab.warnings if f"mode {m} " in w)
+        assert f"{one.lab.frequency_hz[m]:.4g} Hz" in warning
+        assert "damping.rule" in warning
     assert one.lab.kind[5:7] == ("flexible", "flexible")
     pairs = dict(one.found.pairs.tolist())
     assert {pairs[10], pairs[11]} == {5, 6}

@@ -57,8 +57,8 @@ ROUTES = {
 
 
 @functools.cache
-def _fit(route, seed, late):
-    return ROUTES[route](seed, np.array(late))
+def _fit(route, seed, delay):
+    return ROUTES[route](seed, np.array(delay))
 
 
 @pytest.mark.parametrize("route", ROUTES)
@@ -67,10 +67,10 @@ def test_an_input_that_is_recorded_late_is_named(route):
     late_s = 0.1e-3
     fit = _fit(route, 1, ((0.0, -late_s),) * 2)
     assert np.any(np.abs(fit.model.delay_s - DELAY_S) > 4.0 * fit.uncertainty.delay_s)
-    (told,) = [w for w in fit.warnings if "is recorded" in w]
-    assert told.startswith("input right: ")
-    assert "later than the others" in told
-    assert float(told.split()[4]) == pytest.approx(1e3 * late_s, rel=0.2)
+    (warning,) = [w for w in fit.warnings if "is recorded" in w]
+    assert warning.startswith("input right: ")
+    assert "later than the others" in warning
+    assert float(warning.split()[4]) == pytest.approx(1e3 * late_s, rel=0.2)
     assert fit.delay_standing == ("doubtful", "doubtful")
 
 
@@ -78,8 +78,8 @@ def test_an_input_that_is_recorded_late_is_named(route):
 def test_a_path_with_a_delay_of_its_own_is_named(route):
     late_s = 0.4e-3 if route == "response" else 0.1e-3
     fit = _fit(route, 1, ((0.0, 0.0), (late_s, 0.0)))
-    (told,) = [w for w in fit.warnings if "than to the others" in w]
-    assert told.startswith("output root: ")
+    (warning,) = [w for w in fit.warnings if "than to the others" in w]
+    assert warning.startswith("output root: ")
 
 
 def test_a_filter_of_the_outputs_alone_is_reported():
@@ -143,10 +143,10 @@ PATHS_S = ((0.0, 0.031), (0.062, 0.012))
 UNASKED = repeats([("record", 1, PATHS_S), ("response", 1, ((0.0, 0.006), (0.004, 0.001)))])
 
 
-@pytest.mark.parametrize(("route", "seed", "late"), UNASKED)
-def test_delays_of_paths_are_found_without_being_asked_for(route, seed, late):
+@pytest.mark.parametrize(("route", "seed", "lag"), UNASKED)
+def test_delays_of_paths_are_found_without_being_asked_for(route, seed, lag):
     """One delay of each output would need tens of modes to follow them, or lead its input."""
-    late_s = np.array(late)
+    late_s = np.array(lag)
     fit = UNORDERED[route](seed, late_s)
     assert fit.warnings == ()
     assert "each path has a delay of its own" in fit.order_reason
@@ -155,6 +155,6 @@ def test_delays_of_paths_are_found_without_being_asked_for(route, seed, late):
 
 
 def test_a_lead_for_want_of_delays_of_paths_is_reported_so():
-    with pytest.raises(FitError) as told:
+    with pytest.raises(FitError) as caught:
         fit_response(_measured(1, np.array(PATHS_S) - 0.05), states=4, delay="output")
-    assert "delay='path'" in str(told.value)
+    assert "delay='path'" in str(caught.value)

@@ -262,9 +262,9 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("given", "said"), BAD.values(), ids=BAD)
-def test_what_cannot_be_asked(given: dict, said: str):
-    with pytest.raises(ConfigError, match=said):
+@pytest.mark.parametrize(("given", "message"), BAD.values(), ids=BAD)
+def test_what_cannot_be_asked(given: dict, message: str):
+    with pytest.raises(ConfigError, match=message):
         level(lopsided(), cables(), **({"free": [("left", "z")], "about": "x"} | given))
 
 
@@ -344,9 +344,9 @@ def test_what_sags_is_not_said_to_hang_tilted():
     slope = np.linalg.norm(GRAVITY) * (0.3 * 2.0**2 / 2.0 + 0.1 * 2.0**3 / 6.0) / soft.EI_z
     by = dict(zip(hung.node, hung.node_tilt[:, 2], strict=True))
     assert by["m"] - by["z"] == pytest.approx(slope, rel=0.01)  # it hangs a few degrees down: cos is not 1
-    said = sag(hung)
-    assert "the article sags: its nodes tilt by" in said
-    assert f"{np.degrees(abs(by['z'])):.1f} deg (z)" in said
+    message = sag(hung)
+    assert "the article sags: its nodes tilt by" in message
+    assert f"{np.degrees(abs(by['z'])):.1f} deg (z)" in message
     (doubt,) = warnings_on_attitude(hung, cables(("a", "m")))
     assert "--free" not in doubt.hint
     assert "hang it at more points" in doubt.hint

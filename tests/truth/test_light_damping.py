@@ -43,13 +43,13 @@ def test_a_mode_that_loses_little_of_its_motion_within_the_record_has_its_dampin
 # Before, 5 to 15 in 100 were doubted, or began at a delay that suits two phases alone and stayed there.
 @pytest.mark.parametrize("kind", repeats(KINDS, 2))
 def test_modes_that_hardly_decay_within_a_record_are_fitted_without_a_doubt(kind, campaign):
-    off, said = [], []
+    off, reported = [], []
     for seed in campaign(120, share=40):
         record, plant = light(kind, seed)
         fit = fit_record(record, states=2 * len(plant[0]))
         off.append(deviations_off(fit, plant))
-        said += fit.warnings
+        reported += fit.warnings
     z = np.concatenate(off)
     assert np.abs(z).max() < 4.5  # of some thousand numbers
     assert np.sqrt(np.mean(z**2)) < 1.0 + 3.0 / np.sqrt(2.0 * len(z))
-    assert len(said) <= len(off) / 50, said
+    assert len(reported) <= len(off) / 50, reported

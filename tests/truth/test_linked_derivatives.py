@@ -29,14 +29,14 @@ from middeck.structure.modes.craig_bampton import reduce_structure
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import (
     ModelParameter,
     find_parameters,
     list_parameters,
     set_parameter,
 )
-from middeck.structure.sensitivity.plants import differentiate_plant
+from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
 from repeats import LONG, repeats
 from structure_builders import GRAVITY, TUBE, body, member, node, structure

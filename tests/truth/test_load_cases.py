@@ -250,9 +250,9 @@ def test_what_cannot_be_at_rest_is_refused() -> None:
     with pytest.raises(ConfigError, match="a second load 'thrust'"):
         solve_equilibrium(free_bar(), orbit, LoadCase(name="c", loads=(thrust, thrust)))
     lost = dataclasses.replace(thrust, frame="q")
-    with pytest.raises(ConfigError, match="names frame 'q', which does not exist") as told:
+    with pytest.raises(ConfigError, match="names frame 'q', which does not exist") as caught:
         solve_equilibrium(free_bar(), orbit, LoadCase(name="c", loads=(lost,)))
-    assert (told.value.where, told.value.hint) == ("load case 'c'", "nodes and joints are 'a'")
+    assert (caught.value.where, caught.value.hint) == ("load case 'c'", "nodes and joints are 'a'")
 
 
 def test_a_load_on_what_is_held_goes_into_the_reaction_alone() -> None:

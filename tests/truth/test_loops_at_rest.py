@@ -46,8 +46,8 @@ def free_body(rng: np.random.Generator) -> Plant:
     )
     forces, ways = (tuple(Port(f"{name}{i}", "1") for i in range(ports)) for name in "fw")
     u, y = (tuple(p.name for p in side) for side in (forces, ways))
-    late = rng.uniform(0.0, 10.0 ** rng.uniform(-2.5, -0.5), (ports, ports))
-    return delay_plant(Plant(dynamics=modal, inputs=forces, outputs=ways, w=u, u=u, z=y, y=y), late)
+    delay = rng.uniform(0.0, 10.0 ** rng.uniform(-2.5, -0.5), (ports, ports))
+    return delay_plant(Plant(dynamics=modal, inputs=forces, outputs=ways, w=u, u=u, z=y, y=y), delay)
 
 
 def mixed(delayed: Plant, rng: np.random.Generator) -> Plant:
@@ -220,10 +220,10 @@ def test_a_body_held_by_its_rate_drifts_and_its_rate_does_not(turns: float, swin
     )
     plant = grouped_plant(modes, (FORCE,), (WAY, SEEN), y=("seen",))
     law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
-    late = delay_plant(plant, turns / k)
-    place, rate = measure_rms(late, law, Performance(np.ones(2), np.eye(1), (0.0, top)))
+    delayed = delay_plant(plant, turns / k)
+    place, rate = measure_rms(delayed, law, Performance(np.ones(2), np.eye(1), (0.0, top)))
     assert place == np.inf
     beyond = 1.0 / (np.pi * 2.0 * np.pi * top)
     assert rate**2 == pytest.approx(np.cos(turns) / (2.0 * k * (1.0 - np.sin(turns))) - beyond, rel=1e-8)
-    above = measure_rms(late, law, Performance(np.ones(2), np.eye(1), (1e-3, top)))
+    above = measure_rms(delayed, law, Performance(np.ones(2), np.eye(1), (1e-3, top)))
     assert np.isfinite(above).tolist() == [not swings, True]

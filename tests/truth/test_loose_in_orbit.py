@@ -14,7 +14,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Link
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, scale_parameters
 
 ORBIT = Environment.orbit()

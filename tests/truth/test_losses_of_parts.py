@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from middeck.updating.orbit.damping import DampingParts, carry_damping
+from middeck.updating.orbit.predicted_damping import DampingParts, carry_damping
 
 MASS = np.array([[2.0, 0.3, 0.1], [0.3, 1.5, 0.2], [0.1, 0.2, 1.0]])
 ELASTIC = np.array([[90.0, -30.0, 0.0], [-30.0, 70.0, -25.0], [0.0, -25.0, 25.0]])

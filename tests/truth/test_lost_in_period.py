@@ -65,11 +65,11 @@ def test_of_two_periods_none_is_accused(campaign) -> None:
         steady = rng.standard_normal(400)
         moved = np.append(steady[:at], np.roll(steady, -shift)[at:])
         noise = 0.05 * rng.standard_normal((2, 400))
-        said = [
+        warnings = [
             find_lost_in_period((np.array(rows) + noise).ravel(), 400)[0]
             for rows in ([steady, moved], [moved, steady])
         ]
-        for found in said:
+        for found in warnings:
             assert f"{abs(shift)} samples apart" in found.what
             assert "lost or repeated in one of them" in found.what
             assert [
@@ -149,7 +149,7 @@ def test_no_samples_are_lost_in_clean_periods(campaign) -> None:
 @pytest.mark.parametrize("lost", [1, 3])
 def test_a_loss_is_no_free_motion_where_noise_foretells_itself(lost) -> None:
     """Slow signals in slow noise: the difference to the next period is as smooth as free motion."""
-    told, samples, periods = 0, 1024, 2
+    reported, samples, periods = 0, 1024, 2
     for seed in range(20):
         rng = np.random.default_rng([69, seed])
         lines = np.zeros(samples // 2 + 1, complex)
@@ -158,5 +158,5 @@ def test_a_loss_is_no_free_motion_where_noise_foretells_itself(lost) -> None:
         at, period = int(rng.integers(128, 896)), int(rng.integers(periods))
         y[period, at:] = np.roll(y[period], -lost)[at:]
         noise = lfilter(*butter(2, 0.05), rng.standard_normal(y.size))
-        told += find_lost_in_period(y.ravel() + 0.05 * y.std() * noise / noise.std(), samples) != []
-    assert told >= 19
+        reported += find_lost_in_period(y.ravel() + 0.05 * y.std() * noise / noise.std(), samples) != []
+    assert reported >= 19

@@ -54,8 +54,8 @@ def test_delay_margin_is_the_delay_that_it_names() -> None:
     """With the delay margin put in, the loop lies on the limit."""
     one = measure_margins(BODY, gain(2.0, 0.7)).loops[0]
     for change, stable in ((-1e-6, True), (1e-6, False)):
-        late = delay_plant(BODY, one.delay_limit_s * (1.0 + change))
-        assert measure_margins(late, gain(2.0, 0.7)).stable is stable
+        delayed = delay_plant(BODY, one.delay_limit_s * (1.0 + change))
+        assert measure_margins(delayed, gain(2.0, 0.7)).stable is stable
 
 
 def test_conditional_stability_has_a_gain_margin_downwards() -> None:
@@ -89,10 +89,10 @@ def test_no_light_mode_is_missed(zeta: float) -> None:
 
 def test_delayed_modes_agree_with_a_brute_force_grid() -> None:
     modes = sum_of_modes([6.0, 40.0], [0.02, 0.01], [[1.0], [0.7]], [[30.0, 50.0]])
-    late = delay_plant(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), 0.02)
-    one = measure_margins(late, gain(1.0)).loops[0]
+    delayed = delay_plant(Plant(dynamics=modes, inputs=(FORCE,), outputs=(WAY,)), 0.02)
+    one = measure_margins(delayed, gain(1.0)).loops[0]
     w = np.linspace(0.01, 400.0, 2_000_001)
-    L = trace_return_ratio(late, gain(1.0), frequency_hz=w / 2.0 / np.pi).L[:, 0]
+    L = trace_return_ratio(delayed, gain(1.0), frequency_hz=w / 2.0 / np.pi).L[:, 0]
     cross = np.flatnonzero((np.diff(np.sign(L.imag)) != 0) & (L[1:].real < 0.0))
     ahead = one.gain_hz < 400.0 / (2.0 * np.pi)
     # A grid of 2e-4 rad/s: phase and gain change by 2e-4 / (zeta w) from line to line, a thousandth.
@@ -126,8 +126,8 @@ def test_a_real_pole_through_rest_counts_though_another_loop_holds_the_integrato
         held = sample_plant(delay_plant(plant, tau), 0.05)
         one = measure_margins(held, Compensator(law, (WAY,), plant.inputs)).loops[0]
     else:
-        late = delay_plant(plant, tau) if tau else plant
-        one = measure_margins(late, Compensator(gain_system(K), (WAY,), plant.inputs)).loops[0]
+        delayed = delay_plant(plant, tau) if tau else plant
+        one = measure_margins(delayed, Compensator(gain_system(K), (WAY,), plant.inputs)).loops[0]
     assert one.gain_limits[0] == pytest.approx(1.0 / 3.0, rel=1e-9)
     assert one.gain_hz[0] == 0.0
 
@@ -178,9 +178,9 @@ def test_sampled_margins_approach_the_continuous_ones() -> None:
     law = SampledStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[-2.0, -0.7]], period_s=T)
     compensator = Compensator(law, BODY.outputs, BODY.inputs)
     sampled = measure_margins(BODY, compensator, delays=False).loops[0]
-    late = measure_margins(delay_plant(BODY, T / 2.0), gain(2.0, 0.7)).loops[0]
-    assert sampled.phase_limit_rad == pytest.approx(late.phase_limit_rad, rel=1e-7)
-    assert sampled.sensitivity.gain == pytest.approx(late.sensitivity.gain, rel=1e-7)
+    delayed = measure_margins(delay_plant(BODY, T / 2.0), gain(2.0, 0.7)).loops[0]
+    assert sampled.phase_limit_rad == pytest.approx(delayed.phase_limit_rad, rel=1e-7)
+    assert sampled.sensitivity.gain == pytest.approx(delayed.sensitivity.gain, rel=1e-7)
 
 
 def satellite(a: float) -> tuple[Plant, Compensator]:
@@ -231,10 +231,10 @@ def test_disks_hold_what_they_promise_and_no_more() -> None:
 
 
 def test_disk_of_one_loop_by_brute_force() -> None:
-    late = delay_plant(BODY, 0.1)
-    one = measure_margins(late, gain(2.0, 0.7)).loops[0]
+    delayed = delay_plant(BODY, 0.1)
+    one = measure_margins(delayed, gain(2.0, 0.7)).loops[0]
     w = np.geomspace(1e-2, 1e3, 400_001)
-    L = trace_return_ratio(late, gain(2.0, 0.7), frequency_hz=w / 2.0 / np.pi).L[:, 0]
+    L = trace_return_ratio(delayed, gain(2.0, 0.7), frequency_hz=w / 2.0 / np.pi).L[:, 0]
     peak = np.abs(0.5 * (1.0 - L) / (1.0 + L)).max()
     # A relative grid of 3e-5 misses a peak by its curvature, 1e-8.
     assert one.disk.alpha == pytest.approx(1.0 / peak, rel=1e-7)
@@ -365,10 +365,10 @@ def test_two_loops_whose_direct_terms_turn_against_each_other() -> None:
     through = np.array([[0.9, 0.9], [-0.9, -0.9]]) + 0.3 * np.eye(2)
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
     law = Compensator(gain_system(np.eye(2)), ports[1], ports[0])
-    late = delay_plant(Plant(dynamics=gain_system(through), inputs=ports[0], outputs=ports[1]), 0.1)
-    assert decide_stability(late, law).stable
+    delayed = delay_plant(Plant(dynamics=gain_system(through), inputs=ports[0], outputs=ports[1]), 0.1)
+    assert decide_stability(delayed, law).stable
     # The margins would list crossings that repeat without end: asked for here is the rule alone.
-    assert bears_no_delay(form_loop(late, law), "inputs").tolist() == [True, True]
+    assert bears_no_delay(form_loop(delayed, law), "inputs").tolist() == [True, True]
 
 
 def test_lines_that_cannot_hold_the_largest_value_are_bounded_and_no_more() -> None:

@@ -165,23 +165,23 @@ def test_of_thousands_of_crossings_those_nearest_to_one_are_found(seed: int) -> 
 
 
 @pytest.mark.parametrize("unmoved", ["unseen", "unpushed", "both"])
-@pytest.mark.parametrize("late", [0.0, 0.013])
+@pytest.mark.parametrize("delay", [0.0, 0.013])
 @pytest.mark.parametrize("seed", repeats([24, 29, 9, *range(100, 140)], 3))
-def test_bodies_that_no_sampled_loop_moves_change_no_verdict(seed: int, late: float, unmoved: str) -> None:
+def test_bodies_that_no_sampled_loop_moves_change_no_verdict(seed: int, delay: float, unmoved: str) -> None:
     """A body held over T under kp and kd has roots of its own; the gain at which one leaves the circle."""
     rng = np.random.default_rng([22, seed])
     period, (kp, kd) = 0.02, 10.0 ** rng.uniform(-0.5, 0.8, 2)
 
     def growth(gain: float) -> float:
         """Largest root of one body, its force held and late by less than a period."""
-        step, rest = period - late, np.array([[1.0, period], [0.0, 1.0]])
+        step, rest = period - delay, np.array([[1.0, period], [0.0, 1.0]])
         now = np.array([0.5 * step**2, step])
-        before = np.array([late * (period - 0.5 * late), late])
+        before = np.array([delay * (period - 0.5 * delay), delay])
         A = np.block([[rest, before[:, None]], [np.zeros((1, 3))]])
         A[:, :2] -= gain * np.outer(np.append(now, 1.0), [kp, kd])
         return float(np.abs(np.linalg.eigvals(A)).max()) - 1.0
 
-    plant = mixed(delay_plant(two_bodies_and_a_third(rng, unmoved), late), rng)
+    plant = mixed(delay_plant(two_bodies_and_a_third(rng, unmoved), delay), rng)
     law = emulate(pd(kp, kd), period)
     assert growth(1.0) < 0.0
     found = decide_stability(plant, law)

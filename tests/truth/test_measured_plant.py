@@ -117,15 +117,15 @@ def test_the_sampled_plants_steps_are_the_models(kind, rigid):
         u[:, i] = 1.0
         y, _ = simulate(plant.sampled, u)
         for o in range(3):
-            late = t - path_delay(model)[o, i]
-            on = np.maximum(late, 0.0)
+            delays = t - path_delay(model)[o, i]
+            on = np.maximum(delays, 0.0)
             phi_psi = np.real(residue[o, 0] * model.participation[:, i])
             omega, zeta = np.abs(model.poles), gimbal_record.ZETA
             decayed = np.exp(np.multiply.outer(on, model.poles))
             # 1 - e^{-zeta w t} (cos wd t + zeta / sqrt(1 - zeta^2) sin wd t), over w^2.
             step = 1.0 - decayed.real - zeta / np.sqrt(1.0 - zeta**2) * decayed.imag
             expected = step @ (phi_psi / omega**2) + (0.0 if rigid is None else rigid[o, i] * on**2 / 2.0)
-            np.testing.assert_allclose(y[:, o], np.where(late > -1e-12, expected, 0.0), atol=1e-12)
+            np.testing.assert_allclose(y[:, o], np.where(delays > -1e-12, expected, 0.0), atol=1e-12)
     assert len(plant.state_names) == len(plant.sampled.A)
 
 
@@ -239,9 +239,9 @@ def test_what_no_path_reaches_is_kept_once():
         np.zeros((2, 2)),
     )  # fmt: skip
     ports = (Port("a", "N"), Port("b", "N")), (Port("c", "m"), Port("d", "m"))
-    late = np.array([[0.01, 0.02], [0.02, 0.01]])
+    delay = np.array([[0.01, 0.02], [0.02, 0.01]])
     plant = Plant(
-        dynamics=system, inputs=ports[0], outputs=ports[1], state_names=("one", "two", "lost"), delay_s=late
+        dynamics=system, inputs=ports[0], outputs=ports[1], state_names=("one", "two", "lost"), delay_s=delay
     )
     names = approximate_delays(plant, 2).state_names
     assert [names.count(name) for name in ("one", "two", "lost")] == [1, 1, 1]

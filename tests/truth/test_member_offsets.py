@@ -9,7 +9,7 @@ from middeck.structure.model.article import AttachPoint, Body, Member, MemberMas
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import node_rotations, solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 
 SOFT = Section(EA=2e5, GJ=20.0, EI_y=30.0, EI_z=40.0, rho_A=0.5, rho_I_y=1e-4, rho_I_z=2e-4)

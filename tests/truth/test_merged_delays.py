@@ -108,12 +108,12 @@ def test_only_those_that_are_alike_are_made_one():
 
 
 def test_delays_of_paths():
-    late = np.array([[0.0, 1e-6], [2e-6, 0.0]])
-    one = merge_delays(covariance_of([8e-3, 8e-3], [1e-5, 1e-5], path_delay_s=late))
+    delay = np.array([[0.0, 1e-6], [2e-6, 0.0]])
+    one = merge_delays(covariance_of([8e-3, 8e-3], [1e-5, 1e-5], path_delay_s=delay))
     assert one.model.path_delay_s is None
     assert np.ptp(one.model.delay_s) == 0.0
-    late = np.array([[0.0, 4e-3], [4e-3 + 1e-6, 0.0]])
-    two = merge_delays(covariance_of([8e-3, 8e-3], [1e-5, 1e-5], path_delay_s=late))
+    delay = np.array([[0.0, 4e-3], [4e-3 + 1e-6, 0.0]])
+    two = merge_delays(covariance_of([8e-3, 8e-3], [1e-5, 1e-5], path_delay_s=delay))
     delay_s = path_delay(two.model)
     assert delay_s[0, 0] == delay_s[1, 1]
     # The same number twice, once through a difference: rounding.

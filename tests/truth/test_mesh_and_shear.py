@@ -15,7 +15,7 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.finer_mesh import TUBE_SHEAR, add_shear, refine_mesh
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.refine import Refined, refine
@@ -116,18 +116,18 @@ def test_shear_is_no_error_of_the_numbers(part: float, seed: int):
     off = found.x - [0.0, np.log(1.05)]
     assert np.abs(off).max() < 3e-4
     assert np.abs(off / found.estimate.x_std).max() < 3.0
-    said = [one for one in findings(found) if "shear" in one]
-    assert bool(said) == (part > 2.0 * std)
+    warnings = [one for one in findings(found) if "shear" in one]
+    assert bool(warnings) == (part > 2.0 * std)
 
 
 @pytest.mark.parametrize("part", repeats([1.0, 0.0, 0.6]))
 def test_modes_that_no_survey_saw_have_the_shear_that_others_showed(part: float):
     """Refined on four modes, told of eight, of which shear moves the last by 2.2 %."""
     truth = add_shear(slender(mast(mass=0.42)), part)
-    told = predict_modes(recovered(part, 0, range(4)), clamped(0.0), count=8)
-    error = np.log(told.frequency_hz / modes_of(truth, clamped(0.0)).frequency_hz[:8])
+    predicted = predict_modes(recovered(part, 0, range(4)), clamped(0.0), count=8)
+    error = np.log(predicted.frequency_hz / modes_of(truth, clamped(0.0)).frequency_hz[:8])
     assert np.abs(error).max() < 2e-3
-    assert np.abs(error / told.log_std).max() < 3.0
+    assert np.abs(error / predicted.log_std).max() < 3.0
 
 
 def test_a_draw_has_the_shear_of_the_estimate():

@@ -73,9 +73,9 @@ def test_error_of_a_rod_with_a_tip_mass_has_its_sign(mass: MemberMass, ratio: fl
     true = modes.omega[0] * L / (low * np.sqrt(EA / (ratio * tip / L))) - 1.0
     assert (true < 0.0) == (mass is MemberMass.COUPLED_ROD)
     assert estimate_mesh_error(modes)[0] == pytest.approx(true, rel=0.3)
-    said = mesh_warnings(modes, 1)
-    assert bool(said) == (abs(true) > LIMIT)
-    for text in said:
+    warnings = mesh_warnings(modes, 1)
+    assert bool(warnings) == (abs(true) > LIMIT)
+    for text in warnings:
         assert ("too low" if true < 0.0 else "too high") in text
         assert "elements_per_strut" not in text  # a rod that is divided is a mechanism
 
@@ -117,10 +117,10 @@ def test_error_is_that_against_a_finer_mesh(seed: int, tmp_path: Path):
     )
     error = estimate_mesh_error(coarse, 20)
     swings = np.flatnonzero((coarse.omega[: len(error)] > 0.0) & np.isfinite(error))
-    true, said = coarse.omega[swings] / fine.omega[swings] - 1.0, error[swings]
-    clear = np.maximum(said, true) < 0.01
-    small = np.maximum(said, true) < 0.5 * LIMIT
-    near = (said > 0.5 * true) & (said < 2.0 * true)
+    true, estimated = coarse.omega[swings] / fine.omega[swings] - 1.0, error[swings]
+    clear = np.maximum(estimated, true) < 0.01
+    small = np.maximum(estimated, true) < 0.5 * LIMIT
+    near = (estimated > 0.5 * true) & (estimated < 2.0 * true)
     assert np.all((near | small)[clear])
 
 
@@ -132,9 +132,9 @@ def test_the_two_articles_are_meshed_finely_enough_and_one_element_a_strut_is_no
     fine = modes_in(*case)
     true = coarse.omega[10:26] / fine.omega[10:26] - 1.0
     assert true.max() == pytest.approx(estimate_mesh_error(coarse, 26).max(), rel=0.2)
-    (said,) = mesh_warnings(coarse, 26)
-    assert "elements" in said
-    assert "% too high" in said
+    (warning,) = mesh_warnings(coarse, 26)
+    assert "elements" in warning
+    assert "% too high" in warning
 
 
 def test_a_mesh_that_lacks_modes_says_from_where_on(tmp_path: Path):
@@ -146,8 +146,8 @@ def test_a_mesh_that_lacks_modes_says_from_where_on(tmp_path: Path):
     )
     error = estimate_mesh_error(modes)
     assert np.isinf(error[-1])
-    (said,) = mesh_warnings(modes, 12)
-    assert "modes are missing" in said
+    (warning,) = mesh_warnings(modes, 12)
+    assert "modes are missing" in warning
 
 
 @pytest.mark.parametrize(("elements", "ratio"), [(1, 0.3), (1, 0.9), (2, 0.9), (2, 0.97), (4, 0.99)])
@@ -164,9 +164,9 @@ def test_error_of_a_column_near_its_critical_load(elements: int, ratio: float):
     modes = modes_in(column, held)
     k = np.sqrt(mass * 9.80665 / EI)
     exact = np.sqrt(k**3 * EI / (np.tan(k * L) - k * L) / mass)
-    true, said = modes.omega[0] / exact - 1.0, estimate_mesh_error(modes)[0]
+    true, estimated = modes.omega[0] / exact - 1.0, estimate_mesh_error(modes)[0]
     # First order in what is lost of omega^2, which is up to a twelfth of it.
-    assert said == pytest.approx(true, rel=0.15)
+    assert estimated == pytest.approx(true, rel=0.15)
     assert bool(mesh_warnings(modes, 1)) == (true > LIMIT)
 
 
@@ -194,9 +194,9 @@ def test_error_of_a_string_clamped_at_one_end():
     held = Environment(title="held", gravity=np.zeros(3), clamps=ends)
     modes = modes_in(structure([node("a", (0, 0, 0)), node("b", (L, 0, 0))], [string]), held)
     true = modes.omega[:4] / (np.repeat([1.0, 2.0], 2) * np.pi / L * np.sqrt(pull / rho_A)) - 1.0
-    said = estimate_mesh_error(modes)[:4]
-    assert said[[0, 2]] == pytest.approx(true[[0, 2]], rel=0.1)
-    assert np.all((said > 0.4 * true) & (said < 2.0 * true))
+    estimated = estimate_mesh_error(modes)[:4]
+    assert estimated[[0, 2]] == pytest.approx(true[[0, 2]], rel=0.1)
+    assert np.all((estimated > 0.4 * true) & (estimated < 2.0 * true))
     assert len(mesh_warnings(modes, 2)) == 1
 
 
@@ -220,8 +220,8 @@ def test_elements_that_gravity_bends_are_named(elements: int, silent: bool):
 
     coarse, fine = elbow(elements), elbow(64)
     off = np.abs(coarse.omega[:2] / fine.omega[:2] - 1.0)
-    said = [text for text in mesh_warnings(coarse, 2) if "at rest" in text]
-    assert len(said) == (not silent)
+    warnings = [text for text in mesh_warnings(coarse, 2) if "at rest" in text]
+    assert len(warnings) == (not silent)
     assert (off.max() < 1e-3) == silent
     assert off.max() < rest_angles(coarse.equilibrium).max() ** 2
 
@@ -290,9 +290,10 @@ def test_frames_that_sag_are_off_by_the_square_of_their_angle(campaign):
             )
         except NumericalError:  # too soft to stand
             continue
-        said, angle = estimate_mesh_error(coarse, 6), rest_angles(coarse.equilibrium).max()
+        estimated, angle = estimate_mesh_error(coarse, 6), rest_angles(coarse.equilibrium).max()
         off = (
-            np.abs(coarse.omega[:6] / fine.omega[:6] - 1.0)[np.isfinite(said)] - 2.0 * said[np.isfinite(said)]
+            np.abs(coarse.omega[:6] / fine.omega[:6] - 1.0)[np.isfinite(estimated)]
+            - 2.0 * estimated[np.isfinite(estimated)]
         )
         assert off.max(initial=0.0) < max(1.2 * angle**2, 1e-3), seed
         assert off.max(initial=0.0) < 1e-3 or angle > BENT

@@ -17,12 +17,12 @@ DELAY = 0.0113
 def rates(delay_s=(DELAY, DELAY), *, modes=2, noise=1e-3):
     """Two rates of a free body with modes, each late by its own delay."""
     H = np.zeros((len(F), 2, 1), complex)
-    for o, late in enumerate(delay_s):
+    for o, delay in enumerate(delay_s):
         H[:, o, 0] = (2.0, 1.2)[o] / S
         for m in range(modes):
             w = 2.0 * np.pi * HZ[m]
             H[:, o, 0] += GAIN[o, m] * S / (S**2 + 2.0 * ZETA[m] * w * S + w**2)
-        H[:, o, 0] *= np.exp(-S * late)
+        H[:, o, 0] *= np.exp(-S * delay)
     size = noise * np.sqrt(np.mean(np.abs(H) ** 2, axis=(0, 2), keepdims=True))
     re, im = np.random.default_rng(4).standard_normal((2, *H.shape)) / np.sqrt(2.0)
     ports = tuple(Port(name, "rad/s") for name in ("hub", "tip"))
@@ -42,8 +42,8 @@ def hints(fitted):
 
 def test_a_lacking_delay_is_named_in_place_of_modes():
     fitted = fit_response(rates(), states=5, integrators=1)
-    said = hints(fitted)
-    assert [w.split(":")[0] for w in said] == ["output hub", "output tip"]
+    message = hints(fitted)
+    assert [w.split(":")[0] for w in message] == ["output hub", "output tip"]
     assert not any("modes that the model lacks" in w for w in fitted.warnings)
     # The poles are those of a model without the delay; a twentieth of it is enough for a hint.
     np.testing.assert_allclose(missing_delay(rates(), fitted.model), DELAY, rtol=0.05)
@@ -96,9 +96,9 @@ def driven_point(power, unit, *, noise=3e-3):
 def test_a_delay_of_an_acceleration_is_advised_with_the_constant_that_it_has():
     """With relative degree one the best fit leads by milliseconds, or leaves a tenth of the response."""
     measured = driven_point(2, "m/s^2")
-    said = [w for w in fit_response(measured, states=6).warnings if "--delay output" in w]
-    assert len(said) == 1
-    assert "--relative-degree 0" in said[0]
+    remarks = [w for w in fit_response(measured, states=6).warnings if "--delay output" in w]
+    assert len(remarks) == 1
+    assert "--relative-degree 0" in remarks[0]
     # Modes above the band leave some hundredths of a millisecond.
     found = fit_response(measured, states=6, delay="output")
     assert found.model.delay_s[0] == pytest.approx(DELAY, abs=1e-4)

@@ -350,7 +350,7 @@ def test_a_mode_that_nothing_holds_is_named():
 
 def test_plants_that_no_law_holds_are_an_error_with_the_way_so_far(monkeypatch):
     """The sign of the plant turns: a strictly proper law that holds both does not exist for these."""
-    monkeypatch.setattr("middeck.control.robust.search.continuation.ROUNDS", 5)
+    monkeypatch.setattr("middeck.control.robust.search.stabilising_continuation.ROUNDS", 5)
     monkeypatch.setattr("middeck.control.robust.search.starting_laws.SPREAD", 2)
     first = one_mode(zeta=-0.2)
     modal = first.dynamics

@@ -10,7 +10,7 @@ from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.coordinates import System, place_grids
 from middeck.files.nastran.deck.deck import read_deck
 from middeck.files.nastran.deck.entries import read_entries
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.units import guess_units, parse_units
 from middeck.files.nastran.members.section_shapes import section_shape
 
@@ -122,9 +122,9 @@ def test_lines_may_be_numbered_in_columns_73_to_80():
     lines = [f"{f'GRID    {n:<8}        {n}.':72}{10 * n:08d}" for n in range(1, 13)]
     assert [entry["x1"] for entry in entries("\n".join(lines)).of("GRID")] == [*map(float, range(1, 13))]
     lines[4] = lines[4][:72]
-    assert "11 errors" in (said := refused("\n".join(lines)))
-    assert "a number, 00000010, where the mark of a continuation stands" in said
-    assert "numbers of lines must stand on all without commas, and rise" in said
+    assert "11 errors" in (message := refused("\n".join(lines)))
+    assert "a number, 00000010, where the mark of a continuation stands" in message
+    assert "numbers of lines must stand on all without commas, and rise" in message
 
 
 @pytest.mark.parametrize("tail", ["+1", "1", "*1", "00000010"])

@@ -138,7 +138,7 @@ def test_a_held_grid_with_more_than_springs_stays_in_the_article(tmp_path, more)
 )
 def test_axes_that_turn_with_the_first_grid_are_named_where_that_is_felt(tmp_path, stiffness, is_felt):
     """A body whose centre lies beside a soft hinge rolls over; the other grid is held, with a mass on it."""
-    told, hz = [], []
+    reported, hz = [], []
     for first, last in ((1, 2), (2, 1)):
         cards = ["GRID,1", "GRID,2", "CONM2,11,1,,1.,0.,.1,0.\n,.1,,.2,,,.3", "CONM2,12,2,,1."]
         cards += [f"PBUSH,5,K,{stiffness}", f"CBUSH,31,5,{first},{last},,,,0"]
@@ -146,11 +146,11 @@ def test_axes_that_turn_with_the_first_grid_are_named_where_that_is_felt(tmp_pat
         path = tmp_path / "a.dat"
         path.write_text("\n".join(["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", *cards, "ENDDATA", ""]))
         rest = md.solve_equilibrium(*setup(tmp_path, convert_deck(read_deck(path), SI, "consistent", "a")))
-        said = "with its first frame 'g1', while its second, 'g2', stayed"
-        told.append(any(said in text for text in rest_warnings(rest)))
+        message = "with its first frame 'g1', while its second, 'g2', stayed"
+        reported.append(any(message in text for text in rest_warnings(rest)))
         assert any("the article turned by" in text for text in rest_warnings(rest))
         hz.append(md.solve_modes(rest).frequency_hz)
-    assert told == [is_felt, False]
+    assert reported == [is_felt, False]
     assert np.allclose(*hz, rtol=1e-6, atol=0.0) != is_felt
 
 

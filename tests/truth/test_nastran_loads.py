@@ -79,7 +79,7 @@ def test_gravity_of_each_subcase_counts_though_another_sums_it(tmp_path, other):
 
 
 @pytest.mark.parametrize(
-    ("card", "said"),
+    ("card", "message"),
     [
         ("FORCE,40,3,,2.", r"a.dat:24: FORCE 40 field 6 \(N1\): its direction is zero"),
         ("MOMENT,40,3,,2.,0.,0.", r"a.dat:24: MOMENT 40 field 6 \(N1\) = 0.: its direction is zero"),
@@ -99,8 +99,8 @@ def test_gravity_of_each_subcase_counts_though_another_sums_it(tmp_path, other):
         ("FORCE,30,3,,2.,1.", r": LOAD 30 field 2 \(SID\) = 30: FORCE 30 has the same number: which of them"),
     ],
 )
-def test_loads_that_say_nothing_or_two_things_are_refused(tmp_path, card, said):
-    with pytest.raises(ConfigError, match=said):
+def test_loads_that_say_nothing_or_two_things_are_refused(tmp_path, card, message):
+    with pytest.raises(ConfigError, match=message):
         convert(tmp_path, [], card)
 
 

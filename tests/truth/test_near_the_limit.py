@@ -59,12 +59,12 @@ def test_margins_of_a_loop_beside_its_limit_are_right_or_warned_of(seed: int) ->
         -k * np.array([[-16.0, 17.0]]),
         np.zeros((1, 1)),
     )
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             margins = measure_margins(plant, Compensator(lead, plant.outputs, plant.inputs))
         except NumericalError:  # an open verdict
             return
-    assert told or margins.stable
-    if not told:
+    assert caught or margins.stable
+    if not caught:
         assert margins.loops[0].gain_limits[1] - 1.0 == pytest.approx(1.0 / NEAR - 1.0, rel=5e-3)

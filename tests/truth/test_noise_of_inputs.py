@@ -63,15 +63,15 @@ def told(fit):
 # Without the bias among the deviations the rms is 2.6 of 3000 samples at 0.09, 3.2 of 12 000 at 0.05.
 @pytest.mark.parametrize(("share", "count"), repeats([(0.09, 3000), (0.0, 3000), (0.05, 12000)], 2))
 def test_deviations_of_gains_count_noise_of_a_measured_force(share, count, campaign):
-    z, said = [], []
+    z, reported = [], []
     for seed in campaign(24):
         record, plant = measured(seed, share, count)
         fit = fit_record(record, states=2 * len(plant[0]))
         z += off(fit, plant)
-        said.append(told(fit))
+        reported.append(told(fit))
     assert np.sqrt(np.mean(np.square(z))) < 1.6
     assert np.abs(z).max() < 4.0
-    assert any(said) == (share > 0.0)
+    assert any(reported) == (share > 0.0)
 
 
 def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
@@ -85,8 +85,8 @@ def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
     assert np.abs(z).max() < 4.0
 
 
-@pytest.mark.parametrize("said", [True, False])
-def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(said, campaign):
+@pytest.mark.parametrize("message", [True, False])
+def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(message, campaign):
     """The mean of four periods has noise on driven lines alone, of which a narrow mode has one or two."""
     hz, zeta, samples, rate, off = np.array([7.3, 17.5, 24.8]), np.array([0.034, 0.014, 0.01]), 512, 256.0, []
     f = np.fft.rfftfreq(samples, 1.0 / rate)
@@ -97,9 +97,9 @@ def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(sai
         Y = response(hz, zeta, phi, 0.0, 2j * np.pi * f) * U
         u, y = (np.tile(np.fft.irfft(X, samples), 4) for X in (U, Y))
         u, y = (x + size * x.std() * rng.standard_normal(x.shape) for x, size in ((u, 1e-2), (y, 2e-3)))
-        u, y = (x.reshape(1, 4, samples, 1) if said else x[None, None, :, None] for x in (u, y))
+        u, y = (x.reshape(1, 4, samples, 1) if message else x[None, None, :, None] for x in (u, y))
         fit = fit_record(
-            Record(sample_hz=rate, u=u, y=y, inputs=(FORCE,), outputs=(TIP,), periodic=said), states=6
+            Record(sample_hz=rate, u=u, y=y, inputs=(FORCE,), outputs=(TIP,), periodic=message), states=6
         )
         order = np.argsort(natural_hz(fit.model))
         off.append((natural_hz(fit.model)[order] - hz) / fit.uncertainty.natural_hz[order])
@@ -112,10 +112,10 @@ def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(sai
 def test_a_response_that_noise_of_the_force_makes_too_small_says_so(campaign):
     for seed in campaign(24):
         for share in (0.0, 0.09):
-            with warnings.catch_warnings(record=True) as said:
+            with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 estimate_response(measured(seed, share, 6000)[0], band_hz=(1.5, 35.0))
-            assert any("too small" in str(line.message) for line in said) == (share > 0.0)
+            assert any("too small" in str(line.message) for line in caught) == (share > 0.0)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.1])

@@ -23,8 +23,8 @@ from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.control.lqg.estimator import design_filter
 from middeck.control.lqg.weights import Shaping
 from middeck.control.noise import measure_noise_rms
-from middeck.control.sampled.design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
+from middeck.control.sampled.sampled_design import SampledLQG, design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import NotStabilisableError, NumericalError
 from middeck.systems.norms.band_rms import band_rms
@@ -82,13 +82,13 @@ NUMBERS: dict[str, Numbers] = {
 
 def _found(numbers: Numbers, plant: Plant, law: Compensator) -> tuple[np.ndarray, bool]:
     """The numbers, and whether they come with a warning or not at all (then none)."""
-    with warnings.catch_warnings(record=True) as heard, np.errstate(divide="ignore"):
+    with warnings.catch_warnings(record=True) as caught, np.errstate(divide="ignore"):
         warnings.simplefilter("always")
         try:
             found = numbers(plant, law)
         except NumericalError:
             return np.zeros(0), True
-    return found, bool(heard)
+    return found, bool(caught)
 
 
 @pytest.mark.kernels
@@ -100,10 +100,10 @@ def test_no_number_that_rounding_moves_is_silent(name: str, campaign) -> None:
     for seed in campaign(80):
         rng = np.random.default_rng([78, seed])
         plant, law = _loop(rng, free=0)
-        own, told = _found(numbers, plant, law)
+        own, reported = _found(numbers, plant, law)
         if not np.isfinite(own).any():
             continue
-        assert not told
+        assert not reported
         for condition in (1e2, 1e3, 1e5, 1e6, 1e7):
             one, other = plant, law
             if seed % 4 != 1:
@@ -111,9 +111,9 @@ def test_no_number_that_rounding_moves_is_silent(name: str, campaign) -> None:
                 one = dataclasses.replace(plant, dynamics=mixed, state_names=())
             if seed % 4 != 2:
                 other = dataclasses.replace(law, dynamics=_mixed(law.system, condition, rng))
-            found, told = _found(numbers, one, other)
-            assert not told or condition > 1e3, (seed, condition)
-            if told:
+            found, reported = _found(numbers, one, other)
+            assert not reported or condition > 1e3, (seed, condition)
+            if reported:
                 wrong += 1
                 continue
             assert found == pytest.approx(own, abs=TOLD), (seed, condition)
@@ -147,13 +147,13 @@ def test_no_allowed_shift_that_rounding_moves_is_silent(campaign) -> None:
                 law = dataclasses.replace(law, dynamics=_mixed(law.system, condition, rng))
             else:
                 plant = dataclasses.replace(plant, dynamics=_mixed(plant.system, condition, rng))
-            with warnings.catch_warnings(record=True) as heard:
+            with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 try:
                     found = find_allowed_shifts(plant, law, most=0.1)
                 except NumericalError:
                     found = ()
-            if heard or not found:
+            if caught or not found:
                 warned += 1
                 assert condition > 1e3, seed
                 continue
@@ -203,16 +203,16 @@ def test_the_rms_of_a_sampled_loop_beside_a_lasting_motion_is_right_or_reported(
     )
     for condition in (1.0, 1e2, 1e3):
         system = both if condition == 1.0 else _mixed(both, condition, rng)
-        with warnings.catch_warnings(record=True) as heard:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             found = measure_sampled_loop(grouped_plant(system, (FORCE,), (WAY,)), held, WEIGHTS, 1.0)
         assert found.stable
         if condition == 1.0:
-            assert not heard
+            assert not caught
             assert found.rms == pytest.approx(alone.rms, rel=1e-6)
         else:
             assert np.isinf(found.rms).all()
-            assert "infinite" in str(heard[0].message)
+            assert "infinite" in str(caught[0].message)
 
 
 DESIGNS: dict[str, Callable[..., LQGCompensator | SampledLQG]] = {
@@ -240,16 +240,16 @@ def test_no_law_designed_in_mixed_states_is_silently_another(kind: str, campaign
         own = design(plant, weights, authority)
         for condition in (1e2, 1e3, 3e4, 1e5, 1e6, 1e7, 1e8):
             mixed = dataclasses.replace(plant, dynamics=_mixed(plant.system, condition, rng))
-            with warnings.catch_warnings(record=True) as heard:
+            with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 try:
                     law = design(mixed, weights, authority)
                 except (NumericalError, NotStabilisableError):
                     assert condition > 1e3, seed
                     continue
-            if heard:
+            if caught:
                 warned += 1
-                assert kind == "filter first" or heard[0].filename == __file__
+                assert kind == "filter first" or caught[0].filename == __file__
                 clean_warned += condition <= 1e3
                 continue
             known += 1
@@ -284,17 +284,17 @@ def _two_modes(rng: np.random.Generator, condition: float) -> Plant:
 
 
 def test_integral_action_and_what_is_zero_by_rounding_are_no_doubt_of_a_law() -> None:
-    weights, told = unit_weights(("f1", "f2"), [1e-2, 1e-2], outputs=2, inputs=2), 0
+    weights, reported = unit_weights(("f1", "f2"), [1e-2, 1e-2], outputs=2, inputs=2), 0
     for seed in range(6):
         plant = _two_modes(np.random.default_rng([92, seed]), 1e4)
         own = design_lqg(_two_modes(np.random.default_rng([92, seed]), 1.0), weights, 10.0)
-        with warnings.catch_warnings(record=True) as heard:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             design_lqg(plant, weights, 10.0, shaping=Shaping(integral=(("y1", 0.1),)))
             law = design_lqg(plant, weights, 10.0)
-        told += bool(heard)
+        reported += bool(caught)
         assert law.cost == pytest.approx(own.cost, rel=TOLD)
-    assert told <= 1
+    assert reported <= 1
 
 
 def test_modes_named_by_their_frequency_have_their_names_when_entries_move() -> None:
@@ -319,13 +319,13 @@ def test_a_limit_of_the_search_beside_the_shift_itself_is_no_doubt_of_it() -> No
         rng = np.random.default_rng([85, seed])
         plant, law = _sharp(rng)
         mixed = dataclasses.replace(law, dynamics=_mixed(law.system, 3e3, rng))
-        with warnings.catch_warnings(record=True) as heard:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             ends = [one for one in find_allowed_shifts(plant, mixed, most=0.1) if 0.0 < one.up < 0.1]
-            before = len(heard)
+            before = len(caught)
             for one in ends:
                 find_allowed_shifts(plant, mixed, modes=[one.mode], most=one.up * (1.0 + 1e-9))
         if not before:
             tried += len(ends)
-            assert not heard, seed
+            assert not caught, seed
     assert tried > 2

@@ -188,11 +188,11 @@ def test_without_drift_the_filter_has_the_bound_of_its_record():
     seconds, step = 10.0, 1e-5
     taken, noise = moving_gimbal.record(0, seconds)
     v = taken.u[0, 0, :, 0]
-    late = gimbal_record.DELAY_S[0] - moving_gimbal.HOLD
+    delay = gimbal_record.DELAY_S[0] - moving_gimbal.HOLD
     one = np.ones(len(v))
 
     def motion(m, hz=1.0, zeta=1.0):
-        made = moving_gimbal.motion_of_mode(v, late, hz * MODES[m] * one, zeta * gimbal_record.ZETA * one)
+        made = moving_gimbal.motion_of_mode(v, delay, hz * MODES[m] * one, zeta * gimbal_record.ZETA * one)
         return gimbal_record.PHI[0, m] * gimbal_record.PSI[0, m] * made
 
     J = [(motion(m, hz=1.0 + step) - motion(m, hz=1.0 - step)) / (2.0 * step) for m in range(5)]
@@ -380,10 +380,10 @@ def test_a_ramp_is_followed_within_its_deviation_once_it_is_noticed():
     taken, noise = moving_gimbal.record(2, seconds, hz=hz)
     state = start_tracking(moving_gimbal.model(), noise_rms=noise, known=WELL_KNOWN, **AT_ONE_RATE)
     found = track_modes(state, taken)
-    late = found.time_s >= 9.0
-    true = hz[np.round(found.time_s[late] * RATE).astype(int) - 1]
-    assert np.abs((found.natural_hz[late] - true) / found.frequency_std_hz[late]).max() < 4.0
-    assert np.all(found.frequency_std_hz[late, 0] < 2e-3 * MODES[0])
+    delay = found.time_s >= 9.0
+    true = hz[np.round(found.time_s[delay] * RATE).astype(int) - 1]
+    assert np.abs((found.natural_hz[delay] - true) / found.frequency_std_hz[delay]).max() < 4.0
+    assert np.all(found.frequency_std_hz[delay, 0] < 2e-3 * MODES[0])
 
 
 def test_more_noise_is_no_loss():

@@ -150,13 +150,13 @@ def test_sparse_text_of_pynastran(tmp_path):
     np.testing.assert_array_equal(S, single)
     np.testing.assert_array_equal(C.ravel(), [-1.5 - 2.5j, 0, 0, 0, 0.5 + 1j, 0, -0.275 - 0.55j, 0])
     lines = OF_PYNASTRAN.splitlines()
-    for cut, said in (
+    for cut, warning in (
         (slice(4, 6), "1 numbers in a column of 5 words"),
         (slice(5, 6), "0 numbers for real entries"),
         (slice(4, 5), "1 numbers in a column of 5 words|characters for"),
     ):
         path.write_text("\n".join(lines[: cut.start] + lines[cut.stop :]))
-        with pytest.raises(DataError, match=said):
+        with pytest.raises(DataError, match=warning):
             read_op4(path)
     path.write_text(OF_PYNASTRAN.replace("\n       2       0       3", "\n       3       0       3"))
     with pytest.raises(DataError, match="column 3 after column 3"):

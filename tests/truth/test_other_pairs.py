@@ -41,9 +41,9 @@ def test_a_mode_taken_for_the_one_that_nobody_measured_is_reported(seed: int):
     """Frequencies alone, and a wrong set of unknowns that fits them to the noise."""
     off, found = refined(seed, HOLES)
     assert off > 30.0
-    (said,) = [line for line in findings(found) if "may as well be that of" in line]
+    (warning,) = [line for line in findings(found) if "may as well be that of" in line]
     pair = other_pairs(found)[0]
-    assert f"{pair.other_hz:.4g} Hz" in said
+    assert f"{pair.other_hz:.4g} Hz" in warning
     # The model's mode beside it is the one that was measured.
     modes, ours = found.compared[0].modes, found.compared[0].pairs[:, 0]
     assert np.argmin(np.abs(modes.frequency_hz - pair.other_hz)) == 13
@@ -59,16 +59,16 @@ def test_shapes_leave_no_doubt():
 
 def test_no_wrong_pair_is_silent():
     """Of articles whose surveys missed two modes and measured no shape, every one that came out wrong."""
-    silent = said = 0
+    silent = reported = 0
     seeds = repeats(range(100, 100 + SEEDS), 3)
     for seed in seeds:
         off, found = refined(seed, HOLES)
-        told = bool(other_pairs(found))
-        silent += off > WRONG and not told
-        said += off < WRONG and told
+        reported = bool(other_pairs(found))
+        silent += off > WRONG and not reported
+        reported += off < WRONG and reported
     assert silent == 0
     # A third of them is in doubt and comes out right.
-    assert said <= 0.5 * len(seeds)
+    assert reported <= 0.5 * len(seeds)
 
 
 HELD = Environment(title="mast", gravity=np.zeros(3), clamps=(Clamp(node="a"),))
@@ -107,9 +107,9 @@ def test_a_family_that_is_taken_for_the_other_is_reported(split: float, factor: 
     assert len(other_pairs(found)) == 3
     # The other pairs say by how much: to the true E.
     assert other_pairs(found)[0].off == pytest.approx(off, abs=2.0)
-    (said,) = [line for line in findings(found) if "may as well be that of" in line]
-    assert "if it is, E is wrong by" in said
-    assert "Measured shapes" in said
+    (warning,) = [line for line in findings(found) if "may as well be that of" in line]
+    assert "if it is, E is wrong by" in warning
+    assert "Measured shapes" in warning
 
 
 @pytest.mark.parametrize("chosen", [[0, 1, 2, 3, 4, 5], [0, 2, 4]])
@@ -126,9 +126,9 @@ def test_advice_asks_for_more_channels_where_there_are_shapes(monkeypatch: pytes
     _, found = mast_refined(1.05, 1.02, [0, 2, 4], shapes=True)
     pair = OtherPair(survey="mast", measured_hz=1.0, paired_hz=1.1, other_hz=1.2, unknown="E", off=9.0)
     monkeypatch.setattr("middeck.updating.refinement.findings.other_pairs", lambda _: (pair,))
-    (said,) = [line for line in findings(found) if "may as well be that of" in line]
-    assert "Shapes at more channels" in said
-    assert "Measured shapes" not in said
+    (warning,) = [line for line in findings(found) if "may as well be that of" in line]
+    assert "Shapes at more channels" in warning
+    assert "Measured shapes" not in warning
 
 
 def test_a_parameter_that_two_patterns_name_is_refused():

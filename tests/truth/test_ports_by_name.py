@@ -13,7 +13,7 @@ from middeck.control.loop.closed_loop import close_loop, predict_closed_loop_res
 from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import align_plant
-from middeck.control.reduction.compensators import reduce_compensator
+from middeck.control.reduction.reduced_compensators import reduce_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import ConfigError

@@ -34,7 +34,7 @@ from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.plants.plant_from_matrices import make_plant
 from middeck.systems.state_space.modal_system import ModalSystem, select_modes
 from middeck.systems.state_space.statespace import StateSpace
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.promise import blocks_of_draws
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
 from middeck.updating.promise.left_out_modes import find_left_out
@@ -206,8 +206,8 @@ def test_levels_hold_for_one_more_draw():
     inside = 0
     for _ in range(2000):
         db = rng.exponential(size=40)
-        told = dataclasses.replace(outlook("a", 39, 39), db=db[:39], stable=np.ones(39, bool))
-        inside += told.level_db(0.025) <= db[39] <= told.level_db(0.975)
+        reported = dataclasses.replace(outlook("a", 39, 39), db=db[:39], stable=np.ones(39, bool))
+        inside += reported.level_db(0.025) <= db[39] <= reported.level_db(0.975)
     assert inside / 2000 == pytest.approx(0.95, abs=0.02)
     few = dataclasses.replace(outlook("a", 10, 10), db=np.arange(10.0))
     assert [few.level_db(s) for s in (0.01, 0.5, 0.99)] == [0.0, 5.0, 9.0]
@@ -224,9 +224,9 @@ def test_a_ladder_ends_below_the_first_that_is_not_promised():
 def test_damping_in_orbit_is_promised(refined: Refined):
     """The truth has the same ratio on the ground and in orbit; the pendulum modes lose more on the ground."""
     orbit = Environment.orbit()
-    told, true = predict_modes(refined, orbit, count=10), true_modes(0, orbit)
-    error = np.log(told.damping / true_damping(0, true, 18)[told.index])
-    assert np.all(np.abs(error) < 3.0 * told.damping_std(0.3))
+    predicted, true = predict_modes(refined, orbit, count=10), true_modes(0, orbit)
+    error = np.log(predicted.damping / true_damping(0, true, 18)[predicted.index])
+    assert np.all(np.abs(error) < 3.0 * predicted.damping_std(0.3))
     assert np.abs(error).max() < 0.15
 
 

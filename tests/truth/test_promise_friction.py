@@ -314,9 +314,9 @@ def test_no_noise_makes_draws_agree(articles, noise, count):
     made = []
     for _ in range(60):
         db = articles * rng.standard_normal(len(noise)) + noise * rng.standard_normal(len(noise))
-        told = noise**2 * rng.chisquare(count - 1, len(noise)) / (count - 1)
+        reported = noise**2 * rng.chisquare(count - 1, len(noise)) / (count - 1)
         nothing = np.zeros((len(noise), 1))
-        one = Slipped(db=db, variance=told, travel=nothing, sticks=nothing[:, 0] == 0.0)
+        one = Slipped(db=db, variance=reported, travel=nothing, sticks=nothing[:, 0] == 0.0)
         made.append(np.std(join_slips([{None: one}])[None].db, ddof=1) / articles)
     assert np.quantile(made, 0.05) > 0.7
     assert 0.9 < np.median(made) < 2.0

@@ -15,8 +15,8 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.section import Section
-from middeck.updating.orbit.frequencies import predict_modes
-from middeck.updating.orbit.shapes import NODES, promised_shapes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
+from middeck.updating.orbit.promise_shapes import NODES, promised_shapes
 from middeck.updating.refinement.refine import Refined, refine
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
@@ -46,16 +46,16 @@ def refined() -> Refined:
 
 def test_they_are_those_of_the_modes_at_the_channels_of_the_surveys_and_at_some_nodes(refined: Refined):
     predicted = predict_modes(refined, STAND, count=5)
-    said = promised_shapes(refined, predicted)
-    channels = list(zip(said.node, said.direction, strict=True))
+    estimated = promised_shapes(refined, predicted)
+    channels = list(zip(estimated.node, estimated.direction, strict=True))
     assert tuple(channels[: len(SURVEYED)]) == SURVEYED
-    assert len(set(said.node)) <= NODES + len(SURVEYED)
+    assert len(set(estimated.node)) <= NODES + len(SURVEYED)
     assert ("n0", "x") in channels
     own = measure_modes(predicted.modes, channels, chosen=predicted.index.tolist()).shape
-    alike = modal_assurance(said.shape, own)
+    alike = modal_assurance(estimated.shape, own)
     np.testing.assert_allclose(np.diag(alike), 1.0, atol=1e-6)
-    assert np.abs(said.shape).max(axis=0).tolist() == [1.0] * 5
-    np.testing.assert_array_equal(said.shape, np.round(said.shape, 4))
+    assert np.abs(estimated.shape).max(axis=0).tolist() == [1.0] * 5
+    np.testing.assert_array_equal(estimated.shape, np.round(estimated.shape, 4))
 
 
 def test_a_channel_that_is_not_there_in_flight_is_left_out(refined: Refined):
@@ -64,6 +64,6 @@ def test_a_channel_that_is_not_there_in_flight_is_left_out(refined: Refined):
     shorter = chain()
     shorter = build.structure(shorter.nodes[:-1], shorter.members[:-1])
     modes = md.solve_modes(md.solve_equilibrium(shorter, STAND), 8)
-    said = promised_shapes(refined, dataclasses.replace(predicted, modes=modes))
-    assert "n69" not in said.node
-    assert "n7" in said.node
+    estimated = promised_shapes(refined, dataclasses.replace(predicted, modes=modes))
+    assert "n69" not in estimated.node
+    assert "n7" in estimated.node

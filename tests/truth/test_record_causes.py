@@ -158,17 +158,18 @@ def test_runs_that_were_joined_are_placed(campaign: Campaign) -> None:
 def test_a_long_delay_is_measured(campaign: Campaign) -> None:
     for seed in campaign(60):
         u, y, rng, n = a_run(seed)
-        late = int(rng.integers(100, 190))
+        delays = int(rng.integers(100, 190))
         found = [
             f
             for f in of(
-                u[:n], np.concatenate([rng.standard_normal((late, y.shape[1])) * 1e-3 * y.std(axis=0), y])[:n]
+                u[:n],
+                np.concatenate([rng.standard_normal((delays, y.shape[1])) * 1e-3 * y.std(axis=0), y])[:n],
             )
             if f.kind == "delay"
         ]
         assert {f.channel for f in found} == {f"y{k}" for k in range(y.shape[1])}, seed
         # Light modes in colour rise over some samples before they are heard.
-        assert all(abs(int(f.what.split()[1]) - late) <= 12 for f in found), seed
+        assert all(abs(int(f.what.split()[1]) - delays) <= 12 for f in found), seed
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.3, 1.0])
@@ -228,14 +229,14 @@ def test_sines_that_never_repeat_are_not_told_to_be_fed_back(campaign: Campaign)
 def test_noise_of_a_measured_input_is_named(campaign: Campaign) -> None:
     """A band-limited force, measured with 0.3 of its rms: later samples tell what earlier ones were."""
     plant = np.array([6.0, 17.0]), np.array([0.02, 0.01]), [300.0, -800.0], 0.011
-    said: list[bool] = []
+    reported: list[bool] = []
     for seed in campaign(12):
         clean = shaken(plant, 3000, 100.0, (1.0, 40.0), noise=1e-3, seed=seed)
         noise = np.random.default_rng([seed, 2]).standard_normal(clean.u.shape)
         assert not detect_faults(clean)
         noisy = dataclasses.replace(clean, u=clean.u + 0.3 * clean.u.std() * noise)
-        said.append(any("or with noise" in fault.what for fault in detect_faults(noisy)))
-    assert np.mean(said) >= 0.75
+        reported.append(any("or with noise" in fault.what for fault in detect_faults(noisy)))
+    assert np.mean(reported) >= 0.75
 
 
 def test_a_gain_that_changes_within_a_record_is_reported(campaign: Campaign) -> None:
@@ -276,9 +277,9 @@ def through(
 def test_a_force_whose_filter_is_not_steep_is_reported_to_fold_back(campaign: Campaign) -> None:
     """Of order two 8 to 18 deviations of the constants; of order eight none, and no word."""
     for seed in campaign(24):
-        for order, told in ((2, True), (8, False)):
+        for order, reported in ((2, True), (8, False)):
             fit = fit_record(through(order, seed)[0], states=4, sampled=False, band_hz=(1.0, 40.0))
-            assert any("folded back" in line for line in fit.warnings) == told
+            assert any("folded back" in line for line in fit.warnings) == reported
 
 
 def test_deviations_count_what_a_filter_folds_back(campaign: Campaign) -> None:
@@ -306,10 +307,10 @@ def test_feedback_in_a_long_record_is_reported_without_much_memory() -> None:
         inputs=(Port("u", "N"),), outputs=(Port("y", "m"),), periodic=False,
     )  # fmt: skip
     tracemalloc.start()
-    told = find_relation_faults(record)
+    reported = find_relation_faults(record)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert any("sends its noise back into the inputs" in str(fault) for fault in told)
+    assert any("sends its noise back into the inputs" in str(fault) for fault in reported)
     assert most < 220e6
 
 
@@ -334,14 +335,14 @@ def test_a_sensor_that_drifts_at_random_is_named_and_harms_no_mode(wander: float
     fit = fit_record(record, states=2, sampled=True)
     assert fit.standing == ("sound",)
     assert abs(natural_hz(fit.model)[0] - 12.0) < 4.0 * fit.uncertainty.natural_hz[0]
-    assert any("drifts at random" in said for said in fit.warnings) == (wander > 0.0)
-    assert not any("correlated with the inputs" in said for said in fit.warnings)
+    assert any("drifts at random" in warning for warning in fit.warnings) == (wander > 0.0)
+    assert not any("correlated with the inputs" in warning for warning in fit.warnings)
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [("spikes", "spikes? up to"), ("dropout", "stuck for 120 samples")]
+    ("fault", "message"), [("spikes", "spikes? up to"), ("dropout", "stuck for 120 samples")]
 )
-def test_a_fit_of_which_much_is_left_names_spikes_and_dropouts(fault: str, said: str) -> None:
+def test_a_fit_of_which_much_is_left_names_spikes_and_dropouts(fault: str, message: str) -> None:
     """As noise in all lines they were "noise and what the model lacks are 76 % of the output" alone."""
     plant = (np.array([6.0]), np.array([0.02]), [300.0], 0.011)
     record = shaken(plant, 1024, 100.0, (1, 40), noise=0.003)
@@ -351,5 +352,5 @@ def test_a_fit_of_which_much_is_left_names_spikes_and_dropouts(fault: str, said:
     else:
         y[0, 0, 400:520, 0] = y[0, 0, 400, 0]
     fit = fit_record(dataclasses.replace(record, y=y), states=2, sampled=False)
-    assert any(re.search(said, text) for text in fit.warnings)
+    assert any(re.search(message, text) for text in fit.warnings)
     assert fit_record(record, states=2, sampled=False).warnings == ()

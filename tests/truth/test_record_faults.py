@@ -109,8 +109,8 @@ def test_a_sine_that_no_input_makes_is_found(kind: str, campaign: Callable[[int]
         )
         found = [f for f in detect_faults(record) if f.kind == "hum"]
         assert [f.channel for f in found] == ["angle"]
-        told = float(found[0].what.split(": ")[1].split(" Hz")[0])
-        assert told == pytest.approx(hz, abs=HZ / SAMPLES)
+        reported = float(found[0].what.split(": ")[1].split(" Hz")[0])
+        assert reported == pytest.approx(hz, abs=HZ / SAMPLES)
         assert found[0].severity == "serious" or share < 0.12
 
 
@@ -585,11 +585,11 @@ def test_a_sine_between_the_harmonics_of_a_multisine_is_found(seed: int) -> None
     clean, line = y.copy(), (60.5 + rng.integers(0, 30)) * hz / samples
     y = y + np.sqrt(0.5) * y.std() * np.sin(2.0 * np.pi * line * np.arange(len(y)) / hz)
     kinds = []
-    for told in (clean, y):
+    for reported in (clean, y):
         record = Record(
             sample_hz=hz,
             u=u.reshape(1, periods, samples, 1),
-            y=told.reshape(1, periods, samples, 1),
+            y=reported.reshape(1, periods, samples, 1),
             inputs=(Port("torque", "N m"),),
             outputs=(Port("angle", "rad"),),
             periodic=True,

@@ -39,8 +39,8 @@ def held(seed, *, samples=1500, outputs=6):
 
 def test_a_large_record_has_the_order_and_poles_of_its_truth_and_scores_without_offsets():
     record = held(0)
-    said = []
-    fitted = fit_record(record, tell=said.append)
+    warnings = []
+    fitted = fit_record(record, tell=warnings.append)
     assert fitted.model.sample_hz == 1.0
     assert "sampled, as the inputs drive all" in fitted.order_reason
     assert fitted.model.states == 4
@@ -49,7 +49,7 @@ def test_a_large_record_has_the_order_and_poles_of_its_truth_and_scores_without_
     off = (np.abs(fitted.model.poles[at]) - np.abs(POLES)) / (2.0 * np.pi * fitted.uncertainty.natural_hz[at])
     assert np.abs(off).max() < 4.0
     np.testing.assert_allclose(fitted.error, NOISE, rtol=0.1)
-    assert said[0] == "2 states"
+    assert warnings[0] == "2 states"
     moved = dataclasses.replace(record, y=record.y + 50.0, u=record.u + 1.0)
     assert record_nrmse(fitted.model, moved, state_share=0.25).max() > 10.0 * NOISE
     assert record_nrmse(fitted.model, as_fitted(moved, fitted.model), state_share=0.25).max() < 1.5 * NOISE
@@ -97,12 +97,12 @@ def test_of_many_sensors_a_few_tell_the_order_and_a_mode_that_one_alone_sees_is_
     monkeypatch.setattr(reduced_record, "FEW", 1)
     monkeypatch.setattr(reduced_record, "LARGE", 1000)
     hz, record = shaken(0)
-    said = []
-    fitted = fit_record(record, sampled=False, tell=said.append)
+    warnings = []
+    fitted = fit_record(record, sampled=False, tell=warnings.append)
     f = natural_hz(fitted.model)
-    assert said[0] == "2 states"
+    assert warnings[0] == "2 states"
     of_modes = ["modes that few outputs did not show", "modes that are none, or two"]
-    assert said[-3:] == ["4 states, on all outputs", *of_modes]
+    assert warnings[-3:] == ["4 states, on all outputs", *of_modes]
     assert len(f) == len(hz)
     assert np.abs((np.sort(f) - hz) / fitted.uncertainty.natural_hz[np.argsort(f)]).max() < 4.0
     np.testing.assert_allclose(fitted.error, NOISE, rtol=0.15)

@@ -80,8 +80,8 @@ def told(record: Record) -> list[tuple[str, str]]:
 def test_nothing_is_reported_for_sound_records(kind: str, campaign: Campaign) -> None:
     """With and without noise and a converter's steps: releases were told as shifts, rests as dropouts."""
     runs = (*{"release": (49, 57, 63), "hammer": (15,)}.get(kind, ()), *campaign(60))
-    said = [told(measured(kind, seed, (0.0, 1e-4, 1e-2)[seed % 3], steps=seed % 2 == 1)) for seed in runs]
-    assert sum(map(bool, said)) <= len(runs) // 50, said
+    warnings = [told(measured(kind, seed, (0.0, 1e-4, 1e-2)[seed % 3], steps=seed % 2 == 1)) for seed in runs]
+    assert sum(map(bool, warnings)) <= len(runs) // 50, warnings
 
 
 @pytest.mark.parametrize("kind", ["random", "multisine", "sweep", "hammer"])
@@ -108,7 +108,7 @@ def test_a_gain_that_drifts_is_named(kind: str, campaign: Campaign) -> None:
 
 def test_an_input_that_grows_is_no_gain_that_changes(campaign: Campaign) -> None:
     """On an article of many modes, of which a short past leaves a response that changes with the input."""
-    said: list[tuple[str, str]] = []
+    warnings: list[tuple[str, str]] = []
     for seed in (0, 60, *campaign(40)):
         rng = np.random.default_rng([8, seed])
         u, y = rng.standard_normal(8192) * np.linspace(0.2, 1.0, 8192), np.zeros((8192, 2))
@@ -119,13 +119,13 @@ def test_an_input_that_grows_is_no_gain_that_changes(campaign: Campaign) -> None
             held = [0.0, 1.0 - c - s, decay * decay + s - c]  # of the zero-order hold
             y += lfilter(held, [1.0, -2.0 * c, decay * decay], u)[:, None] * rng.standard_normal(2)
         y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
-        said += told(
+        warnings += told(
             dataclasses.replace(
                 measured("random", 0), u=u[None, None, :, None], y=y[None, None],
                 outputs=(Port("y0", "m"), Port("y1", "m")),
             )
         )  # fmt: skip
-    assert not said
+    assert not warnings
 
 
 def test_a_trend_in_one_experiment_hides_no_random_drift_in_another() -> None:
@@ -144,8 +144,8 @@ def test_an_input_that_sticks_while_the_outputs_move_is_named(kind: str, campaig
         record, rng = measured(kind, seed), np.random.default_rng([94, seed])
         u, first = record.u.copy(), int(rng.integers(800, 3000))
         u[:, :, first : first + int(rng.integers(150, 900))] = u[0, 0, first, 0]
-        said = told(dataclasses.replace(record, u=u))
-        assert ("force", "stuck") in said or ("force", "dropout") in said
+        message = told(dataclasses.replace(record, u=u))
+        assert ("force", "stuck") in message or ("force", "dropout") in message
 
 
 @pytest.mark.parametrize("kind", ["random", "multisine", "binary", "burst"])
@@ -160,8 +160,8 @@ def test_an_output_that_begins_late_is_named(kind: str, campaign: Campaign) -> N
 def test_a_dead_time_is_no_output_that_begins_late(campaign: Campaign) -> None:
     """A rest that ends with the answer to the first input, 90 to 300 samples late, in noiseless records."""
     for seed in campaign(40):
-        record, late = measured("random", seed, 0.0), 90 + 7 * (seed % 30)
-        y = np.concatenate([np.zeros_like(record.y[:, :, :late]), record.y[:, :, :-late]], axis=2)
+        record, delay = measured("random", seed, 0.0), 90 + 7 * (seed % 30)
+        y = np.concatenate([np.zeros_like(record.y[:, :, :delay]), record.y[:, :, :-delay]], axis=2)
         assert not any(kind == "stuck" for _, kind in told(dataclasses.replace(record, y=y)))
 
 
@@ -196,12 +196,12 @@ def test_two_clocks_are_named(seed: int, parts: float) -> None:
     time = np.arange(COUNT + 40) / HZ
     y = make_interp_spline(time, one.y[0, 0, :, 0], 5)(time[20:-20] * (1.0 + parts))
     record = dataclasses.replace(one, u=one.u[:, :, 20:-20], y=y[None, None, :, None])
-    (told,) = find_gain_drift(record)
-    ((way, ms),) = re.findall(r"ever (\w+), by some ([\d.]+) ms", told.what)
+    (warning,) = find_gain_drift(record)
+    ((way, ms),) = re.findall(r"ever (\w+), by some ([\d.]+) ms", warning.what)
     assert way == ("earlier" if parts > 0.0 else "later")
     assert float(ms) == pytest.approx(1e3 * COUNT / HZ * abs(parts), rel=0.4)
     ends = 1.0 + np.linspace(-0.1, 0.1, COUNT)
     gain = dataclasses.replace(one, u=record.u, y=one.y[:, :, 20:-20] * ends[:, None])
-    (told,) = find_gain_drift(gain)
-    assert "gain to the inputs that changes by +" in told.what
+    (warning,) = find_gain_drift(gain)
+    assert "gain to the inputs that changes by +" in warning.what
     assert find_gain_drift(one) == []

@@ -15,7 +15,7 @@ from middeck.errors import ConfigError, DataError
 from middeck.structure.model.environment import Environment
 from middeck.structure.plants.damped_modes import solve_damped
 from middeck.structure.sensitivity.parameters import scale_parameters
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.promise.draws import LoopSpread, draw_plants
 from middeck.updating.refinement.findable_unknowns import weigh_unknowns
 from middeck.updating.refinement.findings import findings
@@ -51,8 +51,8 @@ def test_hidden_damping_is_recovered_within_what_is_stated(off: float):
         x, _, found, ln_zeta = drawn(seed, off)
         assert found.converged
         of_unknowns.append(((found.x - x) / found.estimate.x_std)[1:])
-        told = predict_modes(found, Environment.orbit(), count=TOLD)
-        in_orbit.append((np.log(told.damping) - ln_zeta) / told.damping_std(0.3))
+        predicted = predict_modes(found, Environment.orbit(), count=TOLD)
+        in_orbit.append((np.log(predicted.damping) - ln_zeta) / predicted.damping_std(0.3))
     for errors in (np.array(of_unknowns), np.array(in_orbit)):
         held, size = np.mean(np.abs(errors) < 1.96), np.sqrt(np.mean(errors**2))
         if len(errors) == SEEDS:
@@ -99,15 +99,19 @@ def test_drawn_plants_have_the_damping_and_its_deviation(sound: Refined):
     def build(modes: md.Modes) -> md.Plant:
         return md.build_plant(modes, inputs=[], outputs=[], count=6 + 1 + TOLD)
 
-    told = predict_modes(sound, Environment.orbit(), count=TOLD)
+    predicted = predict_modes(sound, Environment.orbit(), count=TOLD)
     drawing = draw_plants(
         sound, Environment.orbit(), build, draws=60, rng=np.random.default_rng(3), loop=LoopSpread()
     )
     plants = drawing.plants(range(60)).plants
-    zeta = np.log([p.modal.zeta[told.index] for p in plants if p.modal is not None])
+    zeta = np.log([p.modal.zeta[predicted.index] for p in plants if p.modal is not None])
     # A deviation of 60 is known to 9 %.
-    assert np.std(zeta, axis=0) / told.damping_std(0.3) == pytest.approx(1.0, abs=0.3)
-    shared = told.damping_root @ told.damping_root.T / np.outer(told.damping_std(0.3), told.damping_std(0.3))
+    assert np.std(zeta, axis=0) / predicted.damping_std(0.3) == pytest.approx(1.0, abs=0.3)
+    shared = (
+        predicted.damping_root
+        @ predicted.damping_root.T
+        / np.outer(predicted.damping_std(0.3), predicted.damping_std(0.3))
+    )
     close = np.unravel_index(np.argmax(shared - np.eye(TOLD)), shared.shape)
     assert np.corrcoef(zeta.T)[close] == pytest.approx(shared[close], abs=0.35)
 
@@ -122,7 +126,7 @@ def test_what_a_survey_does_not_see_keeps_its_prior_and_is_named(sound: Refined)
         **{n: getattr(measured, n)[:, keep] for n in ("shape", "shape_std")},
     )
     found = refine(case.article(), [few], case.UNKNOWNS)
-    (line,) = [said for said in findings(found) if "the tests do not determine" in said]
+    (line,) = [warning for warning in findings(found) if "the tests do not determine" in warning]
     assert "tube" in line
     assert "ground" not in line
     chosen = weigh_unknowns(case.article(), [few], case.UNKNOWNS)
@@ -148,9 +152,9 @@ def test_surveys_that_contradict_in_damping_are_reported(sound: Refined):
     damping = 1.4 * survey.measured.damping
     more = dataclasses.replace(with_modes(sound, frequency_hz=hz, damping=damping), name="harder")
     found = refine(case.article(), [survey, more], case.UNKNOWNS)
-    said = " ".join(findings(found))
-    assert "contradict one another in damping" in said
-    assert "contradict one another: their frequencies" not in said
+    warnings = " ".join(findings(found))
+    assert "contradict one another in damping" in warnings
+    assert "contradict one another: their frequencies" not in warnings
     assert found.damped[0].std[0] > 2.0 * sound.damped[0].std[0]
     assert "contradict" not in " ".join(findings(refine(case.article(), [survey, again], case.UNKNOWNS)))
 
@@ -216,9 +220,9 @@ def test_frequencies_of_decays_or_of_undamped_modes_are_distinguished_from_those
     undamped = seen.measured.frequency_hz * np.exp(-shift)
     stated = dataclasses.replace(seen, measured=dataclasses.replace(seen.measured, frequency_hz=undamped))
     found = refine(case.article(), [stated], case.UNKNOWNS[some], damping_error=0.1)
-    (said,) = (line for line in findings(found) if "fit better as those" in line)
-    assert "as those of undamped modes, than as natural ones" in said
-    assert f"by up to {100.0 * np.abs(shift).max():.2g} %" in said
+    (warning,) = (line for line in findings(found) if "fit better as those" in line)
+    assert "as those of undamped modes, than as natural ones" in warning
+    assert f"by up to {100.0 * np.abs(shift).max():.2g} %" in warning
     (one,) = found.compared
     at = one.pairs[:, 1]
     decay = 0.5 * np.log1p(-(true.zeta[at] ** 2))

@@ -19,7 +19,7 @@ from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.plants.plant import Plant, delay_plant, subsystem
 from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 from middeck.systems.poles.transmission_zeros import transmission_zeros
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.bayesian_estimate import NORMAL_95
 from middeck.updating.refinement.findings import findings
 from middeck.updating.refinement.refine import refine
@@ -156,12 +156,14 @@ def truth(seed: int) -> tuple[Survey, dict[str, float]]:
     assert plant.modal is not None
     plant = dataclasses.replace(plant, dynamics=dataclasses.replace(plant.modal, zeta=zeta))
     delay, gain = float(hidden.delay_s), float(np.log(dict(hidden.gain)["pri_in_z"]))
-    heard = noisy(delay_plant(plant, 0.010 + delay), 0.003, rng)
+    measured = noisy(delay_plant(plant, 0.010 + delay), 0.003, rng)
     motor = 0.02 * float(rng.standard_normal())
-    H = heard.H.copy()
+    H = measured.H.copy()
     H[:, 0] *= np.exp(gain)
     H[:, :, 1] *= np.exp(motor)
-    response = MeasuredResponse(response=dataclasses.replace(heard, H=H), delay_s=0.010, band_hz=(0.7, 12.0))
+    response = MeasuredResponse(
+        response=dataclasses.replace(measured, H=H), delay_s=0.010, band_hz=(0.7, 12.0)
+    )
     return dataclasses.replace(survey, response=response), {"delay": delay, "gain": gain, "motor": motor}
 
 
@@ -207,19 +209,19 @@ def test_an_error_that_was_not_stated_is_reported_and_counted():
     article, lab = case.sheet()
     modes = modes_at(np.zeros(len(PARTS)))
     plant = md.build_plant(modes, inputs=IN[:1], outputs=OUT[:1], count=60)
-    heard = noisy(plant, 0.003, np.random.default_rng(4))
-    wrong = dataclasses.replace(heard, H=heard.H * np.where(HZ > 5.0, 1.2, 1.0)[:, None, None])
+    recorded = noisy(plant, 0.003, np.random.default_rng(4))
+    wrong = dataclasses.replace(recorded, H=recorded.H * np.where(HZ > 5.0, 1.2, 1.0)[:, None, None])
     seen = measure_modes(
         modes, chosen=range(16), noise=MeasurementNoise(1e-4, 0.02), rng=np.random.default_rng(5)
     )
     ends = []
-    for response in (heard, wrong):
+    for response in (recorded, wrong):
         test = MeasuredResponse(response=response, band_hz=(0.7, 12.0), modal_error=0.002)
         survey = Survey(name="lab", measured=seen, environment=lab, response=test)
         ends.append(refine(article, [survey], [*PARTS, DELAY]))
     sound, off = ends
-    assert not any("the response is off" in said for said in findings(sound))
-    assert any("the response is off" in said for said in findings(off))
+    assert not any("the response is off" in warning for warning in findings(sound))
+    assert any("the response is off" in warning for warning in findings(off))
     assert off.estimate.x_std[-1] > 2.0 * sound.estimate.x_std[-1]
 
 
@@ -231,14 +233,14 @@ def test_a_fitted_response_errs_as_its_fit_does():
     plant = md.build_plant(modes, inputs=IN[:1], outputs=OUT[:2], count=60)
     whole = noisy(delay_plant(plant, 0.0107), 0.003, np.random.default_rng(4))
     kept = (HZ > 0.7) & (HZ < 25.0)
-    heard = dataclasses.replace(
+    recorded = dataclasses.replace(
         whole, frequency_hz=HZ[kept], H=whole.H[kept], variance=np.asarray(whole.variance)[kept]
     )
     seen = measure_modes(
         modes, chosen=range(16), noise=MeasurementNoise(1e-4, 0.02), rng=np.random.default_rng(5)
     )
     found = []
-    for response in (heard, fit_response(heard, states=24).covariance):
+    for response in (recorded, fit_response(recorded, states=24).covariance):
         test = MeasuredResponse(response=response, band_hz=(0.7, 12.0), delay_s=0.010)
         survey = Survey(name="lab", measured=seen, environment=lab, response=test)
         found.append(refine(article, [survey], [*PARTS, DELAY]))
@@ -289,12 +291,12 @@ def test_an_unknown_of_a_loop_that_cannot_be_is_refused(parameters: tuple[str, .
 def test_a_port_that_the_article_lacks_is_refused(sheet: Modes):
     article, lab = case.sheet()
     plant = md.build_plant(sheet, inputs=IN[:1], outputs=OUT[:1], count=COUNT)
-    heard = noisy(plant, 0.01, np.random.default_rng(0))
-    heard = dataclasses.replace(heard, outputs=(dataclasses.replace(heard.outputs[0], name="none"),))
+    recorded = noisy(plant, 0.01, np.random.default_rng(0))
+    recorded = dataclasses.replace(recorded, outputs=(dataclasses.replace(recorded.outputs[0], name="none"),))
     seen = measure_modes(
         sheet, chosen=range(12), noise=MeasurementNoise(1e-4, 0.02), rng=np.random.default_rng(5)
     )
-    survey = Survey(name="lab", measured=seen, environment=lab, response=MeasuredResponse(response=heard))
+    survey = Survey(name="lab", measured=seen, environment=lab, response=MeasuredResponse(response=recorded))
     with pytest.raises(ConfigError, match="none"):
         refine(article, [survey], PARTS)
 

@@ -11,16 +11,16 @@ import pytest
 from middeck.errors import ConfigError
 from middeck.files.setups import load_structure
 from middeck.files.studies.documents import load_study
-from middeck.laboratory.article import (
-    rig_article_plant,
-    solve_rig_article,
-)
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.rig.linear_view import linearise_rig
 from middeck.laboratory.rig.parts.sensors import Encoder, Gyro
 from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.runs import run_open_loop
+from middeck.laboratory.tested_article import (
+    rig_article_plant,
+    solve_rig_article,
+)
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.finer_mesh import TUBE_SHEAR
 from middeck.structure.modes.solve import solve_modes

@@ -11,14 +11,14 @@ import pytest
 
 from middeck.files.studies.documents import load_study
 from middeck.files.studies.form import RigForm
-from middeck.files.studies.rig import build_rig_settings
+from middeck.files.studies.rig_table import build_rig_settings
 from middeck.joints.attachment import add_viscous
 from middeck.joints.deadband import Deadband
 from middeck.joints.friction import Friction
-from middeck.laboratory.article import rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig, build_rig_article
 from middeck.laboratory.linear_rig_record import rig_plant, run_rig_experiment
 from middeck.laboratory.rig.linear_view import linearise_rig
+from middeck.laboratory.tested_article import rig_article_plant
 from middeck.structure.model.environment import Environment
 from middeck.systems.plants.response import statespace_response
 

@@ -26,12 +26,12 @@ NAMES = ("low", "high")
 PERIOD = 0.1  # twenty samples in a period of the faster mode
 
 
-def oscillator(late=0.0):
+def oscillator(delay=0.0):
     phi = np.array([[1.0, 0.6], [1.0, 0.8]])
     modal = sum_of_modes(np.array([1.0, 3.0]), 0.01, phi.T, phi, names=NAMES)
     ports = (Port("w", "N"), Port("u", "N")), (Port("z", "m"), Port("y", "m"))
     plant = Plant(dynamics=modal, inputs=ports[0], outputs=ports[1], w=("w",), u=("u",), z=("z",), y=("y",))
-    return delay_plant(plant, np.array([[0.0, 0.0], [late, late]])) if late else plant
+    return delay_plant(plant, np.array([[0.0, 0.0], [delay, delay]])) if delay else plant
 
 
 def a_law(plant):
@@ -41,10 +41,10 @@ def a_law(plant):
     )
 
 
-@pytest.mark.parametrize("late", [0.0, 0.03, 0.25])
-def test_response_at_the_tangent_is_that_of_the_samples(late):
-    mapped = plant_as_sampled(oscillator(late), PERIOD)
-    held = sample_dynamics(subsystem(oscillator(), ["u"], ["z", "y"]), PERIOD, late)
+@pytest.mark.parametrize("delay", [0.0, 0.03, 0.25])
+def test_response_at_the_tangent_is_that_of_the_samples(delay):
+    mapped = plant_as_sampled(oscillator(delay), PERIOD)
+    held = sample_dynamics(subsystem(oscillator(), ["u"], ["z", "y"]), PERIOD, delay)
     omega = np.array([0.3, 1.01, 3.0, 20.0])
     found = statespace_response(mapped.system, 2.0 / PERIOD * np.tan(0.5 * omega * PERIOD))
     z = np.exp(1j * omega * PERIOD)
@@ -53,11 +53,11 @@ def test_response_at_the_tangent_is_that_of_the_samples(late):
     np.testing.assert_allclose(found[:, :, column], expected, rtol=1e-10)  # rounding beside a resonance
 
 
-@pytest.mark.parametrize("late", [0.0, 0.03, 0.25])
-def test_poles_of_the_loop_are_those_of_the_sampled_loop(late):
+@pytest.mark.parametrize("delay", [0.0, 0.03, 0.25])
+def test_poles_of_the_loop_are_those_of_the_sampled_loop(delay):
     law = a_law(oscillator())
-    mapped = close_loop(plant_as_sampled(oscillator(late), PERIOD), law).poles
-    held = sample_dynamics(subsystem(oscillator(), ["u"], ["y"]), PERIOD, late)
+    mapped = close_loop(plant_as_sampled(oscillator(delay), PERIOD), law).poles
+    held = sample_dynamics(subsystem(oscillator(), ["u"], ["y"]), PERIOD, delay)
     K = tustin(law.system, PERIOD)
     through = 1.0 / (1.0 - K.D[0, 0] * held.D[0, 0])
     loop = np.block(

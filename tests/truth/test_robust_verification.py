@@ -96,8 +96,8 @@ def test_rates_that_blocks_are_read_for_shift_as_modes_do(seed):
 
 def test_blocks_read_for_accelerations_are_refused():
     plant = two_modes()
-    late = approximate_delays(delay_outputs(accelerated(plant), 0.01), 2)
-    for each in (as_blocks(accelerated(plant), 0), late):
+    delayed = approximate_delays(delay_outputs(accelerated(plant), 0.01), 2)
+    for each in (as_blocks(accelerated(plant), 0), delayed):
         with pytest.raises(ConfigError, match="the acceleration of a, which outside modal form"):
             shift_modes(each, {"a": 1.02})
     # A path round the modes is no acceleration.
@@ -120,9 +120,9 @@ def delay_outputs(plant, delay_s):
 
 
 def test_a_shift_behind_a_delay_stays_with_its_mode():
-    late = reference_plant()
-    moved = shift_modes(without_delays(late), {NAMES[3]: 1.02})
-    same = without_delays(shift_modes(late, {NAMES[3]: 1.02}))
+    delayed = reference_plant()
+    moved = shift_modes(without_delays(delayed), {NAMES[3]: 1.02})
+    same = without_delays(shift_modes(delayed, {NAMES[3]: 1.02}))
     f = np.geomspace(0.05, 5.0, 60)
     np.testing.assert_allclose(evaluate_plant(moved, f).H, evaluate_plant(same, f).H, rtol=1e-10)
 
@@ -401,9 +401,9 @@ def fast_and_slow():
 def test_a_path_a_little_later_than_another_is_sampled_as_it_is(later_s):
     # `measure_sampled_loop` follows a period from instant to instant, without an approximation.
     plant, weights, law = fast_and_slow()
-    late = delay_plant(plant, np.array([[0.004, 0.004], [0.004 + later_s, 0.004 + later_s]]))
-    found = outcomes_on([late], law, weights, rates_hz=(100.0,))[1]
-    exact = measure_sampled_loop(late, emulate(law, 0.01, "tustin"), weights, 1.0)
+    delayed = delay_plant(plant, np.array([[0.004, 0.004], [0.004 + later_s, 0.004 + later_s]]))
+    found = outcomes_on([delayed], law, weights, rates_hz=(100.0,))[1]
+    exact = measure_sampled_loop(delayed, emulate(law, 0.01, "tustin"), weights, 1.0)
     assert found.stable[0]
     # Rounding of states 1e8 times as fast as the period, or 1e-6 of a period that is left out.
     assert found.rms[0] == pytest.approx(np.linalg.norm(exact.rms_at_samples), rel=1e-7)

@@ -12,7 +12,7 @@ from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
 from middeck.control.sampled.aliases import filter_measurements, find_aliases
 from middeck.control.sampled.compare_sampling import compare_sampling
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.control.shaping.leads_and_notches import roll_off
 from middeck.errors import ConfigError

@@ -12,7 +12,7 @@ from middeck.control.analysis.margins import delay_limit
 from middeck.control.analysis.margins.margins import measure_margins
 from middeck.control.analysis.stability.stability import decide_stability
 from middeck.control.law.compensator import Compensator
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.signals.ports import Port
 from middeck.systems.plants.plant import Plant, delay_plant
@@ -78,16 +78,17 @@ def radius(modal, gain, late_s):
 
 
 @pytest.mark.parametrize(
-    ("hz", "sign", "late"), [(71.2, 1.0, 0.00142), (55.0, -1.0, 0.004), (55.0, 1.0, 0.004), (94.0, -1.0, 0.0)]
+    ("hz", "sign", "delay"),
+    [(71.2, 1.0, 0.00142), (55.0, -1.0, 0.004), (55.0, 1.0, 0.004), (94.0, -1.0, 0.0)],
 )
-def test_a_mode_beyond_half_the_rate_turns_at_its_own_frequency(hz, sign, late):
+def test_a_mode_beyond_half_the_rate_turns_at_its_own_frequency(hz, sign, delay):
     modal = mode(hz, 2.0 / np.sinc(hz * PERIOD))  # a loop gain of two behind the hold
-    measured = measure_margins(delay_plant(plant_of(modal), late), law(sign, waits=True))
+    measured = measure_margins(delay_plant(plant_of(modal), delay), law(sign, waits=True))
     found = measured.loops[0].delay_limit_s
     assert measured.stable
     # On the circle as far as a stability limit of 1e-8 rad/s and nine digits of a delay leave it.
-    assert radius(modal, sign, late + found) == pytest.approx(1.0, abs=1e-7)
-    before = np.arange(late, late + found, 2e-5)  # 0.01 rad of the mode
+    assert radius(modal, sign, delay + found) == pytest.approx(1.0, abs=1e-7)
+    before = np.arange(delay, delay + found, 2e-5)  # 0.01 rad of the mode
     assert max(radius(modal, sign, t) for t in before) < 1.0
 
 
@@ -98,17 +99,17 @@ def test_of_several_loops_each_is_delayed_alone_at_either_end():
     assert [port for port, limit in limits.items() if np.isfinite(limit)] == ["u1", "y2"]
     for port in ("u1", "y2"):
         for factor, stable in ((0.999, True), (1.001, False)):
-            late = later(plant, port, factor * limits[port])
-            assert measure_margins(late, one, delays=False).stable == stable
+            delayed = later(plant, port, factor * limits[port])
+            assert measure_margins(delayed, one, delays=False).stable == stable
 
 
 def later(delayed, port, more_s):
-    late = delayed.delay_s.copy()
+    delay = delayed.delay_s.copy()
     if port.startswith("u"):
-        late[:, delayed.input_indices([port])] += more_s
+        delay[:, delayed.input_indices([port])] += more_s
     else:
-        late[delayed.output_indices([port])] += more_s
-    return dataclasses.replace(delayed, delay_s=late)
+        delay[delayed.output_indices([port])] += more_s
+    return dataclasses.replace(delayed, delay_s=delay)
 
 
 def test_a_loop_whose_plant_is_not_known_has_no_delay_margin():

@@ -16,9 +16,9 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.pd_loops import close_inner_loop
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.held_plant import hold_plant
 from middeck.control.sampled.quadratic_integrals import spread_noise
+from middeck.control.sampled.sampled_design import design_sampled_lqg, sample_cost
 from middeck.control.sampled.sampled_loop import measure_sampled_loop
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
@@ -77,12 +77,12 @@ def test_cost_is_the_integral_of_the_response():
     rng = np.random.default_rng(3)
     start = rng.standard_normal(len(held.system.A))
     u = rng.standard_normal(2)
-    late = np.array([0.13, 0.045])  # and the first measurement is on time
+    delay = np.array([0.13, 0.045])  # and the first measurement is on time
     # Past inputs stand in the order of the states: of the first input two, of the second one.
     past = {0: [u[0], start[4], start[5]], 1: [u[1], start[6]]}
 
     def force(t):
-        return np.array([past[i][int(np.ceil(round(late[i] / T - t / T, 12)))] for i in range(2)])
+        return np.array([past[i][int(np.ceil(round(delay[i] / T - t / T, 12)))] for i in range(2)])
 
     cuts = np.array([0.0, 0.03, 0.045, T])
     x, total = start[:4], 0.0
@@ -117,11 +117,11 @@ def step_finely(plant, law, weights, T, step):
 
     The mean squares of z and u: z just after each step begins, over a steady period.
     """
-    inside, late = remove_delays(plant), np.round(plant.delay_s / step).astype(int)
+    inside, delay = remove_delays(plant), np.round(plant.delay_s / step).astype(int)
     A, B, C, D = (getattr(inside.system, k) for k in "ABCD")
     n, per = len(A), round(T / step)
-    of_u, of_y = late[0, :2] - late[0, 2], late[:, 2]  # input delays beyond that of w, outputs' with it
-    depth_u, depth_y = of_u + late[0, 2] - late[0, 2], of_y
+    of_u, of_y = delay[0, :2] - delay[0, 2], delay[:, 2]  # input delays beyond that of w, outputs' with it
+    depth_u, depth_y = of_u + delay[0, 2] - delay[0, 2], of_y
     shift = -min(depth_u.min(), 0)
     depth_u = depth_u + shift
     exponential = sla.expm(np.block([[A, B[:, :2]], [np.zeros((2, n + 2))]]) * step)
@@ -238,9 +238,9 @@ def test_no_law_near_it_costs_less(form):
 def test_predictor_is_the_current_form_a_sample_later(T):
     # To compute for a whole period, or to be measured a period later, is one.
     plant, weights = cases.gimbal(), cases.gimbal_weights()
-    late = design_sampled_lqg(delay_plant(plant, 0.01 + T), weights, 100.0, T, "current")
+    delayed = design_sampled_lqg(delay_plant(plant, 0.01 + T), weights, 100.0, T, "current")
     ahead = design_sampled_lqg(delay_plant(plant, 0.01), weights, 100.0, T, "predictor")
-    assert ahead.cost == pytest.approx(late.cost, rel=1e-11)
+    assert ahead.cost == pytest.approx(delayed.cost, rel=1e-11)
 
 
 def test_a_delay_costs_the_same_wherever_it_is():
@@ -283,7 +283,7 @@ def test_delays_of_single_paths(more_s):
         assert twice == pytest.approx(2.0 * once, rel=0.02)
 
 
-def energy_of_responses(late, gains, T, law, sensor, periods):
+def energy_of_responses(delay, gains, T, law, sensor, periods):
     """Mean of z'z + u'u / 10 with z = y of a free body of unit mass, paths late by ``late`` eighths of T.
 
     Each input moves a copy of its own, so that every path reads the past of one copy; two steps an
@@ -298,7 +298,7 @@ def energy_of_responses(late, gains, T, law, sensor, periods):
     for k in range(periods * per):
         past.append(x[:, 0])
         y = np.array([
-            sum(gains[o] * past[k - 2 * late[o][i]][i] for i in range(2) if k >= 2 * late[o][i])
+            sum(gains[o] * past[k - 2 * delay[o][i]][i] for i in range(2) if k >= 2 * delay[o][i])
             + np.zeros(each + 2) for o in range(2)
         ])  # fmt: skip
         energy += h / 3.0 * (4.0 if k % 2 else 2.0) * np.sum(y**2)
@@ -316,20 +316,20 @@ def energy_of_responses(late, gains, T, law, sensor, periods):
     return energy / T
 
 
-@pytest.mark.parametrize("late", repeats([[[20, 18], [21, 2]], [[10, 16], [11, 2]], [[7, 4], [6, 22]]]))
-def test_free_body_with_a_delay_of_its_own_in_each_path(late):
+@pytest.mark.parametrize("delay", repeats([[[20, 18], [21, 2]], [[10, 16], [11, 2]], [[7, 4], [6, 22]]]))
+def test_free_body_with_a_delay_of_its_own_in_each_path(delay):
     # Delays that have decayed within the period have entries of A near 1e-16: no output, it was said, saw it.
     T, gains, sensor, ports = 0.5, np.array([1.0, 0.7]), 1e-3, (("u1", "u2"), ("y1", "y2"))
     body = [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], gains], [[gains[0], 0.0], [gains[1], 0.0]]
     plant = make_plant(
-        *body, w=ports[0], u=ports[0], z=ports[1], y=ports[1], delay_s=np.array(late) * T / 8.0
+        *body, w=ports[0], u=ports[0], z=ports[1], y=ports[1], delay_s=np.array(delay) * T / 8.0
     )  # fmt: skip
     weights = LQGWeights(
         output=np.ones(2), input=np.ones(2), disturbed=ports[0], process=np.eye(2), sensor=[sensor, sensor]
     )
     law = design_sampled_lqg(plant, weights, 10.0, T)
     # Delays that are no sums are approximated (order 8): 7e-6 and 2e-5 of the cost here.
-    assert law.cost == pytest.approx(energy_of_responses(late, gains, T, law, sensor, 40), rel=1e-4)
+    assert law.cost == pytest.approx(energy_of_responses(delay, gains, T, law, sensor, 40), rel=1e-4)
 
 
 @pytest.mark.parametrize(("form", "order"), [("predictor", 1), ("current", 2)])
@@ -376,24 +376,24 @@ def simulate_gimbal(law, weights, T, fine, runs, periods, settle, rng):
     plant = cases.gimbal()
     system = plant.system
     h = T / fine
-    late = round(0.01 / h)
+    delay = round(0.01 / h)
     spread = spread_noise(system.A, weights.process.item() * system.B @ system.B.T, h)
     root = np.linalg.cholesky(spread.covariance + 1e-14 * np.trace(spread.covariance) * np.eye(len(system.A)))
     n, m = system.B.shape
     hold = sla.expm(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * h)[:n, n:]
     x, xc = np.zeros((n, runs)), np.zeros((len(law.sampled.A), runs))
-    waiting = np.zeros((late + 1, 1, runs))
+    waiting = np.zeros((delay + 1, 1, runs))
     sums, count, t = np.zeros((2, runs)), 0, 0
     for k in range(periods):
         y = system.C @ x + np.sqrt(weights.sensor / T) * rng.standard_normal((1, runs))
         u = law.sampled.C @ xc + law.sampled.D @ y
         xc = law.sampled.A @ xc + law.sampled.B @ y
         for _ in range(fine):
-            waiting[t % (late + 1)] = u
+            waiting[t % (delay + 1)] = u
             if k >= settle:
                 sums += np.vstack([(system.C @ x) ** 2, u**2])
                 count += 1
-            x = spread.transition @ x + hold @ waiting[(t - late) % (late + 1)]
+            x = spread.transition @ x + hold @ waiting[(t - delay) % (delay + 1)]
             x = x + root @ rng.standard_normal((n, runs))
             t += 1
     return sums / count

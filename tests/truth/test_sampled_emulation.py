@@ -170,13 +170,13 @@ def test_a_law_that_rings_faster_than_half_the_rate_is_reported(rule):
 
 def test_what_rings_too_fast_is_reported_only_where_it_counts():
     w, silent, loud = 2.0 * np.pi * 7.0, [[0.0], [0.0], [1.0]], [[0.0], [5.0], [1.0]]
-    for damping, B, told in ((0.2, loud, True), (-0.8, loud, True), (0.2, silent, False)):
+    for damping, B, reported in ((0.2, loud, True), (-0.8, loud, True), (0.2, silent, False)):
         A = sla.block_diag([[0.0, w], [-w, -damping * w]], 0.0)  # beside an integrator
         law = law_of(A, B, [[1.0, 0.0, 1.0]], 0.0)
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             emulate(law, 0.5 / 6.0, "hold")
-        assert bool(said) == told
+        assert bool(caught) == reported
 
 
 def test_matched_is_for_one_channel():

@@ -179,14 +179,14 @@ def _draw(rng: np.random.Generator) -> Loop:
         C.append(np.outer(np.sqrt(w * zeta) * rng.standard_normal(ny), [1.0, 0.0]))
     D = 0.05 * rng.standard_normal((ny, nu)) * (rng.random() < 0.25)
     plant = StateSpace(sla.block_diag(*blocks), np.vstack(B), np.hstack(C), D)
-    late = rng.choice([0.0, 0.0, 1.0, 2.0]) * rng.uniform(0.0, 1.7) * T * np.ones((ny, nu))
-    late += T * rng.uniform(0.0, 1.2, (ny, nu)) * (rng.random() < 0.3)
+    delay = rng.choice([0.0, 0.0, 1.0, 2.0]) * rng.uniform(0.0, 1.7) * T * np.ones((ny, nu))
+    delay += T * rng.uniform(0.0, 1.2, (ny, nu)) * (rng.random() < 0.3)
     n = int(rng.integers(0, 4))
     gains = -0.2 * rng.standard_normal((nu, n)), -0.2 * rng.standard_normal((nu, ny))
     law = SampledStateSpace(
         np.diag(rng.uniform(-0.6, 0.95, n)), rng.standard_normal((n, ny)), *gains, period_s=T
     )
-    return Loop(plant, late, law)
+    return Loop(plant, delay, law)
 
 
 def test_margins_of_sampled_loops_are_those_of_a_scan(campaign) -> None:
@@ -209,7 +209,7 @@ def test_margins_of_sampled_loops_are_those_of_a_scan(campaign) -> None:
                 for k, one in enumerate(found.loops):
                     limits = [*one.gain_limits, one.phase_limit_rad, one.sensitivity.gain, one.disk.alpha]
                     assert limits == pytest.approx(_scanned(loop, at, k), rel=1e-4), (seed, at, k)
-                    late = one.delay_limit_s if one.delay_limit_s < 4.0 * loop.T else np.inf
-                    assert late == pytest.approx(_late(loop, at, k), rel=1e-5), (seed, at, k)
+                    delay = one.delay_limit_s if one.delay_limit_s < 4.0 * loop.T else np.inf
+                    assert delay == pytest.approx(_late(loop, at, k), rel=1e-5), (seed, at, k)
         loops += 1
     assert loops > 0

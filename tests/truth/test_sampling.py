@@ -10,7 +10,7 @@ import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, NumericalError
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.systems.plants.response import statespace_response
@@ -257,7 +257,7 @@ def test_a_rate_for_the_period_is_reported(hz, period_s, doubted):
     """A mode "sampled at 100" was sampled every 100 s without a word; slow laws, slow plants are not told."""
     plant, weights = grouped_plant(modes(hz, 1, 1), (FORCE,), (WAY,)), unit_weights(("force",), 1e-4)
     for ask in (sample_plant, lambda plant, period_s: design_sampled_lqg(plant, weights, 1.0, period_s)):
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             ask(plant, period_s)
-        assert any("is the rate" in str(warning.message) for warning in told) == doubted
+        assert any("is the rate" in str(warning.message) for warning in caught) == doubted

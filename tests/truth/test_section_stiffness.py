@@ -19,7 +19,7 @@ from middeck.structure.assembly.mesh import mesh_structure
 from middeck.structure.model.article import Actuator, ActuatorKind, PointLoad, Sensor, SensorKind, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.section import Section, coupled_section, section_between, shifted_section
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
 from middeck.structure.summary.summary import summarise
 from repeats import LONG, repeats

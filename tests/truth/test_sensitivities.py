@@ -24,11 +24,11 @@ from middeck.structure.model.environment import AnchoredSpring, Device, DeviceKi
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import ModelParameter, find_parameters, set_parameter
-from middeck.structure.sensitivity.plants import differentiate_plant
+from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
-from middeck.structure.sensitivity.shapes import differentiate_modes
+from middeck.structure.sensitivity.shape_derivatives import differentiate_modes
 from repeats import LONG
 
 ROOT = Path(__file__).parents[2]

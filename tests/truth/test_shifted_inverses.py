@@ -83,6 +83,6 @@ def test_a_wrong_sum_is_seen():
     wrong = rng.standard_normal((n, n))
     wrong = 1e-3 * (wrong + wrong.T)
     Z = wrong + P @ wrong @ P.T
-    told = np.array([v @ (A @ Z + Z @ A.T) @ v for v in probes])
-    np.testing.assert_allclose(_gap(P, Y + wrong, A, B, probes), told, atol=1e-12)
-    assert np.abs(told).min() > 1e-4
+    reported = np.array([v @ (A @ Z + Z @ A.T) @ v for v in probes])
+    np.testing.assert_allclose(_gap(P, Y + wrong, A, B, probes), reported, atol=1e-12)
+    assert np.abs(reported).min() > 1e-4

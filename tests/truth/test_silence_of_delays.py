@@ -17,8 +17,8 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.noise import measure_noise_rms
 from middeck.control.qualification import qualify_compensator
 from middeck.control.robust.verification.monte_carlo import outcomes_on
-from middeck.control.sampled.design import design_sampled_lqg
 from middeck.control.sampled.emulation import emulate
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.identification.uncertainty.accuracy import expected_accuracy
 from middeck.signals.record import Record
@@ -130,9 +130,9 @@ def test_a_common_delay_of_a_plant_is_one_delay_of_each_output() -> None:
         held=True,
     )
     own = expected_accuracy(delay_plant(PLANT, 0.02), taken, 1e-3)
-    told = expected_accuracy(PLANT, taken, 1e-3, delay_s=0.02)
-    np.testing.assert_allclose(own.error, told.error, rtol=1e-9)
-    np.testing.assert_allclose(own.uncertainty.delay_s, told.uncertainty.delay_s, rtol=1e-9)
+    predicted = expected_accuracy(PLANT, taken, 1e-3, delay_s=0.02)
+    np.testing.assert_allclose(own.error, predicted.error, rtol=1e-9)
+    np.testing.assert_allclose(own.uncertainty.delay_s, predicted.uncertainty.delay_s, rtol=1e-9)
 
 
 def test_a_sampled_law_is_not_joined_to_a_continuous_response() -> None:

@@ -48,10 +48,10 @@ def _body(rng: np.random.Generator, condition: float) -> tuple[Plant, Compensato
 
 
 def _heard(plant: Plant, law: Compensator) -> tuple[np.ndarray | None, bool]:
-    with warnings.catch_warnings(record=True) as heard:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            return measure_rms(plant, law, IN_BAND), bool(heard)
+            return measure_rms(plant, law, IN_BAND), bool(caught)
         except NumericalError:
             return None, True
 
@@ -61,10 +61,10 @@ def _heard(plant: Plant, law: Compensator) -> tuple[np.ndarray | None, bool]:
 def test_the_rms_behind_delays_is_right_or_reported(seed: int, condition: float) -> None:
     """Residues below a thousand roundings counted as none: rms were up to 78 times too large, in silence."""
     mixed, law, own = _body(np.random.default_rng([15, seed]), condition)
-    (true, _), (found, told) = _heard(own, law), _heard(mixed, law)
+    (true, _), (found, reported) = _heard(own, law), _heard(mixed, law)
     assert true is not None
-    assert not told or condition > 1e3
-    if not told:
+    assert not reported or condition > 1e3
+    if not reported:
         assert found == pytest.approx(true, rel=1e-3)
 
 

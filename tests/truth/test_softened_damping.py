@@ -27,8 +27,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import solve_damped
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
-from middeck.structure.sensitivity.plants import differentiate_plant
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.refinement.refine import refine
 from middeck.updating.residuals.surveys import Survey
 from middeck.updating.unknowns.unknowns import Unknown
@@ -110,8 +110,8 @@ def test_ratios_are_those_of_lossy_springs_and_weight_without_loss(name: str, gr
     chain = CHAINS[name]
     modes = solve(article(chain, Damping(flexible=ZETA)), STAND if gravity else ORBIT)
     exact = chain.ratios(ZETA, gravity)
-    for told in (estimate_damping(modes).zeta, solve_damped(modes).zeta):
-        assert told == pytest.approx(exact, rel=SECOND)
+    for reported in (estimate_damping(modes).zeta, solve_damped(modes).zeta):
+        assert reported == pytest.approx(exact, rel=SECOND)
     if gravity:
         assert exact[0] < 0.7 * ZETA if name == "stiffens" else exact[0] > 2.0 * ZETA
         assert exact[1] < 0.4 * ZETA if "hangs" in name else exact[1] > 0.8 * ZETA
@@ -200,9 +200,9 @@ def test_softened_modes_of_nearly_one_frequency_share_their_losses():
     )
     exact = np.sort(-s.real / np.abs(s))
     found = estimate_damping(modes)
-    (said,) = (w for w in found.warnings if "share their losses" in w)
-    told = [float(x) for x in re.search(r"would be ([\d.]+) and ([\d.]+)", said).groups()]
-    assert np.sort(told) == pytest.approx(exact, rel=SECOND)
+    (warning,) = (w for w in found.warnings if "share their losses" in w)
+    reported = [float(x) for x in re.search(r"would be ([\d.]+) and ([\d.]+)", warning).groups()]
+    assert np.sort(reported) == pytest.approx(exact, rel=SECOND)
     assert np.abs(np.sort(found.zeta) / exact - 1.0).max() > 0.02
 
 
@@ -243,6 +243,6 @@ def test_preload_holds_or_softens_without_loss_in_orbit_too(free_length: float):
 def test_a_mode_that_all_but_falls_over_has_no_ratio_and_the_reason_is_reported():
     chain = Chain(0.1, 0.2, 0.1, (9.5, 9.0))
     modes = solve(article(chain, Damping(flexible=ZETA)), STAND)
-    with pytest.raises(ConfigError, match=r"ratio 1.04: weight or preload takes 98\.\d+% of its") as told:
+    with pytest.raises(ConfigError, match=r"ratio 1.04: weight or preload takes 98\.\d+% of its") as caught:
         estimate_damping(modes)
-    assert "farther from falling over" in told.value.hint
+    assert "farther from falling over" in caught.value.hint

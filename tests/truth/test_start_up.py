@@ -69,13 +69,13 @@ def test_a_start_from_rest_is_reported_and_its_deviations_hold(periods, samples,
 
 @pytest.mark.parametrize(("periods", "samples"), CASES)
 def test_of_a_hundred_steady_records_one_at_most_is_doubted(periods, samples, campaign):
-    seeds, told = campaign(100), 0
+    seeds, reported = campaign(100), 0
     for seed in seeds:
         record, _ = a_record(100 + seed, periods=periods, samples=samples, noise=1e-2, start=False)
         found = steadied(record)
-        told += bool(found.what)
+        reported += bool(found.what)
         assert found.what or found.record is record
-    assert told <= len(seeds) / 100
+    assert reported <= len(seeds) / 100
 
 
 def test_a_run_that_is_not_said_to_be_periodic_is_estimated_alike():
@@ -141,13 +141,13 @@ def test_a_ramp_is_taken_out_beside_a_start_from_rest():
 @pytest.mark.parametrize("periods", [2, 3, 6])
 def test_a_bias_that_walks_is_no_drift(periods, campaign):
     """Its ramp is taken out, as the jump between the ends is noise of no other kind, and nothing is said."""
-    told = 0
+    reported = 0
     for seed in campaign(40, 8):
         record, _ = a_record(seed, periods=periods, samples=256, noise=1e-3, start=False)
         walk = np.cumsum(np.random.default_rng(seed).standard_normal((1, periods * 256, 2)), axis=1)
         y = record.y + 4e-3 * record.y.std() * walk.reshape(record.y.shape)
-        told += "drifts" in steadied(dataclasses.replace(record, y=y)).what
-    assert told <= 1
+        reported += "drifts" in steadied(dataclasses.replace(record, y=y)).what
+    assert reported <= 1
 
 
 SLOW = {

@@ -28,7 +28,7 @@ from middeck import (
 from middeck.control.law.partition import partition_modes
 from middeck.control.robust.problem.directions import shift_directions
 from middeck.control.sampled.aliases import filter_measurements
-from middeck.control.sampled.design import Form
+from middeck.control.sampled.sampled_design import Form
 from middeck.errors import ConfigError
 from middeck.systems.plants.response import statespace_response
 from middeck.systems.poles.state_units import in_units, state_units

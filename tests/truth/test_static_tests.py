@@ -230,8 +230,8 @@ def test_a_stiffness_is_recovered_from_sag_alone():
     found = refine(wing(), [], [BENDING], statics=sagged(wing(1.08), (0.5, 1.0), exact, 0), static_error=1e-5)
     assert found.converged
     assert found.x[0] == pytest.approx(np.log(1.08), abs=1e-4)
-    (told,) = predict_deflections(found, stand(), [hung(2.0)], exact)
-    np.testing.assert_allclose(told.value, values(wing(1.08), stand(), hung(2.0), exact), rtol=1e-4)
+    (predicted,) = predict_deflections(found, stand(), [hung(2.0)], exact)
+    np.testing.assert_allclose(predicted.value, values(wing(1.08), stand(), hung(2.0), exact), rtol=1e-4)
 
 
 def test_sag_and_modes_that_contradict_leave_an_error_of_the_model():
@@ -287,8 +287,8 @@ def test_intervals_cover(first: int):
         read = [own + error - rig[-1] for own, error in zip(exact, rig, strict=False)]
         statics = [static_test(kg, (TIP,), r) for kg, r in zip(levels[:3], read, strict=False)]
         found = refine(wing(), [], [BENDING], statics=statics)
-        (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP], series="tip")
-        missed += int(not told.interval[0, 0] < read[3][0] < told.interval[0, 1])
+        (predicted,) = predict_deflections(found, stand(), [hung(2.0)], [TIP], series="tip")
+        missed += int(not predicted.interval[0, 0] < read[3][0] < predicted.interval[0, 1])
     # More are missed by a chance of 6e-3 of eight, of 1.4e-2 of four, if each interval covers 95 %.
     assert missed <= (2 if LONG else 1)
 
@@ -321,10 +321,16 @@ def test_a_small_load_tells_of_a_large_one_no_less_than_no_test():
 
 def test_a_deviation_is_made_of_its_parts():
     found = refine(wing(), [], [BENDING], statics=sagged(wing(), (0.5, 1.0), (TIP,)))
-    (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
-    parts = [told.by_unknowns, told.by_unseen, told.by_larger, told.by_own, told.by_gauge]
-    assert told.std == pytest.approx(np.linalg.norm(parts, axis=0))
-    assert told.interval[0, 0] < told.value[0] < told.interval[0, 1]
+    (predicted,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
+    parts = [
+        predicted.by_unknowns,
+        predicted.by_unseen,
+        predicted.by_larger,
+        predicted.by_own,
+        predicted.by_gauge,
+    ]
+    assert predicted.std == pytest.approx(np.linalg.norm(parts, axis=0))
+    assert predicted.interval[0, 0] < predicted.value[0] < predicted.interval[0, 1]
 
 
 def test_an_article_without_static_tests_is_predicted_with_the_usual_errors():
@@ -332,9 +338,9 @@ def test_an_article_without_static_tests_is_predicted_with_the_usual_errors():
     noise = md.structure.MeasurementNoise(frequency=1e-4, shape=0.01)
     seen = md.structure.measure_modes(truth, chosen=range(4), noise=noise, rng=np.random.default_rng(1))
     found = refine(wing(), [md.Survey(name="tapped", measured=seen, environment=stand())], [BENDING])
-    (told,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
-    assert told.seen == 0.0
-    assert told.std[0] / abs(told.value[0]) == pytest.approx(0.02, rel=0.2)
+    (predicted,) = predict_deflections(found, stand(), [hung(2.0)], [TIP])
+    assert predicted.seen == 0.0
+    assert predicted.std[0] / abs(predicted.value[0]) == pytest.approx(0.02, rel=0.2)
 
 
 @pytest.mark.parametrize("part", [0.97, 1.03])
@@ -348,8 +354,8 @@ def test_a_load_that_buckles_the_article_is_no_reading(part: float):
     case, column = hung(part * weight / G - 0.1), wing(aft=0.0)
     refined = refine(column, [], [BENDING], statics=sagged(column, (0.5, 1.0), (TIP,)))
     if part < 1.0:
-        (told,) = predict_deflections(refined, upright, [case], [TIP])
-        assert abs(told.value[0]) < 1e-6
+        (predicted,) = predict_deflections(refined, upright, [case], [TIP])
+        assert abs(predicted.value[0]) < 1e-6
         return
     with pytest.raises(NumericalError, match=r"not stable: it buckles") as refused:
         predict_deflections(refined, upright, [hung(0.1), case], [TIP])
@@ -363,13 +369,13 @@ def test_readings_that_contradict_are_reported_to_scatter():
     """One load read twice, 4 % apart at 0.1 mm: no article does that, and none is sure to less."""
     sound = sagged(wing(), (0.5, 1.0, 1.5), (TIP,))
     off = [*sound, dataclasses.replace(sound[1], name="again", value=1.04 * sound[1].value)]
-    told = []
+    reported = []
     for statics in (sound, off):
         found = refine(wing(), [], [BENDING], statics=statics)
-        told.append(predict_deflections(found, stand(), [hung(1.0)], [TIP])[0])
-        said = any("static readings scatter" in line for line in findings(found))
-        assert said == (statics is off)
-    assert told[1].std[0] > 0.01 * abs(told[1].value[0]) > told[0].std[0]
+        reported.append(predict_deflections(found, stand(), [hung(1.0)], [TIP])[0])
+        warnings = any("static readings scatter" in line for line in findings(found))
+        assert warnings == (statics is off)
+    assert reported[1].std[0] > 0.01 * abs(reported[1].value[0]) > reported[0].std[0]
 
 
 def _refined() -> Refined:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from middeck.errors import ConfigError
-from middeck.updating.residuals.friction import Added
 from middeck.updating.residuals.own_articles import check_spare, own_articles
+from middeck.updating.residuals.surveyed_friction import Added
 
 COUNT = 13
 NUMBERS = np.pi * np.arange(1, COUNT + 1)

@@ -17,9 +17,9 @@ from middeck.structure.model.article import Actuator, ActuatorKind, Section, Sen
 from middeck.structure.model.environment import Device, Environment
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
-from middeck.structure.sensitivity.plants import differentiate_plant
+from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
 from middeck.structure.sensitivity.rest import differentiate_rest
 from repeats import repeats
 

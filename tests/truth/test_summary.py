@@ -208,7 +208,7 @@ def test_a_flat_frame_below_a_tall_body_is_no_beam_along_it(rounding: float):
     members = [member(i, j, tube, 2, up=(0.0, 0.0, 1.0)) for i, j in ("ab", "bc", "ca")]
     summary = summarise(structure(nodes, members))
     assert summary.bending_hz is None
-    assert not [said for said in summary.warnings if "bending frequency" in said]
+    assert not [warning for warning in summary.warnings if "bending frequency" in warning]
 
 
 def test_a_single_body_has_a_summary_without_bending():

@@ -24,7 +24,7 @@ from middeck.structure.model.environment import Environment, GroundBushing
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import solve_modes
 from middeck.structure.rest.equilibrium import Equilibrium, rest_warnings, solve_equilibrium
-from middeck.structure.sensitivity.frequencies import differentiate_frequencies
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_frequencies
 from middeck.structure.sensitivity.parameters import find_parameters
 from repeats import repeats
 from structure_builders import TUBE, body, member, node, straight_beam, structure

@@ -21,13 +21,13 @@ from middeck.structure.model.article import Actuator, Body, Damping, Structure
 from middeck.structure.model.clamps import Clamp
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.links import Link
-from middeck.updating.orbit.frequencies import predict_modes
+from middeck.updating.orbit.predicted_frequencies import predict_modes
 from middeck.updating.promise.refined_slips import spread_refined, with_refined
 from middeck.updating.promise.slip import JointSlip, draw_slips
 from middeck.updating.refinement.findings import _of_joints_taken_for_free, findings
 from middeck.updating.refinement.refine import Refined, refine
-from middeck.updating.residuals.damping import compare_with_damping, solve_damped_near
-from middeck.updating.residuals.friction import SurveyedFriction, equivalent
+from middeck.updating.residuals.damping_rows import compare_with_damping, solve_damped_near
+from middeck.updating.residuals.surveyed_friction import SurveyedFriction, equivalent
 from middeck.updating.residuals.surveys import Survey, set_up
 from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats
@@ -294,9 +294,9 @@ def test_a_survey_that_states_no_friction_beside_one_that_does_is_named():
     none = np.zeros(len(case.SPREAD))
     rubs, linear = rubbed(none, np.zeros(2), rng, 1e-3, "rubs"), case.survey(case.truth(none, True), rng)
     found = refine(case.article(), [linear, rubs], [SLIPS[0]])
-    said = [line for c in found.compared for line in _of_joints_taken_for_free(c, found)]
-    assert len(said) == 1
-    assert said[0].startswith("springs: was measured without friction of p,")
+    warnings = [line for c in found.compared for line in _of_joints_taken_for_free(c, found)]
+    assert len(warnings) == 1
+    assert warnings[0].startswith("springs: was measured without friction of p,")
 
 
 def test_friction_that_cannot_be():

@@ -300,8 +300,12 @@ def test_modal_and_viscous_damping_add():
 
 def test_a_mode_that_moves_no_device_has_no_friction():
     modes = solve_modes(solve_equilibrium(bar(), tuned(friction=Friction(0.1, 1e3))))
-    for mode, said in (("pendulum z", "moves no device"), ("bounze", "no mode 'bounze'"), (99, "no mode 99")):
-        with pytest.raises(ConfigError, match=said):
+    for mode, warning in (
+        ("pendulum z", "moves no device"),
+        ("bounze", "no mode 'bounze'"),
+        (99, "no mode 99"),
+    ):
+        with pytest.raises(ConfigError, match=warning):
             sweep_device_amplitude(modes, mode=mode, amplitudes=AMPLITUDES)
     with pytest.raises(ConfigError, match="moves no device"):
         sweep_device_amplitude(

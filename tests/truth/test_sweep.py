@@ -11,7 +11,7 @@ from cli_runner import middeck
 from middeck.control.law.compensator import Compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError
 from middeck.files.laws.compensators import write_compensator
 from middeck.files.measured.models import write_model

@@ -28,8 +28,8 @@ def swept(seed: int) -> tuple[Record, Response, float]:
     y = y + rng.choice([1e-4, 1e-3, 1e-2]) * y.std() * rng.standard_normal(n)
 
     def response(frequency: np.ndarray) -> np.ndarray:
-        late = np.exp(-2j * np.pi * frequency)[:, None]
-        return (late / (1.0 - poles * late) - late / (1.0 - poles.conj() * late)) @ size / 2j
+        turn = np.exp(-2j * np.pi * frequency)[:, None]
+        return (turn / (1.0 - poles * turn) - turn / (1.0 - poles.conj() * turn)) @ size / 2j
 
     record = Record(
         sample_hz=1.0, u=u[None, None, :, None], y=y[None, None, :, None], inputs=(Port("force", "N"),),
@@ -67,7 +67,7 @@ def test_the_deviations_under_noise_are_no_larger(campaign: Callable[..., range]
         )  # fmt: skip
         found = response_scatter(record, method="local rational", band_hz=(0.01, 0.49))
         assert found.total is not None
-        late = np.exp(-2j * np.pi * found.frequency_hz)
-        H = (late / (1.0 - pole * late) - late / (1.0 - pole.conj() * late)) / 2j
+        turn = np.exp(-2j * np.pi * found.frequency_hz)
+        H = (turn / (1.0 - pole * turn) - turn / (1.0 - pole.conj() * turn)) / 2j
         medians.append(float(np.median(np.abs(found.H[:, 0, 0] - H) ** 2 / found.total[:, 0, 0])))
     assert 0.8 < np.mean(medians) / np.log(2.0) < 1.4

@@ -171,10 +171,10 @@ def test_what_is_not_determined_is_reported_in_words():
     """In the warnings of a fit, by the command line and in the tables of the report."""
     model = model_of((3.0, 7.0, 128.4), (0.01, 0.02, 0.005), (1.0, 1e-20, 1e-20), real=False)
     covariance = found_of(model, COMPLEX, 1e-3)
-    said = warnings_on_deviations(measured_of(model, 1e-3), covariance)
-    assert "mode at 7 Hz: its frequency is not determined by the data" in said
-    assert any("128.4 Hz" in sentence and "the data do not determine it" in sentence for sentence in said)
-    assert not any("mode at 3 Hz" in sentence and "determined" in sentence for sentence in said)
+    warnings = warnings_on_deviations(measured_of(model, 1e-3), covariance)
+    assert "mode at 7 Hz: its frequency is not determined by the data" in warnings
+    assert any("128.4 Hz" in sentence and "the data do not determine it" in sentence for sentence in warnings)
+    assert not any("mode at 3 Hz" in sentence and "determined" in sentence for sentence in warnings)
     known = uncertainty_of(covariance)
     numbers = {
         "natural_hz": natural_hz(model).tolist(), "natural_hz_deviation": stated(known.natural_hz),

@@ -27,17 +27,17 @@ def cut(length: float, noise: float, rng: np.random.Generator) -> Record:
     return Record(sample_hz=RATE_HZ, u=u, y=y, inputs=(FORCE,), outputs=(WAY,), periodic=True)
 
 
-@pytest.mark.parametrize("late", [0.0, 0.0005, 0.01, -0.1, 0.4])
+@pytest.mark.parametrize("delay", [0.0, 0.0005, 0.01, -0.1, 0.4])
 @pytest.mark.parametrize("noise", [0.0, 0.03])
-def test_a_period_that_is_no_whole_number_of_samples_is_reported(late: float, noise: float) -> None:
+def test_a_period_that_is_no_whole_number_of_samples_is_reported(delay: float, noise: float) -> None:
     """Up to 95 % of the lines were off by 4 to 47 deviations; a transient was blamed, or nothing."""
-    record = cut(SAMPLES + late, noise, np.random.default_rng(3))
-    with warnings.catch_warnings(record=True) as told:
+    record = cut(SAMPLES + delay, noise, np.random.default_rng(3))
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         estimate_response(record)
-    assert any("the inputs repeat after" in str(warning.message) for warning in told) == (late != 0.0)
-    if late:
-        assert length_of_period(record.u) == pytest.approx(SAMPLES + late, abs=0.01 * abs(late))
+    assert any("the inputs repeat after" in str(warning.message) for warning in caught) == (delay != 0.0)
+    if delay:
+        assert length_of_period(record.u) == pytest.approx(SAMPLES + delay, abs=0.01 * abs(delay))
 
 
 @pytest.mark.parametrize("seed", repeats(range(400), 40))

@@ -107,9 +107,9 @@ def test_environments_in_other_units_are_doubted():
         ),
     ]
     for environment in changed:
-        said = warnings_on_environment(parts, environment)
-        assert said
-        assert all("?" in text for text in said)
+        warnings = warnings_on_environment(parts, environment)
+        assert warnings
+        assert all("?" in text for text in warnings)
 
 
 def test_an_inertia_that_no_body_has_is_refused_unless_it_leaves_rotors_out():
@@ -135,5 +135,5 @@ def test_the_next_node_is_found_behind_all_that_stands_in_one_place(ties: int) -
     near = [*others, heavy, node("next", (0.0, 0.2, 0.0))]
     far = node("far", (0.9, 0.0, 0.0))
     article = structure([*near, far], [member(n.name, "far", TUBE, 1, (0.0, 0.0, 1.0)) for n in near])
-    (said,) = [w for w in summarise(article).warnings if "steel" in w]
-    assert "would reach past the next node, 0.2 m away" in said
+    (warning,) = [w for w in summarise(article).warnings if "steel" in w]
+    assert "would reach past the next node, 0.2 m away" in warning

@@ -61,13 +61,13 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("noise", repeats([0.02, 1e-3, 1e-6]))
 def test_what_an_experiment_has_otherwise_is_reported(change: str, noise: float) -> None:
-    make, channels, said = CHANGES[change]
+    make, channels, message = CHANGES[change]
     record = session(np.random.default_rng(5), make, noise=noise)
     found = detect_faults(record)
     assert [(f.kind, f.severity, f.channel, f.experiment) for f in found] == [
         ("unlike", "serious", name, 1) for name in channels
     ]
-    with pytest.warns(UserWarning, match=said):
+    with pytest.warns(UserWarning, match=message):
         estimate_response(record)
 
 
@@ -117,5 +117,5 @@ def test_a_fit_that_is_refused_names_it(tmp_path: Path, capfd: pytest.CaptureFix
     path = tmp_path / "session.npz"
     write_record(path, session(np.random.default_rng(5), lambda y: -y, noise=0.01))
     ended = middeck(capfd, "identify", path, "--states", 6, "--json")
-    told = ended.err if ended.code else " ".join(json.loads(ended.out)["warnings"])
-    assert "opposite sign of experiment 0" in told
+    message = ended.err if ended.code else " ".join(json.loads(ended.out)["warnings"])
+    assert "opposite sign of experiment 0" in message

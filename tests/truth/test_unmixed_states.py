@@ -16,7 +16,7 @@ from middeck.control.law.rounding_of_results import moved_entries
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.estimator import KalmanFilter, design_filter
 from middeck.control.robust.designs.multimodel import design_multimodel
-from middeck.control.sampled.design import design_sampled_lqg
+from middeck.control.sampled.sampled_design import design_sampled_lqg
 from middeck.errors import ConfigError, NotStabilisableError
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
@@ -307,9 +307,9 @@ def test_fast_samples_hide_no_free_body(form: Literal["predictor", "current"], s
 
 
 @pytest.mark.parametrize("form", ["predictor", "current"])
-@pytest.mark.parametrize("late", [(0.013, 0.0), (0.013, 0.031)])
+@pytest.mark.parametrize("delay", [(0.013, 0.0), (0.013, 0.031)])
 def test_a_delayed_plant_in_mixed_states_is_designed_for(
-    form: Literal["predictor", "current"], late: tuple[float, float]
+    form: Literal["predictor", "current"], delay: tuple[float, float]
 ) -> None:
     """All were refused, as plants with delays where one without was asked for. One delay, and two of the
     paths to two sensors."""
@@ -320,7 +320,7 @@ def test_a_delayed_plant_in_mixed_states_is_designed_for(
     weights = unit_weights(("force",), np.array([1e-4, 1e-4]), outputs=2)
     laws = [
         design_sampled_lqg(
-            dataclasses.replace(grouped_plant(system, *ports), delay_s=np.array(late)[:, None]),
+            dataclasses.replace(grouped_plant(system, *ports), delay_s=np.array(delay)[:, None]),
             weights, 100.0, 0.02, form,
         )
         for system in (own, _mixed(own, 1e3, rng))
@@ -338,10 +338,10 @@ def test_a_free_body_behind_unlike_delays_is_seen_in_mixed_states() -> None:
     own = StateSpace(one.A, one.B * rng.uniform(-2.0, 2.0, 2), np.vstack([one.C, -one.C]), np.zeros((2, 2)))
     ports = (FORCE, Port("torque", "N m")), (WAY, Port("turn", "rad"))
     weights = unit_weights(("force", "torque"), np.array([1e-4, 1e-4]), outputs=2, inputs=2)
-    late = np.array([[0.01, 0.02], [0.03, 0.035]])
+    delay = np.array([[0.01, 0.02], [0.03, 0.035]])
     costs = [
         design_sampled_lqg(
-            dataclasses.replace(grouped_plant(system, *ports), delay_s=late), weights, 10.0, 0.02
+            dataclasses.replace(grouped_plant(system, *ports), delay_s=delay), weights, 10.0, 0.02
         ).cost
         for system in (own, _mixed(own, 300.0, rng))
     ]

@@ -29,8 +29,8 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.systems.plants.plant import Plant
 from middeck.systems.state_space.modal_system import ModalSystem
-from middeck.updating.orbit.damping import split_measured
-from middeck.updating.orbit.frequencies import CABLE_HZ, predict_modes
+from middeck.updating.orbit.predicted_damping import split_measured
+from middeck.updating.orbit.predicted_frequencies import CABLE_HZ, predict_modes
 from middeck.updating.orbit.released_clamps import released_clamps
 from middeck.updating.orbit.removed_ground_effects import removed_terms
 from middeck.updating.promise.draws import DrawnPlants, LoopSpread, draw_plants
@@ -151,8 +151,8 @@ def test_drawn_shear_moves_modes_that_no_test_saw_as_on_the_article_that_has_it(
         off = refined.with_shear(n)
         x, shear = refined.drawn_at(off)
         drawn = free._replace(structure=add_shear(free.structure, shear)).solve(x)
-        told = np.log(found.frequency_hz) + found.log_root @ off
-        moved = np.log(drawn.frequency_hz[found.index]) - told
+        reported = np.log(found.frequency_hz) + found.log_root @ off
+        moved = np.log(drawn.frequency_hz[found.index]) - reported
         assert np.abs(moved[upright]).max() < 0.001
 
 
@@ -365,7 +365,7 @@ def test_a_mast_upright_and_hanging_is_refined_on_both_at_once():
     swapped = [
         dataclasses.replace(seen, environment=place) for seen, place in zip(surveys, (down, up), strict=True)
     ]
-    assert any("contradict" in said for said in findings(refine(mast(), swapped, (MODULUS, TOP))))
+    assert any("contradict" in warning for warning in findings(refine(mast(), swapped, (MODULUS, TOP))))
 
 
 def test_what_was_taken_out_is_reported_term_by_term():
@@ -515,9 +515,9 @@ def test_what_a_suspension_takes_is_not_lost_in_orbit():
     seen = measure_modes(modes, chosen=range(12), noise=case.NOISE, rng=np.random.default_rng(0))
     damped = dataclasses.replace(seen, damping=zeta, damping_std=case.DAMPING_STD * zeta)
     found = refine(article, [Survey(name="test", measured=damped, environment=lab)], (MODULUS,))
-    told = predict_modes(found, Environment.orbit(), count=4)
-    error = np.log(told.damping / true.flexible)
-    assert np.all(np.abs(error) < 2.5 * told.damping_std(0.3))
+    predicted = predict_modes(found, Environment.orbit(), count=4)
+    error = np.log(predicted.damping / true.flexible)
+    assert np.all(np.abs(error) < 2.5 * predicted.damping_std(0.3))
     assert np.all(error < 0.6 * np.log(zeta[8:12] / true.flexible))
 
 
@@ -528,9 +528,9 @@ def test_what_the_surveys_do_not_see_is_named():
     found = refine(mast(), [seen], (MODULUS, TOP, idle))
     assert unseen(found) == ("axial",)
     assert together(found) == (("modulus", "top"),)
-    told = " ".join(findings(found))
-    assert "2 measured modes for 3 unknowns" in told
-    assert "a combination of modulus and top, but not each" in told
+    reported = " ".join(findings(found))
+    assert "2 measured modes for 3 unknowns" in reported
+    assert "a combination of modulus and top, but not each" in reported
 
 
 def test_an_inertia_that_fixes_the_scale_of_masses_and_stiffness_is_named():
@@ -551,13 +551,13 @@ def test_an_inertia_that_fixes_the_scale_of_masses_and_stiffness_is_named():
     fixed, both = (refine(mast(), [seen], some) for some in (alone, whole))
     assert both.estimate.x_std == pytest.approx(np.full(3, 0.2 / np.sqrt(3.0)), rel=0.05)
     assert np.all(np.abs(fixed.x - np.log(1.5)) > 30.0 * fixed.estimate.x_std)
-    (said,) = [line for line in findings(fixed) if "known exactly" in line]
+    (warning,) = [line for line in findings(fixed) if "known exactly" in line]
     found = fixed_inertias(fixed)
     assert found is not None
     larger = both.estimate.x_std / fixed.estimate.x_std
     assert found.larger == pytest.approx(larger.max(), rel=0.1)
     assert (found.unknowns, found.bodies) == (("top",), ("node.top",))
-    assert f"deviation of {found.determined} would be" in said
+    assert f"deviation of {found.determined} would be" in warning
     assert not any("known exactly" in line for line in findings(both))
 
 
@@ -568,10 +568,10 @@ def test_an_inertia_that_the_tests_say_moves_with_its_mass_is_named():
         modes_of(*change(mast(), clamped(), bind((own,), mast(), clamped()), np.array([0.1])))
         for own in (whole, TOP)
     )
-    told = [fixed_inertias(refine(mast(), [survey_of(m, TIGHT)], (MODULUS, TOP))) for m in (heavy, dense)]
-    assert told[0] is not None
-    assert told[0].fits
-    assert told[1] is None or not told[1].fits
+    reported = [fixed_inertias(refine(mast(), [survey_of(m, TIGHT)], (MODULUS, TOP))) for m in (heavy, dense)]
+    assert reported[0] is not None
+    assert reported[0].fits
+    assert reported[1] is None or not reported[1].fits
 
 
 def test_a_search_that_is_cut_short_is_reported_not_to_have_converged(monkeypatch: pytest.MonkeyPatch):
@@ -587,9 +587,9 @@ def test_an_unknown_far_from_its_prior_is_named():
     """A prior of 1 % for a modulus that is 5 % off: the number, and that its prior or the model is wrong."""
     seen = survey_of(modes_of(mast(EI=1.05), clamped()), MeasurementNoise(1e-4, 0.02), chosen=(0, 1))
     tight = dataclasses.replace(MODULUS, spread=0.01)
-    (said,) = [line for line in findings(refine(mast(), [seen], (tight,))) if "from its prior" in line]
-    assert said.startswith("modulus ends ")
-    assert 3.0 < float(said.split()[2]) < 5.0
+    (warning,) = [line for line in findings(refine(mast(), [seen], (tight,))) if "from its prior" in line]
+    assert warning.startswith("modulus ends ")
+    assert 3.0 < float(warning.split()[2]) < 5.0
     assert not any("from its prior" in line for line in findings(refine(mast(), [seen], (MODULUS,))))
 
 
@@ -644,20 +644,22 @@ def test_a_cable_that_no_model_has_is_in_the_intervals_of_orbit_alone():
     article, lab = case.sheet()
     found = refine(article, [case.survey(0, 0, case.STRAIGHT, range(12))], case.sheet_unknowns(article)[:1])
     orbit = Environment.orbit()
-    told, without = (predict_modes(found, orbit, umbilical_hz=hz) for hz in (CABLE_HZ, 0.0))
+    predicted, without = (predict_modes(found, orbit, umbilical_hz=hz) for hz in (CABLE_HZ, 0.0))
     free, (node, weight) = set_up(article, orbit, (), found.unknowns), np.polynomial.legendre.leggauss(3)
     tied = [
-        free._replace(environment=tie_umbilical(article, orbit, hz)).solve(found.x).frequency_hz[told.index]
+        free._replace(environment=tie_umbilical(article, orbit, hz))
+        .solve(found.x)
+        .frequency_hz[predicted.index]
         for hz in CABLE_HZ * 0.5 * (node + 1.0)
     ]
-    added = np.log(tied / told.modes.frequency_hz[told.index])
+    added = np.log(tied / predicted.modes.frequency_hz[predicted.index])
     mean, rms = 0.5 * weight @ added, np.sqrt(0.5 * weight @ added**2)
-    by_cable = np.sqrt(told.log_rest**2 - without.log_rest**2)
+    by_cable = np.sqrt(predicted.log_rest**2 - without.log_rest**2)
     assert np.flatnonzero(rms > 2e-5).tolist() == [0, 1]
     np.testing.assert_allclose(by_cable[:2], np.sqrt(rms**2 - mean**2)[:2], rtol=0.1)
-    np.testing.assert_allclose((told.log_shift - without.log_shift)[:2], mean[:2], rtol=0.1)
+    np.testing.assert_allclose((predicted.log_shift - without.log_shift)[:2], mean[:2], rtol=0.1)
     assert np.max(by_cable[2:]) < 2e-6
-    assert np.max(np.abs(told.log_shift - without.log_shift)[2:]) < 2e-6
+    assert np.max(np.abs(predicted.log_shift - without.log_shift)[2:]) < 2e-6
     clamped = dataclasses.replace(orbit, title="held", clamps=(Clamp(node=article.nodes[0].name),))
     sprung = tie_umbilical(article, orbit, 0.05)
     for place in (lab, clamped, sprung):  # what hangs or stands, or is tied already, has no such cable
@@ -675,9 +677,11 @@ def test_deviations_in_orbit_are_as_large_as_the_errors():
             case.survey(seed, k, angles, range(18), MeasurementNoise(1e-5, 0.02))
             for k, angles in enumerate((case.STRAIGHT, case.TURNED))
         ]
-        told = predict_modes(refine(article, seen, case.sheet_unknowns(article)), Environment.orbit())
-        error = case.log_errors(told.modes, told.frequency_hz, told.index, case.ten_in_orbit(seed))
-        off.append((error / told.log_std)[2:])
+        predicted = predict_modes(refine(article, seen, case.sheet_unknowns(article)), Environment.orbit())
+        error = case.log_errors(
+            predicted.modes, predicted.frequency_hz, predicted.index, case.ten_in_orbit(seed)
+        )
+        off.append((error / predicted.log_std)[2:])
     assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.6
 
 
@@ -721,10 +725,12 @@ def test_surveys_that_contradict_are_reported(monkeypatch):
     """One per cent apart where each states 0.1 %: said, by how much and which way, and no longer believed."""
     sound, off = twice_surveyed(0.0), twice_surveyed(0.01)
     assert not any("contradict" in line for line in findings(sound))
-    (said,) = [line for line in findings(off) if "contradict" in line]
+    (warning,) = [line for line in findings(off) if "contradict" in line]
     means = dict(off_the_rest(off))
     assert [means["test 0"], means["test 1"]] == pytest.approx([-0.005, 0.005], abs=5e-4)
-    assert f"test 0 by {100.0 * means['test 0']:+.2g} %, test 1 by {100.0 * means['test 1']:+.2g} %" in said
+    assert (
+        f"test 0 by {100.0 * means['test 0']:+.2g} %, test 1 by {100.0 * means['test 1']:+.2g} %" in warning
+    )
     np.testing.assert_array_equal(sound.compared[0].std[:6], sound.compared[0].survey.std[:6])
     # Were the model 20 % off, this would be held against what a survey states, not what it was widened to.
     large = dataclasses.replace(off, estimate=dataclasses.replace(off.estimate, tau=np.array([0.2, 0.2])))
@@ -746,8 +752,8 @@ def test_one_survey_of_three_that_is_off_leads_nowhere_far_and_is_distinguished(
     found = refine(mast(), surveys, [MODULUS])
     assert found.converged
     assert found.x == pytest.approx([2.0 * np.log(1.0003 * 0.97) / 3.0], abs=3e-3)
-    (said,) = (line for line in findings(found) if "contradict" in line)
-    assert re.search(r"one by \+(0\.9|1)\d* %, two by \+1(\.\d)? %, off by -2(\.\d)? %", said)
+    (warning,) = (line for line in findings(found) if "contradict" in line)
+    assert re.search(r"one by \+(0\.9|1)\d* %, two by \+1(\.\d)? %, off by -2(\.\d)? %", warning)
 
 
 def without_shapes(seen: Survey, name: str) -> Survey:
@@ -833,13 +839,13 @@ def test_peaks_read_off_at_the_lines_of_a_spectrum_are_no_copy(step_hz: float, d
 def test_intervals_hold_where_surveys_know_less_than_they_state(first: int):
     """Frequencies off by four times what is stated: of 24 intervals a few miss, where most would."""
     true = modes_of(mast(EI=1.05, split=1.3), clamped(0.0)).frequency_hz[:6]
-    missed = said = 0
+    missed = reported = 0
     for seed in range(first, first + 4):
         found = twice_surveyed(0.0, seed, 4e-3)
-        said += any("contradict" in line for line in findings(found))
-        told = predict_modes(found, clamped(0.0), count=6)
-        missed += int(np.sum(np.abs(np.log(told.frequency_hz / true)) > 1.96 * told.log_std))
-    assert said >= 3
+        reported += any("contradict" in line for line in findings(found))
+        predicted = predict_modes(found, clamped(0.0), count=6)
+        missed += int(np.sum(np.abs(np.log(predicted.frequency_hz / true)) > 1.96 * predicted.log_std))
+    assert reported >= 3
     assert missed <= 5  # one expected, and modes of one survey miss together
 
 
@@ -868,9 +874,11 @@ def test_a_mode_of_a_known_shape_at_another_frequency_is_reported_with_the_shape
     hz[0] /= 2.5
     off = dataclasses.replace(seen.measured, frequency_hz=hz)
     found = refine(mast(), [dataclasses.replace(seen, measured=off)], [MODULUS])
-    (said,) = (line for line in findings(found) if "was left out" in line)
-    assert f"the measured mode of {hz[0]:.4g} Hz resembles none of the model's within a factor of 2" in said
-    assert f"its shape is that of the mode of {found.compared[0].free.frequency_hz[0]:.4g} Hz" in said
+    (warning,) = (line for line in findings(found) if "was left out" in line)
+    assert (
+        f"the measured mode of {hz[0]:.4g} Hz resembles none of the model's within a factor of 2" in warning
+    )
+    assert f"its shape is that of the mode of {found.compared[0].free.frequency_hz[0]:.4g} Hz" in warning
 
 
 def test_surveys_that_cannot_be():
@@ -883,14 +891,14 @@ def test_surveys_that_cannot_be():
     with pytest.raises(ConfigError, match="no parameter"):
         refine(mast(), [dataclasses.replace(seen, settings=(("joint.x.angle", 1.0),))], [MODULUS])
     far = dataclasses.replace(seen.measured, frequency_hz=1e4 * seen.measured.frequency_hz)
-    with pytest.raises(ConfigError, match="resembles") as told:
+    with pytest.raises(ConfigError, match="resembles") as caught:
         refine(mast(), [dataclasses.replace(seen, measured=far)], [MODULUS])
-    assert "paired within a factor of 2 in frequency" in told.value.hint
+    assert "paired within a factor of 2 in frequency" in caught.value.hint
     lowest, ours = far.frequency_hz.min(), modes_of(mast(), clamped()).frequency_hz.max()
-    assert f"the nearest two are {lowest:.4g} Hz, measured, and {ours:.4g} Hz" in told.value.hint
-    with pytest.raises(NumericalError, match="the rest state is not stable") as told:
+    assert f"the nearest two are {lowest:.4g} Hz, measured, and {ours:.4g} Hz" in caught.value.hint
+    with pytest.raises(NumericalError, match="the rest state is not stable") as caught:
         refine(mast(EI=0.6, mass=8.0), [seen], [MODULUS])
-    assert told.value.where == f"survey {seen.name!r}, at the means of the unknowns"
+    assert caught.value.where == f"survey {seen.name!r}, at the means of the unknowns"
     with pytest.raises(ConfigError, match="both the article and the environment"):
         Unknown(name="a", parameters=("members.E", "environment.bounce_hz"), spread=0.1)
     with pytest.raises(ConfigError, match=r"spread of 0\.0"):
@@ -906,8 +914,8 @@ def test_an_error_that_only_a_later_survey_saw_is_carried_like_one_of_the_first(
     once = [refine(article, order, [MODULUS], 0.01) for order in ([low, high], [high, low])]
     for found in once:
         assert len(found.estimate.d) == 7
-    told = [predict_modes(found, clamped(0.0), count=6) for found in once]
-    assert np.all(told[0].seen > 0.9)
-    np.testing.assert_allclose(told[0].frequency_hz, told[1].frequency_hz, rtol=1e-5)
-    np.testing.assert_allclose(told[0].log_std, told[1].log_std, rtol=0.02)
-    np.testing.assert_allclose(told[0].ground_hz, seen.frequency_hz[:6], rtol=0.01)
+    predicted = [predict_modes(found, clamped(0.0), count=6) for found in once]
+    assert np.all(predicted[0].seen > 0.9)
+    np.testing.assert_allclose(predicted[0].frequency_hz, predicted[1].frequency_hz, rtol=1e-5)
+    np.testing.assert_allclose(predicted[0].log_std, predicted[1].log_std, rtol=0.02)
+    np.testing.assert_allclose(predicted[0].ground_hz, seen.frequency_hz[:6], rtol=0.01)

@@ -73,20 +73,20 @@ def _mixed(system: StateSpace, condition: float, rng: np.random.Generator) -> St
 
 def _said(verdict: Verdict, plant: Plant, law: Compensator) -> bool | None:
     """The verdict; None where it is refused or comes with a warning."""
-    with warnings.catch_warnings(record=True) as heard:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             found = verdict(plant, law)
         except NumericalError:
             return None
-    return None if any("undecided" in str(one.message) for one in heard) else found
+    return None if any("undecided" in str(one.message) for one in caught) else found
 
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_no_verdict_that_rounding_leaves_open_is_silent(name: str, campaign) -> None:
     """At 1e8 close_loop was wrong on one loop of ten; at 1e10 decide_stability of mixed plants was, too: slow
     poles counted as integrators."""
-    verdict, said = VERDICTS[name], 0
+    verdict, message = VERDICTS[name], 0
     for seed in campaign(80):
         rng = np.random.default_rng([48, seed])
         plant, law = _loop(rng, free=int(seed % 3 == 2 and name in ("roots", "delayed", "closed", "opened")))
@@ -105,5 +105,5 @@ def test_no_verdict_that_rounding_leaves_open_is_silent(name: str, campaign) -> 
             found = _said(verdict, *pair)
             assert found in (None, truth), (seed, condition)
             assert found is not None or condition > 1e4, (seed, condition)
-            said += found is not None
-    assert said > 0
+            message += found is not None
+    assert message > 0

@@ -34,5 +34,5 @@ def shaken(seed: int) -> tuple[float, Record]:
 def test_noise_of_forces_leaves_a_residual_that_is_noise(seed):
     hz, record = shaken(seed)
     fit = fit_record(record, states=2, sampled=True)
-    assert not [said for said in fit.warnings if "correlated with the inputs" in said]
+    assert not [warning for warning in fit.warnings if "correlated with the inputs" in warning]
     assert abs(natural_hz(fit.model)[0] - hz) < 4.0 * fit.uncertainty.natural_hz[0]

@@ -72,9 +72,9 @@ def test_a_light_mode_delayed_by_many_turns_is_ranked_with_its_own_phase() -> No
     modal = ModalSystem(
         omega=[omega], zeta=[zeta], psi=[[1.0]], phi=[[1.0]], phi_rate=[[0.0]], names=("fast",)
     )
-    late = delay_plant(Plant(dynamics=modal, inputs=(FORCE,), outputs=(SEEN,)), np.array([[tau]]))
+    delayed = delay_plant(Plant(dynamics=modal, inputs=(FORCE,), outputs=(SEEN,)), np.array([[tau]]))
     law = Compensator(gain_system(np.array([[-k]])), (SEEN,), (FORCE,))
-    (found,) = find_allowed_shifts(late, law, most=0.2)
+    (found,) = find_allowed_shifts(delayed, law, most=0.2)
 
     def growth(shift: float) -> float:
         w = omega * (1.0 + shift)

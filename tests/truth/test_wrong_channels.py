@@ -48,9 +48,9 @@ def with_rows(survey: Survey, change) -> Survey:
 
 def said_of(survey: Survey) -> tuple[str, ...]:
     found = refine(case.fork(), [survey], case.UNKNOWNS, model_error=3e-5)
-    said = wrong_channels(found.compared[0])
-    assert set(said) <= set(findings(found))
-    return said
+    warnings = wrong_channels(found.compared[0])
+    assert set(warnings) <= set(findings(found))
+    return warnings
 
 
 def turned(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
@@ -86,9 +86,9 @@ def swapped(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
 )
 def test_a_channel_that_is_wrong_is_named(change, what: list[str], kept: list[tuple[str, str]] | None):
     for seed in repeats(range(8)):
-        said = sorted(said_of(with_rows(surveyed(seed, kept), change)))
-        assert len(said) == len(what)
-        assert all(expected in line for expected, line in zip(what, said, strict=True))
+        message = sorted(said_of(with_rows(surveyed(seed, kept), change)))
+        assert len(message) == len(what)
+        assert all(expected in line for expected, line in zip(what, message, strict=True))
 
 
 MIXED = [("c", "x"), ("c", "y"), ("d", "z"), ("a", "x")]
@@ -136,10 +136,10 @@ def test_a_channel_that_reads_nothing_is_named(dead: list[tuple[str, str]], kept
         shape[[place[channel] for channel in dead]] = 0.0
 
     for seed in repeats(range(4)):
-        said = said_of(with_rows(surveyed(seed, kept), cut))
-        assert len(said) == len(dead)
+        message = said_of(with_rows(surveyed(seed, kept), cut))
+        assert len(message) == len(dead)
         for n, d in dead:
-            assert any(f"channel {n} {d} reads nothing" in line for line in said)
+            assert any(f"channel {n} {d} reads nothing" in line for line in message)
 
 
 FLAT = Section(
@@ -194,9 +194,9 @@ def test_a_channel_that_the_modes_do_not_move_is_not_named(others: list, stated:
             found = refine(
                 mast(50.0), [survey], [Unknown(name="E", parameters=("member.*.EI_y",), spread=0.1)]
             )
-            said = wrong_channels(found.compared[0])
-            assert len(said) == count
-            assert all("channel n6 z reads with the opposite sign" in line for line in said)
+            warnings = wrong_channels(found.compared[0])
+            assert len(warnings) == count
+            assert all("channel n6 z reads with the opposite sign" in line for line in warnings)
 
 
 HELD = Environment(
@@ -253,11 +253,11 @@ def test_a_reading_that_is_wrong_is_named(spoilt, what: str, by: float | None, e
     for seed in repeats(range(1, 4)):
         found = refine(case.fork(), [], BENT, statics=loaded(seed, spoilt, ends))
         assert found.converged == (spoilt is not in_millimetres)
-        (said,) = wrong_readings(found)
-        assert what in said
-        assert said in findings(found)
+        (warning,) = wrong_readings(found)
+        assert what in warning
+        assert warning in findings(found)
         if by is not None:
-            assert float(said.split(" reads ")[1].split()[0]) == pytest.approx(by, rel=0.3)
+            assert float(warning.split(" reads ")[1].split()[0]) == pytest.approx(by, rel=0.3)
 
 
 def test_no_reading_is_named_without_cause():
@@ -288,5 +288,5 @@ def test_a_gauge_that_reads_nothing_is_named():
     def cut(_: str, value: np.ndarray) -> None:
         value[3] = 0.0
 
-    (said,) = wrong_readings(refine(case.fork(), [], BENT, statics=loaded(1, cut)))
-    assert "gauge 'cz' reads nothing" in said
+    (reported,) = wrong_readings(refine(case.fork(), [], BENT, statics=loaded(1, cut)))
+    assert "gauge 'cz' reads nothing" in reported

@@ -300,8 +300,8 @@ def test_what_moves_a_zero_is_what_its_deviation_is_made_of():
     """By the response's factor here, or by the implicit function theorem on the unknowns of a fit there."""
     fitted = fit_response(estimate_response(gimbal_record.multisine(0)), states=10)
     found = path_zeros(fitted.model, "payload", "gimbal")
-    late = dataclasses.replace(fitted.model, delay_s=np.zeros(1))
-    slopes = entry_slopes(late, fitted.covariance.structure, found.value, 0, 0)
+    delayed = dataclasses.replace(fitted.model, delay_s=np.zeros(1))
+    slopes = entry_slopes(delayed, fitted.covariance.structure, found.value, 0, 0)
     dz = found.by_response[:, 0, 0, None] * slopes.by.T
     C = fitted.covariance.matrix[np.ix_(slopes.place, slopes.place)]
     along = np.real(found.value.conj()[:, None] * dz) / np.abs(found.value)[:, None] / HZ

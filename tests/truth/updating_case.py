@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import middeck as md
-from middeck.laboratory.article import RigArticle, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors, spread_damping
+from middeck.laboratory.tested_article import RigArticle, solve_rig_article
 from middeck.structure.correlation.measured_modes import MeasuredModes, MeasurementNoise, measure_modes
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment

@@ -1,7 +1,7 @@
 """Names of this room that ``middeck`` itself does not have."""
 
 from .articles.components import load_component as load_component
-from .exchange.mat import (
+from .exchange.matlab_systems import (
     load_mat as load_mat,
     write_mat as write_mat,
 )

@@ -7,7 +7,7 @@ from typing import Any
 from middeck.control.law.compensator import Compensator
 from middeck.errors import ConfigError
 from middeck.files.articles.components import write_component
-from middeck.files.exchange.mat import write_mat
+from middeck.files.exchange.matlab_systems import write_mat
 from middeck.files.exchange.vtu import write_vtu
 from middeck.files.laws.compensators import write_compensator
 from middeck.files.laws.packages import write_package
@@ -20,7 +20,7 @@ from middeck.realtime.package.package import ControllerPackage
 from middeck.signals.record import Record
 from middeck.structure.correlation.measured_modes import MeasuredModes
 from middeck.structure.model.component import Component
-from middeck.structure.modes.results.drawing import Drawing
+from middeck.structure.modes.results.article_drawing import Drawing
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.systems.state_space.statespace import SampledStateSpace, StateSpace

@@ -1,6 +1,6 @@
 """Names of this room that ``middeck`` itself does not have."""
 
-from .article import (
+from .tested_article import (
     rig_article_plant as rig_article_plant,
     solve_rig_article as solve_rig_article,
 )

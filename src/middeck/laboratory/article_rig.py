@@ -9,13 +9,13 @@ from middeck.control.law.pd_loops import PDLoops, close_inner_loop
 from middeck.errors import ConfigError
 from middeck.joints.attachment import JointElements
 from middeck.joints.friction import Friction
-from middeck.laboratory.article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.laboratory.hidden_errors import draw_hidden_errors
 from middeck.laboratory.rig.parts.motors import Motor
 from middeck.laboratory.rig.parts.sensors import Sensor
 from middeck.laboratory.rig.plant.drifting_modes import Drift, age_plant
 from middeck.laboratory.rig.rig import Rig, build_rig
 from middeck.laboratory.rig_settings import RigSettings
+from middeck.laboratory.tested_article import RigArticle, rig_article_plant, solve_rig_article
 from middeck.signals.ports import once
 from middeck.structure.model.article import Actuator, JointState, SensorKind, Structure
 from middeck.structure.model.environment import Environment

@@ -15,12 +15,12 @@ from jaxtyping import Float
 from middeck.control.law.compensator import Compensator
 from middeck.control.sampled.emulation import emulate
 from middeck.identification.spectra.estimate import estimate_response
-from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.rig.plant.drifting_modes import Drift, nearest_modes
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import RigRun, run_closed_loop, run_open_loop
 from middeck.laboratory.rig_settings import LoopTest, RigSettings
+from middeck.laboratory.tested_article import RigArticle, rig_article_plant
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine, random_multisine
 from middeck.signals.record import Record

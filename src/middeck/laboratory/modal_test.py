@@ -9,11 +9,11 @@ from jaxtyping import Float
 
 from middeck.control.law.pd_loops import PDLoops
 from middeck.errors import NumericalError
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import run_open_loop
 from middeck.laboratory.rig_settings import RigSettings
+from middeck.laboratory.tested_article import RigArticle
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
 from middeck.signals.record import Record

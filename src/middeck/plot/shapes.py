@@ -19,7 +19,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from middeck.plot.style import COLOUR, new_figure, note, styled
-from middeck.structure.modes.results.drawing import Drawing
+from middeck.structure.modes.results.article_drawing import Drawing
 
 # Largest motion of a shape, of the size of the article.
 REACH = 0.12

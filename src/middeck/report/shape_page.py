@@ -24,7 +24,7 @@ from middeck.plot.shapes import (
 )
 from middeck.plot.svg import svg_text
 from middeck.report.templates import TEMPLATES
-from middeck.structure.modes.results.drawing import Drawing
+from middeck.structure.modes.results.article_drawing import Drawing
 from middeck.values import record
 
 # Steps of the largest motion, and of the article's size: finer than a pixel.

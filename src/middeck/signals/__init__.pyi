@@ -1,10 +1,10 @@
 """Names of this room that ``middeck`` itself does not have."""
 
-from .excitation.binary import (
+from .excitation.binary_signals import (
     design_binary as design_binary,
     design_mls as design_mls,
 )
-from .excitation.noise import (
+from .excitation.band_noise import (
     design_burst as design_burst,
     design_noise as design_noise,
 )

@@ -14,7 +14,7 @@ from .correlation.reduction import Reduction as Reduction
 from .gimbals.amplitude import sweep_amplitude as sweep_amplitude
 from .model.article import PointLoad as PointLoad
 from .model.component import Component as Component
-from .modes.results.drawing import (
+from .modes.results.article_drawing import (
     Drawing as Drawing,
     build_mode_drawing as build_mode_drawing,
 )
@@ -23,7 +23,7 @@ from .plants.residual_flexibility import compare_static_gain as compare_static_g
 from .rest.link_loads import link_loads as link_loads
 from .sensitivity.parameters import find_parameters as find_parameters
 from .sensitivity.rest import differentiate_rest as differentiate_rest
-from .sensitivity.shapes import differentiate_modes as differentiate_modes
+from .sensitivity.shape_derivatives import differentiate_modes as differentiate_modes
 from .hanging.attitude import estimate_attitude as estimate_attitude
 from .hanging.device_friction import (
     estimate_rest_band as estimate_rest_band,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from middeck.files.promises.documents import versions
+from middeck.files.promises.promise_documents import versions
 from middeck.files.studies.documents import Study
 from middeck.study.chapter import Chapter
 from middeck.study.chapters.gravity_modes.chapter import GRAVITY_MODES

@@ -1,8 +1,8 @@
 """Values of a study that several chapters need."""
 
 from middeck.files.studies.documents import Study
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article
+from middeck.laboratory.tested_article import RigArticle
 from middeck.structure.gravity.compare_modes import ModeComparison, compare_modes
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment

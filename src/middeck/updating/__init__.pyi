@@ -6,7 +6,7 @@ from .orbit.deflections import predict_deflections as predict_deflections
 from .promise.draws import LoopSpread as LoopSpread
 from .promise.plan import Ladder as Ladder
 from .promise.slip import JointSlip as JointSlip
-from .residuals.friction import SurveyedFriction as SurveyedFriction
+from .residuals.surveyed_friction import SurveyedFriction as SurveyedFriction
 from .residuals.gauges import (
     Gauge as Gauge,
     GaugeKind as GaugeKind,

@@ -41,10 +41,10 @@ def hold(A, B, Q, t):
 def sampled(T):
     """A, B, Q, N, R and noise of the states (x, the latest input that was issued, the one before it, ...)."""
     A, B, C = plant()
-    late = DELAY_S / T
-    depth = int(np.ceil(round(late, 9)))
-    early = round(late - np.floor(round(late, 9)), 9) * T
-    parts = [(early, depth), (T - early, int(np.floor(round(late, 9))))] if early else [(T, depth)]
+    delay = DELAY_S / T
+    depth = int(np.ceil(round(delay, 9)))
+    early = round(delay - np.floor(round(delay, 9)), 9) * T
+    parts = [(early, depth), (T - early, int(np.floor(round(delay, 9))))] if early else [(T, depth)]
     seen = np.zeros((11, 11))
     seen[:10, :10] = C.T @ C
     x = np.eye(10, 10 + depth + 1)

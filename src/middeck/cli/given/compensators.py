@@ -2,7 +2,7 @@
 
 from middeck.errors import DataError
 from middeck.files.any_value import is_mat
-from middeck.files.exchange.mat import load_mat
+from middeck.files.exchange.matlab_systems import load_mat
 from middeck.files.laws.compensators import StoredCompensator, load_compensator
 
 

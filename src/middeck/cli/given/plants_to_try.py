@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from middeck.cli.given.cases import solve_case
 from middeck.cli.given.design_plants import issue_warnings
+from middeck.cli.given.typed_article import solve_case
 from middeck.cli.options import TypedPlants, TypedSetup, typed
 from middeck.cli.shown.file_of_an_error import reading
 from middeck.control.analysis.shifts.shifts import find_allowed_shifts
@@ -18,7 +18,7 @@ from middeck.control.qualification import align_plant, qualify_compensator, samp
 from middeck.errors import ConfigError
 from middeck.files.disk.kind_of_content import PROMISE, looks_like
 from middeck.files.measured.models import load_model
-from middeck.files.promises.plants import PromisedPlants, load_promised_plants
+from middeck.files.promises.promise_plants import PromisedPlants, load_promised_plants
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.structure.modes.results.dispersed_modes import dispersed_modes

@@ -37,7 +37,7 @@ def verb(case: options.TypedSetup, count: int, figure_file: str | None, as_json:
     """
     import numpy as np
 
-    from middeck.cli.given.cases import read_case, solve_in
+    from middeck.cli.given.typed_article import read_case, solve_in
 
     structure, surroundings, *files = read_case(case)
     if not np.any(surroundings.gravity) and not surroundings.hung and not surroundings.springs:
@@ -66,7 +66,7 @@ def verb(case: options.TypedSetup, count: int, figure_file: str | None, as_json:
 
 def describe(found: GravityBudget) -> dict[str, Any]:
     """The JSON document; ``omega2`` has an axis off/on for each of the effects, in their order."""
-    from middeck.cli.given.cases import both_sides
+    from middeck.cli.given.typed_article import both_sides
     from middeck.structure.gravity.budget import EFFECTS, ORDERS
 
     lab = found.lab

@@ -36,7 +36,7 @@ def verb(article: str, candidates: str, as_json: bool) -> None:
     narrow the promised frequencies and gauge readings, the widest interval first. Each is judged alone and as
     it stands; none is optimised.
     """
-    from middeck.files.refinements.candidates import load_candidates
+    from middeck.files.refinements.candidate_documents import load_candidates
     from middeck.files.setups import find_document
 
     body = find_document(article, "article")

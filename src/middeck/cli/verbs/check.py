@@ -42,7 +42,7 @@ def verb(
     (orbit, lab, or a file) it also examines the rest state: attitude, unrestrained attach points and
     directions, loose joints and instability. Mistakes in the files are errors, as everywhere.
     """
-    from middeck.cli.given.cases import apply_case, read_case
+    from middeck.cli.given.typed_article import apply_case, read_case
     from middeck.cli.shown.mass_and_attitude import (
         attitude_lines,
         measure_lines,

@@ -42,7 +42,7 @@ def verb(
     the subspaces of rigid-body and suspension modes. Loads, added masses and clamps belong to the
     environment, and orbit has none of them: `middeck budget` keeps clamps and added masses in 0-g too.
     """
-    from middeck.cli.given.cases import apply_case, read_case, solve_in
+    from middeck.cli.given.typed_article import apply_case, read_case, solve_in
 
     figures.check_up(up, figure_file)
     structure, surroundings, *files = read_case(case._replace(load_case=None))
@@ -59,7 +59,7 @@ def describe(comparison: ModeComparison) -> dict[str, Any]:
     """The JSON document; keys as in figures 4 and 5 of numbers.json."""
     import numpy as np
 
-    from middeck.cli.given.cases import both_sides
+    from middeck.cli.given.typed_article import both_sides
     from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness
     from middeck.study.chapters.gravity_modes.numbers import figure_4, figure_5
 

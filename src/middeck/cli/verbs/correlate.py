@@ -103,7 +103,7 @@ def verb(
     """
     import numpy as np
 
-    from middeck.cli.given.cases import solve_case
+    from middeck.cli.given.typed_article import solve_case
 
     measured = md.load_measured_modes(test)
     given = None if noise is None else md.structure.MeasurementNoise(*noise)

@@ -116,8 +116,8 @@ def verb(
     wanted = Wanted(control, measure)
     warnings: tuple[str, ...] = ()
     if from_article:
-        from middeck.cli.given.cases import solve_case
         from middeck.cli.given.design_plants import article_plant
+        from middeck.cli.given.typed_article import solve_case
 
         case = options.TypedSetup(sources[0], environment, overrides, load_case)
         modes = solve_case(case, count, standstill=True)

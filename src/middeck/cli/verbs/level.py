@@ -54,7 +54,7 @@ def verb(
     Prints the attitude before and after, and the new offsets under their keys in the article's file, as --set
     takes them. The file is not changed. The exit code is 5 if these offsets cannot level the article.
     """
-    from middeck.cli.given.cases import case_warnings, read_case
+    from middeck.cli.given.typed_article import case_warnings, read_case
     from middeck.files.setups import load_offset_keys
 
     structure, surroundings, *files = read_case(case)
@@ -74,7 +74,7 @@ def verb(
 def _draw(structure: md.Structure, found: Levelling, file: str) -> None:
     """Drawing of the attitudes before and after, in one scale."""
     from middeck.plot.shapes import rest_figure
-    from middeck.structure.modes.results.drawing import build_rest_drawing
+    from middeck.structure.modes.results.article_drawing import build_rest_drawing
 
     before = md.solve_equilibrium(structure, found.equilibrium.environment)
     moved = ", ".join(

@@ -59,7 +59,7 @@ def verb(
     included in the article's mass. With spinning wheels the modes are forward and backward whirl at the
     wheels' speeds; the modes at standstill follow.
     """
-    from middeck.cli.given.cases import read_case, solve_in
+    from middeck.cli.given.typed_article import read_case, solve_in
     from middeck.cli.shown.mass_and_attitude import summary_lines, summary_numbers
     from middeck.structure.summary.summary import summarise
 

@@ -64,7 +64,7 @@ def verb(
     its gravity and mode. Suspension devices are tuned in the environment's own gravity and released in orbit.
     A load case acts at every gravity.
     """
-    from middeck.cli.given.cases import case_warnings, read_case
+    from middeck.cli.given.typed_article import case_warnings, read_case
     from middeck.structure.gravity.gravity_levels import DeviceRule
 
     structure, surroundings, *files = read_case(case)

@@ -109,9 +109,9 @@ def _of_loops(
     """``kept`` are the ledger of the draws and the number of processes."""
     from middeck.files.json.hash_seal import SEAL
     from middeck.files.json.output import write_json
-    from middeck.files.promises.documents import hash_files, promise_document
     from middeck.files.promises.plans import load_plan
-    from middeck.files.promises.plants import plants_document
+    from middeck.files.promises.promise_documents import hash_files, promise_document
+    from middeck.files.promises.promise_plants import plants_document
 
     with reading(plan):
         loaded = load_plan(plan, body)
@@ -154,7 +154,7 @@ def _measured(
 
 
 def _at_rest(body: Path, load_cases: str, day: str) -> dict[str, Any]:
-    from middeck.files.promises.documents import hash_files, loads_document
+    from middeck.files.promises.promise_documents import hash_files, loads_document
     from middeck.files.refinements.promised_loads import load_promised_loads
 
     asked = load_promised_loads(load_cases, body)

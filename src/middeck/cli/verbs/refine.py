@@ -15,10 +15,10 @@ from middeck.cli.shown.screen import ScreenTable, cells, show
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
-    from middeck.updating.orbit.frequencies import Prediction
+    from middeck.updating.orbit.predicted_frequencies import Prediction
     from middeck.updating.refinement.findable_unknowns import Choice
     from middeck.updating.refinement.refine import Refined, RefinedFriction
-    from middeck.updating.residuals.damping import ComparedDamping
+    from middeck.updating.residuals.damping_rows import ComparedDamping
 
 EXAMPLES = """\
   middeck refine articles/mace-simple.toml \\
@@ -61,7 +61,7 @@ def verb(
     tests (docs/reference/files.md). The result is the most probable article with the standard deviations of
     its parameters. -o writes ARTICLE with these as a table of factors.
     """
-    from middeck.cli.given.cases import find_case
+    from middeck.cli.given.typed_article import find_case
     from middeck.files.disk.atomic import write_text
     from middeck.files.refinements.documents import load_refinement, refined_text
     from middeck.updating.refinement.findable_unknowns import weigh_unknowns
@@ -214,67 +214,57 @@ def _static(refined: Refined, k: int) -> dict[str, Any]:
 
 
 def _blocks(document: dict[str, Any], target: str | None) -> Sequence[str | ScreenTable]:
+    return [
+        _unknowns_table(document["unknowns"]),
+        "",
+        *(block for s in document["surveys"] for block in (_survey_table(s), "")),
+        *([_response_table(document["responses"]), ""] if document["responses"] else []),
+        *(block for d in document["damping"] for block in (_damping_table(d), "")),
+        *([_friction_table(document["friction"]), ""] if document["friction"] else []),
+        *([_static_table(document["statics"]), ""] if document["statics"] else []),
+        _predicted_table(document["environment"], document["predicted"]),
+        *(["", f"wrote {target}{_without(document)}"] if target else []),
+    ]
+
+
+def _unknowns_table(unknowns: list[dict[str, Any]]) -> ScreenTable:
     def change(u: dict[str, Any], x: float) -> str:
         return f"{x:+.4g}" if u["added"] else f"{100.0 * math.expm1(x):+.2f} %"
 
     def deviation(u: dict[str, Any], std: float, x: float) -> str:
         return f"{std:.4g}" if u["added"] else f"{100.0 * std * math.exp(x):.2f} %"
 
-    def errors(model: Sequence[float | None], measured: Sequence[float]) -> list[str]:
+    rows = [
+        [u["name"], change(u, u["mean"]), deviation(u, u["spread"], u["mean"]), change(u, u["x"]),
+         deviation(u, u["std"], u["x"])]
+        for u in unknowns
+    ]  # fmt: skip
+    return ScreenTable("unknowns", ["name", "before", "+-", "refined", "+-"], rows)
+
+
+def _survey_table(survey: dict[str, Any]) -> ScreenTable:
+    measured = survey["measured_hz"]
+
+    def errors(model: Sequence[float | None]) -> list[str]:
         """Relative errors [%] as texts, "-" for a mode that had no partner before."""
         both = zip(model, measured, strict=True)
         return ["-" if ours is None else f"{100.0 * (ours / hz - 1.0):+.3f}" for ours, hz in both]
 
-    unknowns = [
-        [u["name"], change(u, u["mean"]), deviation(u, u["spread"], u["mean"]), change(u, u["x"]),
-         deviation(u, u["std"], u["x"])]
-        for u in document["unknowns"]
-    ]  # fmt: skip
-    surveys = [
-        ScreenTable(
-            f"survey {s['name']}",
-            ["mode", "measured [Hz]", "error before [%]", "after [%]"],
-            [
-                [name, f"{hz:.4f}", old, new]
-                for name, hz, old, new in zip(
-                    s["mode"],
-                    s["measured_hz"],
-                    errors(s["before_hz"], s["measured_hz"]),
-                    errors(s["frequency_hz"], s["measured_hz"]),
-                    strict=True,
-                )
-            ],
-        )
-        for s in document["surveys"]
-    ]
-    p = document["predicted"]
+    columns = survey["mode"], measured, errors(survey["before_hz"]), errors(survey["frequency_hz"])
+    rows = [[name, f"{hz:.4f}", old, new] for name, hz, old, new in zip(*columns, strict=True)]
+    headers = ["mode", "measured [Hz]", "error before [%]", "after [%]"]
+    return ScreenTable(f"survey {survey['name']}", headers, rows)
+
+
+def _predicted_table(environment: str, p: dict[str, Any]) -> ScreenTable:
     rows = [
-        [
-            name,
-            f"{hz:.4f}",
-            f"{low:.4f} to {high:.4f}",
-            zeta,
-            f"{100.0 * min(seen, 1.0):.0f}",
-        ]
+        [name, f"{hz:.4f}", f"{low:.4f} to {high:.4f}", zeta, f"{100.0 * min(seen, 1.0):.0f}"]
         for name, hz, (low, high), zeta, seen in zip(
             p["name"], p["frequency_hz"], p["interval_95_hz"], _ratios(p), p["seen"], strict=True
         )
     ]
-    return [
-        ScreenTable("unknowns", ["name", "before", "+-", "refined", "+-"], unknowns),
-        "",
-        *(block for table in surveys for block in (table, "")),
-        *([_response_table(document["responses"]), ""] if document["responses"] else []),
-        *(block for d in document["damping"] for block in (_damping_table(d), "")),
-        *([_friction_table(document["friction"]), ""] if document["friction"] else []),
-        *([_static_table(document["statics"]), ""] if document["statics"] else []),
-        ScreenTable(
-            f"predicted in {document['environment']}",
-            ["mode", "frequency [Hz]", "95 % interval [Hz]", "damping [%]", "seen on the ground [%]"],
-            rows,
-        ),
-        *(["", f"wrote {target}{_without(document)}"] if target else []),
-    ]
+    headers = ["mode", "frequency [Hz]", "95 % interval [Hz]", "damping [%]", "seen on the ground [%]"]
+    return ScreenTable(f"predicted in {environment}", headers, rows)
 
 
 def _ratios(predicted: dict[str, Any]) -> list[str]:

@@ -74,7 +74,7 @@ def verb(
     """
     import numpy as np
 
-    from middeck.cli.given.cases import find_case, solve_case
+    from middeck.cli.given.typed_article import find_case, solve_case
     from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
 
     modes = solve_case(case, count, standstill=True)

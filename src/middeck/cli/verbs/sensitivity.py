@@ -15,7 +15,7 @@ from middeck.errors import ConfigError
 from middeck.study.words import fields
 
 if TYPE_CHECKING:
-    from middeck.structure.sensitivity.frequencies import FrequencySensitivities
+    from middeck.structure.sensitivity.frequency_derivatives import FrequencySensitivities
     from middeck.structure.sensitivity.rest import RestSensitivities
 
 EXAMPLES = """\
@@ -65,7 +65,7 @@ def verb(
     Parameters are named by part and field, as in node.n1.cg.y, member.n1-n2.EI_y, joint.pri_x.angle,
     environment.gravity.y. --json has all of them for every mode up to the last one printed.
     """
-    from middeck.cli.given.cases import find_case, solve_case
+    from middeck.cli.given.typed_article import find_case, solve_case
 
     if not all(pattern.strip(", ") for pattern in patterns):
         raise ConfigError("no parameter named", where="--parameter", hint='a name, or "*" for all')

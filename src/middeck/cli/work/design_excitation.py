@@ -10,10 +10,10 @@ from middeck.errors import ConfigError
 from middeck.files.measured.models import load_model
 from middeck.files.toml.form import Band, Form, Positive, whole, within
 from middeck.identification.uncertainty.accuracy import ExpectedAccuracy, expected_accuracy
-from middeck.signals.excitation.binary import design_binary, design_mls
+from middeck.signals.excitation.band_noise import design_burst, design_noise
+from middeck.signals.excitation.binary_signals import design_binary, design_mls
 from middeck.signals.excitation.limits import Limits
 from middeck.signals.excitation.multisine import design_multisine
-from middeck.signals.excitation.noise import design_burst, design_noise
 from middeck.signals.excitation.signal import Excitation
 from middeck.signals.excitation.sweep import design_sweep
 

@@ -12,8 +12,8 @@ from middeck.control.analysis.text_table import align_columns
 from middeck.control.law.compensator import Compensator, idle_compensator
 from middeck.control.lqg.design import design_lqg
 from middeck.control.lqg.weights import LQGWeights
-from middeck.control.sampled.design import Form, design_sampled_lqg
 from middeck.control.sampled.emulation import Rule, emulate
+from middeck.control.sampled.sampled_design import Form, design_sampled_lqg
 from middeck.control.sampled.sampled_loop import SampledOutcome, measure_held, measure_sampled_loop
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant

@@ -6,7 +6,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from middeck.files.disk.atomic import write_text
-from middeck.structure.modes.results.drawing import Drawing
+from middeck.structure.modes.results.article_drawing import Drawing
 
 LINE = 3  # VTK's number of this cell: two points, which every reader knows
 # Numbers of the parts of a drawing in the array "part".

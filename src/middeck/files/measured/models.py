@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from middeck.errors import ConfigError, DataError
-from middeck.files.exchange.mat import write_mat
+from middeck.files.exchange.matlab_systems import write_mat
 from middeck.files.json.input import json_numbers, read_json, read_ports, require_keys
 from middeck.files.json.output import write_json
 from middeck.identification.fit.mode_trust import Standing

@@ -9,8 +9,8 @@ import numpy as np
 from middeck.campaign.cases import Case
 from middeck.campaign.run_cases import Progress, run_campaign
 from middeck.errors import DataError, NumericalError
-from middeck.files.promises.documents import hash_files, versions
 from middeck.files.promises.plans import load_plan
+from middeck.files.promises.promise_documents import hash_files, versions
 from middeck.updating.promise.blocks_of_draws import (
     BLOCK,
     Measured,

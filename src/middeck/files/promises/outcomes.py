@@ -12,7 +12,7 @@ from middeck.files.disk.digest import sha256_of
 from middeck.files.disk.kind_of_content import OUTCOME
 from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.measured.modes import load_measured_modes
-from middeck.files.promises.documents import few, versions
+from middeck.files.promises.promise_documents import few, versions
 from middeck.files.toml.faults import PathFault, finding, raise_faults
 from middeck.files.toml.form import Finite, Form, Positive
 from middeck.files.toml.source import check, read_source, sound
@@ -149,7 +149,7 @@ def comparison_document(
     named = [(name_of_mode(p.environment, p.index + 1), p) for p in paired]
     outcomes = (*(Scored(kind="mode", name=name, value=p.frequency_hz) for name, p in named), *came.outcomes)
     verdicts = judge(statements, outcomes)
-    promised_of = {(s.kind, s.name): s for s in statements}
+    each = {(s.kind, s.name): s for s in statements}
     first, *others = ({"name": file.name, "sha256": sha256_of(file)} for file in came.files)
     return seal(
         {
@@ -162,8 +162,7 @@ def comparison_document(
             "surveys": others,
             "remarks": [*([] if beside is None else _changed(promise, beside)), *remarks],
             "verdicts": [
-                _row(v, promised_of[v.kind, v.name], o)
-                | (_pairing(dict(named)[v.name]) if v.kind == "mode" else {})
+                _row(v, each[v.kind, v.name], o) | (_pairing(dict(named)[v.name]) if v.kind == "mode" else {})
                 for v, o in zip(verdicts, outcomes, strict=True)
             ],
             "score": score(verdicts),

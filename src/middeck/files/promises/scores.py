@@ -7,8 +7,8 @@ from typing import Any
 from middeck.campaign.confidence_of_draws import probability_interval
 from middeck.errors import DataError
 from middeck.files.json.hash_seal import SEAL, read_sealed, seal
-from middeck.files.promises.documents import few, versions
 from middeck.files.promises.outcomes import COMPARISON
+from middeck.files.promises.promise_documents import few, versions
 from middeck.updating.promise.score import Kind, Verdict, score
 
 SCORE = "middeck.score/1"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from middeck.control.law.pd_loops import PDLoops
-from middeck.files.studies.promise import PromiseForm
+from middeck.files.studies.promise_table import PromiseForm
 from middeck.identification.friction.find import JointFriction
 from middeck.laboratory.modal_test import ModalTest
 from middeck.structure.model.environment import Environment

@@ -142,7 +142,7 @@ def write_csv(path: Path, stream: RecordStream) -> None:
         start = 0
         for u, y in stream.blocks(LINES):
             time = (start + np.arange(len(u))) / stream.sample_hz
-            # Digits to spare: of two stamps "0" and "0.003" does not show how they were rounded.
+            # Digits to spare: two stamps "0" and "0.003" would not show their rounding.
             writer.writerows(
                 [f"{t:.12f}", *row] for t, row in zip(time, np.hstack([u, y]).tolist(), strict=True)
             )
@@ -187,13 +187,13 @@ def _opened(file: Path) -> Generator[TextIO]:
 
 def read_opening(text: TextIO, file: Path) -> Opening:
     """Comments and the line of names; leaves ``text`` behind it."""
-    comments: dict[str, Any] = {}
+    given: dict[str, Any] = {}
     for number, line in enumerate(iter(text.readline, ""), 1):
         stripped = line.strip()
         if stripped.startswith("#"):
-            comments |= _comment(stripped, f"{file}:{number}")
+            given |= _comment(stripped, f"{file}:{number}")
         elif stripped and not SEPARATOR_LINE.fullmatch(stripped):
-            return _opening(stripped, number, comments, file)
+            return _opening(stripped, number, given, file)
     raise DataError("the file has no lines", where=str(file), hint=AGAIN)
 
 
@@ -211,15 +211,14 @@ def _comment(line: str, where: str) -> dict[str, Any]:
         ) from None
 
 
-def _opening(line: str, number: int, comments: dict[str, Any], file: Path) -> Opening:
+def _opening(line: str, number: int, given: dict[str, Any], file: Path) -> Opening:
     where = f"{file}:{number}"
     separator = separator_of(line)
     cells = [c.strip() for c in _unended(next(csv.reader([line], delimiter=separator)))]
-    periods, samples = (_whole(comments, key, where) for key in ("periods", "samples"))
+    periods, samples = (_whole(given, key, where) for key in ("periods", "samples"))
     named = not all(map(_is_number, cells))
     heads = [
-        _head(cell, k, comments, where) if named else ChannelHeader("", None, "")
-        for k, cell in enumerate(cells)
+        _head(cell, k, given, where) if named else ChannelHeader("", None, "") for k, cell in enumerate(cells)
     ]
     times = TIMES.fullmatch(heads[0].name)
     timed = times is not None
@@ -276,8 +275,8 @@ def _first_rows(file: Path, opening: Opening) -> list[list[str]]:
         return [row for row in csv.reader(lines, delimiter=opening.separator) if row and row[0][:1] != "#"]
 
 
-def _whole(comments: dict[str, Any], key: str, where: str) -> int | None:
-    number = comments.pop(key, None)
+def _whole(given: dict[str, Any], key: str, where: str) -> int | None:
+    number = given.pop(key, None)
     if number is not None and not (isinstance(number, int) and number > 0):
         raise DataError(f"{key} is {number!r}", where=where, hint="a whole number above zero")
     return number
@@ -287,14 +286,14 @@ def _is_number(cell: str) -> bool:
     return re.fullmatch(r"[+-]?[\d.,]+([eEdD][+-]?\d+)?|[+-]?(nan|inf)", cell, re.IGNORECASE) is not None
 
 
-def _head(cell: str, k: int, comments: dict[str, Any], where: str) -> ChannelHeader:
+def _head(cell: str, k: int, given: dict[str, Any], where: str) -> ChannelHeader:
     found = HEADING.fullmatch(cell)
     letter, name, *units = found.groups() if found else ("u", "")
     unit = next((u for u in units if u is not None), None)
     if letter and unit is None:
         raise DataError(f"column {k + 1} is headed {cell!r}", where=where, hint=ADVICE)
     side: Side = "input" if letter == "u" else "output" if letter == "y" else ""
-    channel = build_channel(comments.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
+    channel = build_channel(given.get(f"{letter}:{name}", {}), f"{where}, channel {name}")
     return ChannelHeader(name, None if unit is None else unit.strip(), side, channel)
 
 

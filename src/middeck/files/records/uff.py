@@ -263,14 +263,14 @@ def _sample_hz(data: Dataset) -> float:
 def write_uff(path: Path, held: Record, *, binary: bool = True) -> None:
     """Write ``held`` as data sets 58b, or 58 in ASCII with 13 digits; one for each channel and experiment."""
     experiments, periods, _, _ = held.u.shape
-    extra = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
-    extra += "" if held.held is None else f" held={int(held.held)}"
+    more = f"hz={held.sample_hz!r}" + (f" periods={periods}" if held.periodic else "")
+    more += "" if held.held is None else f" held={int(held.held)}"
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         write_count(stream, experiments * (held.u.shape[3] + held.y.shape[3]))
         for e in range(experiments):
             for side, ports, x in (("input", held.inputs, held.u), ("output", held.outputs, held.y)):
                 for k, port in enumerate(ports):
-                    header = _header(port, f"{OURS} {side} {extra}", side, str(path))
+                    header = _header(port, f"{OURS} {side} {more}", side, str(path))
                     write_58(stream, header, 0.0, 1.0 / held.sample_hz, x[e, :, :, k].ravel(), binary=binary)
 
 
@@ -436,11 +436,11 @@ def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = Tr
     f = held.frequency_hz
     step = float(f[-1] - f[0]) / (len(f) - 1) if len(f) > 1 else 1.0
     even = step > 0.0 and np.abs(f - f[0] - step * np.arange(len(f))).max() <= EVEN * f[-1]
-    extra = f" first={float(f[0])!r} step={step!r}" if even else ""
+    more = f" first={float(f[0])!r} step={step!r}" if even else ""
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         write_count(stream, held.H[0].size)
         for o, i in np.ndindex(held.H.shape[1:]):
-            header = _response_header(held.outputs[o], held.inputs[i], extra, str(path))
+            header = _response_header(held.outputs[o], held.inputs[i], more, str(path))
             H = held.H[:, o, i]
             if even:
                 write_58(stream, header, float(f[0]), step, H, binary=binary)
@@ -449,16 +449,10 @@ def write_uff_response(path: Path, held: FrequencyResponse, *, binary: bool = Tr
                 write_58(stream, header, 0.0, None, rows, binary=binary)
 
 
-def _response_header(output: Port, at: Port, extra: str, where: str) -> Header:
+def _response_header(output: Port, at: Port, more: str, where: str) -> Header:
     ends = [port.channel or Channel() for port in (output, at)]
     places = [_place(c, f"{where}, channel {p.name}") for c, p in zip(ends, (output, at), strict=True)]
-    texts = (
-        stated(output.name),
-        stated(at.name),
-        _known(ends[1]),
-        f"{OURS} response{extra}",
-        _known(ends[0]),
-    )
+    texts = (stated(output.name), stated(at.name), _known(ends[1]), f"{OURS} response{more}", _known(ends[0]))
     divisor = FORCE if at.unit in ("N", "N m") else QUANTITY.get(at.unit, 0)
     quantity = QUANTITY.get(output.unit, 0)
     return Header(

@@ -12,7 +12,7 @@ from middeck.files.toml.form import Form, Positive, Positives
 from middeck.files.toml.lines import Path
 from middeck.files.toml.tables import Table, tables
 from middeck.structure.model.article import Structure
-from middeck.updating.residuals.friction import SurveyedFriction
+from middeck.updating.residuals.surveyed_friction import SurveyedFriction
 
 
 class FrictionForm(Form):

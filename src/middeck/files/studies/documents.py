@@ -16,8 +16,8 @@ from middeck.files.environments.form import EnvironmentForm, build_environment
 from middeck.files.setups import article_files, build_article, join_findings, overridden
 from middeck.files.studies import form as study_form
 from middeck.files.studies.checks import fixed_axes, signal_findings
-from middeck.files.studies.promise import PromiseForm
-from middeck.files.studies.rig import build_loop_test, build_rig_settings
+from middeck.files.studies.promise_table import PromiseForm
+from middeck.files.studies.rig_table import build_loop_test, build_rig_settings
 from middeck.files.toml.faults import DocumentFault, PathFault, finding, raise_faults
 from middeck.files.toml.lines import Path as KeyPath
 from middeck.files.toml.overrides import OverriddenDocument, apply_overrides

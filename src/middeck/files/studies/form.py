@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
-from middeck.files.studies.promise import PromiseForm, States
+from middeck.files.studies.promise_table import PromiseForm, States
 from middeck.files.toml.faults import PathFault, finding, nearest
 from middeck.files.toml.form import (
     Band,

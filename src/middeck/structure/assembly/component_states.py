@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from middeck.structure.assembly.environment_loads import Loads
 from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import Placement, moved_since
-from middeck.structure.elements.component import ComponentElement, ComponentState, component_state
+from middeck.structure.elements.component_element import ComponentElement, ComponentState, component_state
 from middeck.structure.model.component import Component
 
 

@@ -43,7 +43,7 @@ from middeck.structure.assembly.springs import (
 )
 from middeck.structure.elements.beam import BeamState, beam_state, beam_weight
 from middeck.structure.elements.bushings import BushingState
-from middeck.structure.elements.component import ComponentState
+from middeck.structure.elements.component_element import ComponentState
 from middeck.structure.elements.frames import Configuration
 from middeck.structure.elements.motion_since_drawn import (
     Inside,

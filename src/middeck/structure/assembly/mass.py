@@ -10,7 +10,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.assembly.places import moved_since, poses_at, symmetric, transport
 from middeck.structure.assembly.springs import at_attach_points
 from middeck.structure.elements.beam_inertia import beam_mass
-from middeck.structure.elements.component import component_mass
+from middeck.structure.elements.component_element import component_mass
 from middeck.structure.elements.frames import Configuration
 
 

@@ -15,7 +15,7 @@ from middeck.structure.assembly.freedom import Held, hold_nodes
 from middeck.structure.assembly.link_rows import LinkRows, lay_out_links, link_points
 from middeck.structure.assembly.pattern import Pattern, lay_out_pattern
 from middeck.structure.elements.beam import BeamProperties, beam_properties
-from middeck.structure.elements.component import ComponentElement
+from middeck.structure.elements.component_element import ComponentElement
 from middeck.structure.elements.frames import (
     Configuration,
     FrameTree,
@@ -159,14 +159,7 @@ def lay_out(structure: Structure) -> Model:
         np.array([[attach[t.start], attach[t.end]] for t in ties], dtype=int).reshape(-1, 2)
         for ties in (structure.springs, structure.bushings)
     )
-    joints = structure.joints
-    tree = FrameTree(
-        roots=len(x),
-        parent=np.array([index[j.parent] for j in joints], dtype=int),
-        offset=np.array([j.offset for j in joints]).reshape(-1, 3),
-        axis=np.array([j.axis for j in joints]).reshape(-1, 3),
-        slides=np.array([j.slides for j in joints], dtype=bool),
-    )
+    joints, tree = structure.joints, _frame_tree(structure.joints, index, roots=len(x))
     angle = np.array([held_angle(j) for j in joints]) + 0.0
     rest = Configuration(x, np.tile(np.eye(3), (len(x), 1, 1)), angle)
     place = frame_poses(tree, rest).p if linked else x
@@ -203,6 +196,16 @@ def lay_out(structure: Structure) -> Model:
             ends + len(places) - len(linked),
             tree.size,
         ),
+    )
+
+
+def _frame_tree(joints: Sequence[Joint], index: dict[str, int], roots: int) -> FrameTree:
+    return FrameTree(
+        roots=roots,
+        parent=np.array([index[j.parent] for j in joints], dtype=int),
+        offset=np.array([j.offset for j in joints]).reshape(-1, 3),
+        axis=np.array([j.axis for j in joints]).reshape(-1, 3),
+        slides=np.array([j.slides for j in joints], dtype=bool),
     )
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from middeck.structure.correlation.measured_modes import AXES, MeasuredModes, drawn_at, real_shapes
 from middeck.structure.correlation.placing import place_channels
 from middeck.structure.correlation.survey_lines import Traced, trace_article
-from middeck.structure.modes.results.drawing import Drawing, Mark, Strand
+from middeck.structure.modes.results.article_drawing import Drawing, Mark, Strand
 from middeck.structure.modes.solve import Modes
 
 

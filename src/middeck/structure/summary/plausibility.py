@@ -65,7 +65,7 @@ def warnings_on_measures(
         *_members(structure, length, radius),
         *_mesh(structure, of, length, elements),
         *_components(structure),
-        *(doubt for component in structure.components for doubt in warnings_on_component(component)),
+        *(odd for component in structure.components for odd in warnings_on_component(component)),
     )
 
 
@@ -148,27 +148,25 @@ def _densities(structure: Structure) -> Iterator[str]:
     for part in parts:
         body = part.body
         if not np.any(body.inertia):
-            found += [
-                (part.name, doubt) for doubt in (_point(part, around) if isinstance(part, Node) else ())
-            ]
+            found += [(part.name, odd) for odd in (_point(part, around) if isinstance(part, Node) else ())]
             continue
         sides = _equivalent_box(body.mass, np.linalg.eigvalsh(body.inertia))
         density = body.mass / float(np.prod(np.maximum(sides, THICK * sides.max())))
         moment = _same_moment(body)
         token = moment is not None and (_is_power(moment, INERTIA_UNITS) or len(masses[moment]) > 1)
         if isinstance(part, Node) and (token or part.name in lumped) and density > BODY_DENSITY[1]:
-            found += [(part.name, doubt) for doubt in _point(part, around)]
+            found += [(part.name, odd) for odd in _point(part, around)]
         elif _outside(density, BODY_DENSITY):
             box = " x ".join(f"{side:.3g}" for side in sides)
-            doubt = (
+            odd = (
                 f"carries {body.mass:.4g} kg with the inertia of a box of {box} m, "
                 f"{density:.3g} kg/m^3: is its mass in kg, its inertia in kg m^2?"
             )
-            found.append((part.name, doubt))
-    for doubt in dict.fromkeys(doubt for _, doubt in found):
-        names = [name for name, same in found if same == doubt]
+            found.append((part.name, odd))
+    for odd in dict.fromkeys(odd for _, odd in found):
+        names = [name for name, same in found if same == odd]
         more = f" (and so {'does' if len(names) == 2 else 'do'} {some_names(names[1:])})" if names[1:] else ""
-        yield f"{names[0]!r} {doubt}{more}"
+        yield f"{names[0]!r} {odd}{more}"
 
 
 def _lumped_ends(structure: Structure) -> set[str]:

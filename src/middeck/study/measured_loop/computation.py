@@ -17,10 +17,10 @@ from middeck.identification.model.measurement_model import (
     evaluate_model,
     natural_hz,
 )
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.bench import build_bench, take_closed_loop
 from middeck.laboratory.loop_stability import RigLoop, RigView, judge_loops, view_rig
 from middeck.laboratory.rig_settings import LoopTest
+from middeck.laboratory.tested_article import RigArticle
 from middeck.systems.plants.plant import Plant
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

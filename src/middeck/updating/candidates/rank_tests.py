@@ -17,7 +17,7 @@ from middeck.structure.model.environment import Environment
 from middeck.updating.candidates.candidate_survey import CandidateSurvey
 from middeck.updating.candidates.refinement_after_one_test import Foreseen, foresee
 from middeck.updating.orbit.deflections import Deflection
-from middeck.updating.orbit.frequencies import SolvedModes, predict_at, solve_there
+from middeck.updating.orbit.predicted_frequencies import SolvedModes, predict_at, solve_there
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.static_tests import StaticTest
 from middeck.values import record

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from middeck.errors import ConfigError, NumericalError
 from middeck.structure.gravity.budget import build_budget
-from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.predicted_frequencies import Prediction
 from middeck.updating.refinement.refine import Refined
 from middeck.values import record
 

@@ -16,7 +16,7 @@ from middeck.control.lqg.weights import LQGWeights
 from middeck.control.robust.verification.monte_carlo import noise_on, uncontrolled_rms
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
-from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.predicted_frequencies import Prediction
 from middeck.updating.promise.draws import DrawnPlants, PlantDraws
 from middeck.updating.promise.plan import Plan, group_loop, weights_of
 from middeck.updating.promise.refined_slips import spread_refined

@@ -24,7 +24,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE
 from middeck.systems.plants.plant import Plant, delay_plant, require_modal
 from middeck.systems.state_space.modal_system import ModalSystem
-from middeck.updating.orbit.frequencies import CABLE_HZ, Prediction, predict_modes
+from middeck.updating.orbit.predicted_frequencies import CABLE_HZ, Prediction, predict_modes
 from middeck.updating.refinement.refine import Refined
 from middeck.updating.residuals.surveys import SetUp, set_up
 from middeck.values import record

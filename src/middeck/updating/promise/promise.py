@@ -18,7 +18,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.systems.delay.delay_approximation import approximate_delays
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.updating.orbit.frequencies import Prediction, predict_modes
+from middeck.updating.orbit.predicted_frequencies import Prediction, predict_modes
 from middeck.updating.promise.blocks_of_draws import (
     Measured,
     Site,

@@ -13,7 +13,7 @@ from middeck.structure.modes.results.dispersed_modes import dispersed_modes
 from middeck.systems.plants.dispersed_frequencies import DispersedModes, dispersed_factors
 from middeck.systems.plants.mode_shift import shift_modes
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.predicted_frequencies import Prediction
 from middeck.updating.promise.draws import mean_plant
 from middeck.updating.promise.plan import Plan, close_inner, group_loop, plant_of, weights_of
 from middeck.values import record

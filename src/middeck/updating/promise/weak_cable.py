@@ -3,7 +3,7 @@
 from middeck.control.robust.verification.monte_carlo import which_decay
 from middeck.structure.model.umbilical import floats, tie_umbilical
 from middeck.systems.plants.plant import Plant, delay_plant
-from middeck.updating.orbit.frequencies import CABLE_HZ
+from middeck.updating.orbit.predicted_frequencies import CABLE_HZ
 from middeck.updating.promise.blocks_of_draws import Site
 from middeck.updating.promise.plan import close_inner, group_loop, plant_of, weights_of
 

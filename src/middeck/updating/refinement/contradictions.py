@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from middeck.updating.refinement.bayesian_estimate import Estimate, Linear, estimate, excess
 from middeck.updating.refinement.problem import linear_problem
-from middeck.updating.residuals.damping import ComparedDamping
+from middeck.updating.residuals.damping_rows import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import ComparedStatic, ErrorFields
 from middeck.updating.residuals.surveys import Compared

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from middeck.structure.model.article import Structure
 from middeck.updating.refinement.bayesian_estimate import USUAL
 from middeck.updating.refinement.refine import USUAL_DAMPING, USUAL_STATIC, compare_at_first
-from middeck.updating.residuals.damping import ComparedDamping
+from middeck.updating.residuals.damping_rows import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import ComparedStatic, StaticTest
 from middeck.updating.residuals.surveys import Survey

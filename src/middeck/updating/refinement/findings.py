@@ -20,7 +20,7 @@ from middeck.updating.refinement.refine import Refined, off_the_rest, problem_of
 from middeck.updating.refinement.repeated_tests import repeated_tests
 from middeck.updating.refinement.wrong_channels import wrong_channels
 from middeck.updating.refinement.wrong_readings import wrong_readings
-from middeck.updating.residuals.damping import log_std, shifted_by_losses
+from middeck.updating.residuals.damping_rows import log_std, shifted_by_losses
 from middeck.updating.residuals.pairing import WINDOW, at_channels
 from middeck.updating.residuals.surveys import Compared, left_open
 

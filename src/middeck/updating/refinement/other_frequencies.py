@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from middeck.updating.refinement.refine import Refined
-from middeck.updating.residuals.damping import shifted_by_losses
+from middeck.updating.residuals.damping_rows import shifted_by_losses
 
 # Logarithm of the odds of another frequency above which it is named: a thousand to one.
 NAMED = np.log(1000.0)

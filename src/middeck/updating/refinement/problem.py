@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from middeck.updating.refinement.bayesian_estimate import KNOWN, Linear
 from middeck.updating.refinement.mesh_and_shear import left_out
 from middeck.updating.refinement.model_errors import OwnErrors, sorts_of
-from middeck.updating.residuals.damping import ComparedDamping
+from middeck.updating.residuals.damping_rows import ComparedDamping
 from middeck.updating.residuals.gauges import Gauge
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (

@@ -24,7 +24,7 @@ from middeck.updating.refinement.curvature import frequency_curvature
 from middeck.updating.refinement.problem import MODAL, linear_problem, sort_names, zeros_of
 from middeck.updating.refinement.repeated_tests import refuse_repeated
 from middeck.updating.refinement.search import Prior, find_most_probable, place_tests
-from middeck.updating.residuals.damping import ComparedDamping
+from middeck.updating.residuals.damping_rows import ComparedDamping
 from middeck.updating.residuals.responses import ComparedResponse
 from middeck.updating.residuals.static_tests import (
     ComparedStatic,

@@ -23,7 +23,7 @@ from middeck.structure.plants.damped_modes import DampedModes
 from middeck.updating.refinement.bayesian_estimate import FACTOR, Estimate, Linear, estimate_at, unlikely
 from middeck.updating.refinement.contradictions import Tests, estimate_of
 from middeck.updating.refinement.problem import linear_problem
-from middeck.updating.residuals.damping import (
+from middeck.updating.residuals.damping_rows import (
     ComparedDamping,
     compare_with_damping,
     moves_losses,

@@ -9,10 +9,10 @@ from jaxtyping import Complex, Float
 
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, damped_roots, damping_ratios, solve_damped
-from middeck.structure.sensitivity.damping import differentiate_pencil, steepness
+from middeck.structure.sensitivity.damping_derivatives import differentiate_pencil, steepness
 from middeck.structure.sensitivity.parameters import read_parameter
-from middeck.updating.residuals.friction import Added
 from middeck.updating.residuals.own_articles import SPARE
+from middeck.updating.residuals.surveyed_friction import Added
 from middeck.updating.residuals.surveys import ModePairing
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record

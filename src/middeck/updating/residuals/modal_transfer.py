@@ -17,7 +17,7 @@ from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.sensitivity.parameters import read_parameter
-from middeck.structure.sensitivity.plants import differentiate_plant
+from middeck.structure.sensitivity.plant_derivatives import differentiate_plant
 from middeck.updating.unknowns.unknowns import Bound
 from middeck.values import record
 

@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from middeck.errors import ConfigError
 from middeck.structure.eigenproblem.eigen import ROUNDING
 from middeck.structure.modes.solve import Modes
-from middeck.updating.residuals.friction import Added
+from middeck.updating.residuals.surveyed_friction import Added
 from middeck.values import record
 
 # Modes above the highest that is asked for, which losses may mix into it; and by how much, relative, one with

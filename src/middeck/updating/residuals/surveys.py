@@ -25,7 +25,6 @@ from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.damping import estimate_damping
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.structure.sensitivity.parameters import find_parameters, set_parameter
-from middeck.updating.residuals.friction import Added, SurveyedFriction
 from middeck.updating.residuals.own_articles import OwnArticles, check_spare, own_articles
 from middeck.updating.residuals.pairing import COMMON, WINDOW, at_channels, pair
 from middeck.updating.residuals.responses import (
@@ -35,6 +34,7 @@ from middeck.updating.residuals.responses import (
     kept_modes,
     poles_of,
 )
+from middeck.updating.residuals.surveyed_friction import Added, SurveyedFriction
 from middeck.updating.unknowns.unknowns import Bound, Unknown, bind, change, product_slopes
 from middeck.values import record
 

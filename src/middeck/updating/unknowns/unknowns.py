@@ -13,7 +13,7 @@ from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import RATE
-from middeck.structure.sensitivity.frequencies import differentiate_products
+from middeck.structure.sensitivity.frequency_derivatives import differentiate_products
 from middeck.structure.sensitivity.parameters import (
     ModelParameter,
     choose_parameters,

@@ -3,7 +3,7 @@
 The mean, or the maximum, over the models of E[z' W^2 z + rho u' R u] is minimised over the compensator's
 matrices, with analytic gradients. The domain is the set of compensators that stabilise all models; the cost
 grows without bound at its edge, so that a descent begun inside stays inside. How to begin inside is in
-`middeck.control.robust.search.continuation`.
+`middeck.control.robust.search.stabilising_continuation`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from middeck.control.robust.problem.several_plants import (
     report_law,
     true_costs,
 )
-from middeck.control.robust.search.continuation import Arrival, approach, carry_on
 from middeck.control.robust.search.smooth_maximum import blend
+from middeck.control.robust.search.stabilising_continuation import Arrival, approach, carry_on
 from middeck.errors import ConfigError
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

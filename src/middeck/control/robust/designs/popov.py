@@ -25,10 +25,10 @@ from middeck.control.robust.problem.several_plants import (
     report_law,
     true_costs,
 )
-from middeck.control.robust.search.continuation import RESTARTS, approach, carry_on
 from middeck.control.robust.search.law_scaling import even_scale, parameter_scale
 from middeck.control.robust.search.quasi_newton import descend
 from middeck.control.robust.search.smooth_maximum import gradient_row
+from middeck.control.robust.search.stabilising_continuation import RESTARTS, approach, carry_on
 from middeck.errors import NumericalError
 from middeck.systems.plants.plant import Plant
 from middeck.values import record

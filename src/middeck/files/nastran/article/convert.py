@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from middeck.files.nastran.article.article_documents import Documents, StandingDeck, write_documents
 from middeck.files.nastran.article.article_sections import Formulation
-from middeck.files.nastran.article.documents import Documents, StandingDeck, write_documents
 from middeck.files.nastran.article.floating_parts import check_whole
 from middeck.files.nastran.article.ground_springs import ground_springs, idle_springs
 from middeck.files.nastran.article.nodes_and_riders import find_standing

@@ -9,7 +9,7 @@ from middeck.files.nastran.article.nodes_and_riders import Standing
 from middeck.files.nastran.article.parts import Basis, DeckParts
 from middeck.files.nastran.deck.entries import Entry, raise_some
 from middeck.files.nastran.deck.known_cards import OTHER_LOADS
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.connectivity import some_names

@@ -12,7 +12,7 @@ from middeck.files.nastran.constraints.restraints import read_restraints
 from middeck.files.nastran.deck.coordinates import GridPlaces, place_grids
 from middeck.files.nastran.deck.deck import Deck, weight_factor
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some
-from middeck.files.nastran.deck.numbers import integer
+from middeck.files.nastran.deck.nastran_numbers import integer
 from middeck.files.nastran.deck.units import Units
 from middeck.files.nastran.masses_and_springs.bodies import (
     Mass,

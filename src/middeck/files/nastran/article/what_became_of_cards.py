@@ -10,7 +10,7 @@ from middeck.files.nastran.components.direct_input import damping_names
 from middeck.files.nastran.deck.deck import Deck, asked_formulation, given, unread_params
 from middeck.files.nastran.deck.entries import Entry
 from middeck.files.nastran.deck.known_cards import DIVIDING
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.units import warnings_on_modulus
 from middeck.files.nastran.masses_and_springs.scalars import MASSES, SPRINGS
 from middeck.files.nastran.masses_and_springs.spring_elements import ROW

@@ -23,7 +23,7 @@ from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.deck_lines import Lines, fault_on
 from middeck.files.nastran.deck.entries import raise_some, read_entries
 from middeck.files.nastran.deck.known_cards import IDLE, PLACED, PLACING
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import Component

@@ -9,7 +9,7 @@ from middeck.files.nastran.components.external import GEOMETRY, basic_matrix, co
 from middeck.files.nastran.deck.cards import Card
 from middeck.files.nastran.deck.deck import FACTORS, INPUT_FACTORS, Deck, given
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.deck.numbers import real
+from middeck.files.nastran.deck.nastran_numbers import real
 from middeck.files.nastran.deck.units import Units
 from middeck.files.toml.faults import DocumentFault
 from middeck.structure.model.component import UNEQUAL, Component

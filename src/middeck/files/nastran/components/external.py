@@ -20,7 +20,7 @@ from middeck.files.nastran.deck.cards import Card, join_cards
 from middeck.files.nastran.deck.coordinates import GridPlaces, place_grids
 from middeck.files.nastran.deck.deck_lines import Line, Lines, raise_at
 from middeck.files.nastran.deck.entries import ALL, read_entries
-from middeck.files.nastran.deck.numbers import count_digits, integer, real, rounding_of
+from middeck.files.nastran.deck.nastran_numbers import count_digits, integer, real, rounding_of
 from middeck.files.nastran.deck.units import Units
 from middeck.structure.model.component import ROUNDING, UNEQUAL, Component
 from middeck.values import record

@@ -11,7 +11,7 @@ from middeck.files.nastran.constraints.rigid_relations import relation, rigid_el
 from middeck.files.nastran.deck.coordinates import GridPlaces, along_and_about
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.toml.faults import DocumentFault
 from middeck.values import record
 

@@ -7,7 +7,7 @@ from middeck.files.nastran.constraints.rigid_links import ALL, expand
 from middeck.files.nastran.deck.coordinates import GridPlaces, along_and_about, grid_default
 from middeck.files.nastran.deck.deck import Deck
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.deck.numbers import integer
+from middeck.files.nastran.deck.nastran_numbers import integer
 from middeck.files.toml.faults import DocumentFault
 
 

@@ -4,7 +4,7 @@ from collections.abc import Container, Iterator
 from typing import NamedTuple
 
 from middeck.files.nastran.deck.entries import ALL, Entries, Entry, raise_some
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.toml.faults import DocumentFault
 
 

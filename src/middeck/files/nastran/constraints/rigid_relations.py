@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import ALL, Entries, Entry
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.toml.faults import DocumentFault
 
 LINE = 8  # fields of a line

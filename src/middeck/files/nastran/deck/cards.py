@@ -11,7 +11,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.deck.replication import Row, replicated
 from middeck.files.toml.faults import DocumentFault, raise_faults
 
@@ -110,6 +110,10 @@ def join_cards(lines: Iterable[Line]) -> list[Card]:
     if "=" in whole:
         groups = replicated(groups, faults)
     raise_faults(faults)
+    return _as_cards(groups)
+
+
+def _as_cards(groups: list[list[Row]]) -> list[Card]:
     new = tuple.__new__  # half of the time of a named tuple's own
     return [
         new(Card, (row[HEAD], row[FIELDS], ((0, row[LINE]),)))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from middeck.errors import ConfigError
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
-from middeck.files.nastran.deck.numbers import integer
+from middeck.files.nastran.deck.nastran_numbers import integer
 from middeck.files.toml.faults import DocumentFault, raise_faults
 
 # Blanks may stand for the equals sign.

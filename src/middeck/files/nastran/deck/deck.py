@@ -13,7 +13,7 @@ from middeck.files.nastran.deck.cards import join_cards
 from middeck.files.nastran.deck.case_control import CaseSelection, read_selection
 from middeck.files.nastran.deck.deck_lines import Line, fault_on, read_sections
 from middeck.files.nastran.deck.entries import Entries, Entry, raise_some, read_entries
-from middeck.files.nastran.deck.numbers import in_single, integer, real
+from middeck.files.nastran.deck.nastran_numbers import in_single, integer, real
 from middeck.files.toml.faults import DocumentFault
 from middeck.values import record
 

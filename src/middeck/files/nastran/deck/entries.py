@@ -23,7 +23,7 @@ from middeck.files.nastran.deck.known_cards import (
     REQUIRED,
     Format,
 )
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.toml.faults import DocumentFault, nearest, raise_faults
 
 ALL = "123456"

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 from middeck.files.nastran.deck.deck_lines import Line, fault_on
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.toml.faults import DocumentFault
 
 # A card's name, its fields, its mark of a continuation, whether its fields are large, and its line.

@@ -7,7 +7,7 @@ import numpy as np
 
 from middeck.files.nastran.deck.coordinates import BASIC, GridPlaces
 from middeck.files.nastran.deck.entries import Entries, Entry
-from middeck.files.nastran.deck.numbers import integer, real
+from middeck.files.nastran.deck.nastran_numbers import integer, real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.toml.faults import DocumentFault
 

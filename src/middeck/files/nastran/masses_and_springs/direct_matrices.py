@@ -13,7 +13,7 @@ import numpy as np
 from middeck.files.nastran.components.direct_input import Lone
 from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.deck.numbers import rounding_of
+from middeck.files.nastran.deck.nastran_numbers import rounding_of
 from middeck.files.nastran.masses_and_springs.bodies import Mass, mass_of_matrix
 from middeck.files.nastran.masses_and_springs.spring_elements import Tie
 from middeck.files.toml.faults import DocumentFault

@@ -11,7 +11,7 @@ import numpy as np
 
 from middeck.files.nastran.deck.coordinates import GridPlaces
 from middeck.files.nastran.deck.entries import CardError, Entries, Entry, add_fault
-from middeck.files.nastran.deck.numbers import real
+from middeck.files.nastran.deck.nastran_numbers import real
 from middeck.files.nastran.masses_and_springs.scalars import ends_of, names_scalar
 from middeck.files.nastran.members.members import own_axes
 from middeck.files.toml.faults import DocumentFault

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from middeck.files.nastran.deck.entries import Entry
-from middeck.files.nastran.deck.numbers import real
+from middeck.files.nastran.deck.nastran_numbers import real
 from middeck.files.nastran.members.section_shapes import SHAPES, section_shape
 
 ROW = 8

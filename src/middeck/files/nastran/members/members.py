@@ -127,9 +127,7 @@ class _Reader:
             vector = ("x1", "x2", "x3")
             bare = all(entry[key] is None for key in vector)
             if not bare and any(entry[key] is None and other[key] is not None for key in vector):
-                self._fault(
-                    entry, f"an orientation of which {other.name} gives a part is not converted", "x1"
-                )
+                self._add(entry, f"an orientation of which {other.name} gives a part is not converted", "x1")
             keys = ("pid", "offt", *(vector if bare else ()))
             given = {key: other[key] for key in keys if entry[key] is None}
         if entry.name != "CONROD" and entry["pid"] is None and given.get("pid") is None:
@@ -147,12 +145,12 @@ class _Reader:
         """Both ends and the orientation vector in basic coordinates."""
         for key in ("ga", "gb"):
             if entry[key] not in self.places.grids:
-                self._fault(entry, f"there is no grid {entry[key]}", key)
+                self._add(entry, f"there is no grid {entry[key]}", key)
                 return None
         a, b = (self.places.grids[entry[key]] for key in ("ga", "gb"))
         if entry.name in RODS:
             if not np.linalg.norm(b - a) > 0.0:
-                self._fault(entry, "a member of no length", "gb")
+                self._add(entry, "a member of no length", "gb")
                 return None
             return (a, b), default_up(b - a)
         self._representable(entry)
@@ -163,7 +161,7 @@ class _Reader:
         w_a, w_b = (np.array([entry[f"w{i}{end}"] for i in "123"]) for end in "ab")
         own = own_axes(b - a, up) if "O" in offt[1:] and (w_a.any() or w_b.any()) else None
         if own is not None and not np.all(np.isfinite(own)):
-            self._fault(entry, "offsets in its own axes, which grids and orientation do not give", "offt")
+            self._add(entry, "offsets in its own axes, which grids and orientation do not give", "offt")
             return None
         ends = (
             a + self._vector(entry["ga"], w_a, offt[1:2], own),
@@ -172,7 +170,7 @@ class _Reader:
         along = ends[1] - ends[0]
         length = np.linalg.norm(along)
         if not length > 0.0:
-            self._fault(entry, "a member of no length", "gb")
+            self._add(entry, "a member of no length", "gb")
         elif not np.linalg.norm(np.cross(up, along)) > LEAST_SINE * length * np.linalg.norm(up):
             what = "its orientation vector is zero or along the member"
             hint = "a vector is in the displacement axes of GA, unless OFFT begins with B"
@@ -183,14 +181,14 @@ class _Reader:
         first = entry["x1"]
         if type(first) is int:
             if entry["x2"] is not None or entry["x3"] is not None:
-                self._fault(entry, "a grid for orientation, and components as well", "x1")
+                self._add(entry, "a grid for orientation, and components as well", "x1")
             elif first not in self.places.grids:
-                self._fault(entry, f"there is no grid {first}", "x1")
+                self._add(entry, f"there is no grid {first}", "x1")
             else:
                 return self.places.grids[first] - a
             return None
         if first is None and entry["x2"] is None and entry["x3"] is None:
-            self._fault(entry, "no orientation: neither a vector nor a grid", "x1")
+            self._add(entry, "no orientation: neither a vector nor a grid", "x1")
             return None
         vector = np.array([entry[key] or 0.0 for key in ("x1", "x2", "x3")])
         return self._vector(entry["ga"], vector, frame)
@@ -208,12 +206,12 @@ class _Reader:
     def _representable(self, entry: Entry) -> None:
         for key in ("pa", "pb"):
             if entry[key] and not set(f"{entry[key]}") <= set("123456"):
-                self._fault(entry, "no list of components 1 to 6", key)
+                self._add(entry, "no list of components 1 to 6", key)
         if entry.name == "CBEAM" and (entry["sa"] or entry["sb"]):
-            self._fault(entry, "warping is not converted yet", "sa")
+            self._add(entry, "warping is not converted yet", "sa")
         offt = entry["offt"]
         if offt is not None and not OFFT.fullmatch(offt):
-            self._fault(entry, "must be G or B for the orientation, then G or O for each offset", "offt")
+            self._add(entry, "must be G or B for the orientation, then G or O for each offset", "offt")
 
-    def _fault(self, entry: Entry, message: str, key: str) -> None:
+    def _add(self, entry: Entry, message: str, key: str) -> None:
         self.faults.append(entry.fault(message, key))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from middeck.structure.elements.component import ComponentElement
+from middeck.structure.elements.component_element import ComponentElement
 from middeck.structure.model.component import Component, body_of, warnings_on_component
 from middeck.structure.rest.equilibrium import Equilibrium
 

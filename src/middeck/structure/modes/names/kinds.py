@@ -265,20 +265,18 @@ def kind_warnings(
         return ()
     ratio = {k: damping.suspension if k in HELD else damping.flexible for k in set(ranked)}
     loosely = "suspension" if equilibrium.model.held is None else "rigid motion"
-    clauses: list[str] = []
+    rows: list[str] = []
     name = names()
     for m in sorted(doubted):
         called = f"mode {m} {name[m]!r} at {omega[m] / (2.0 * np.pi):.4g} Hz"
         shares = f"its strain share is {strain_share[m]:.0%} and {rigid_share[m]:.0%} of its motion is rigid"
-        clauses.append(
+        rows.append(
             f"{called} is damped as {ranked[m]} ({ratio[ranked[m]]:g}) by rank, but {shares}, which makes it "
             f"{kind[m]}"
             if damping.by_rank
             else f"{called} is part {loosely}, part flexible: {shares}, so that it counts as {kind[m]}"
         )
-    listed = "; ".join(clauses[:SHOWN]) + (
-        f"; and {len(clauses) - SHOWN} more modes" if len(clauses) > SHOWN else ""
-    )
+    listed = "; ".join(rows[:SHOWN]) + (f"; and {len(rows) - SHOWN} more modes" if len(rows) > SHOWN else "")
     if damping.by_rank:
         return (
             f"{listed}. A ratio of the wrong kind makes a peak wrong in height; "

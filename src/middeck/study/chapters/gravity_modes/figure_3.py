@@ -19,7 +19,7 @@ from middeck.structure.assembly.mesh import Model
 from middeck.structure.elements.frames import points_in_world
 from middeck.structure.gravity.compare_modes import ModeComparison
 from middeck.structure.model.environment import Environment
-from middeck.structure.modes.results.drawing import Drawing, build_rest_drawing
+from middeck.structure.modes.results.article_drawing import Drawing, build_rest_drawing
 from middeck.structure.rest.equilibrium import Equilibrium
 
 # Lengths over the size of the article: the largest exaggerated displacement, the room for names of nodes, and

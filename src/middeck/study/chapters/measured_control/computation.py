@@ -15,9 +15,9 @@ from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import natural_hz
 from middeck.identification.plants.measured_plant import measured_plant
-from middeck.laboratory.article import RigArticle, rig_article_plant
 from middeck.laboratory.bench import Bench, take_open_loop
 from middeck.laboratory.loop_stability import RigLoop, judge_loops
+from middeck.laboratory.tested_article import RigArticle, rig_article_plant
 from middeck.study.measured_loop.computation import (
     DesignCase,
     MeasuredLoop,

@@ -14,17 +14,17 @@ from middeck.control.law.compensator import Compensator
 from middeck.control.law.delay_order import approximation_order
 from middeck.control.lqg.design import LQGCompensator, design_lqg
 from middeck.errors import NumericalError
-from middeck.files.promises.documents import promised_there
 from middeck.files.promises.outcomes import name_of, name_of_mode, statements_of
+from middeck.files.promises.promise_documents import promised_there
 from middeck.files.promises.study_table import build_plan
 from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult, fit_response
 from middeck.identification.model.measurement_model import MeasurementModel
 from middeck.identification.plants.measured_plant import measured_plant
 from middeck.identification.spectra.estimate import estimate_response
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_rig_article, linear_plant
 from middeck.laboratory.rig_settings import RigSettings
+from middeck.laboratory.tested_article import RigArticle
 from middeck.structure.correlation.measured_modes import measure_modes
 from middeck.structure.modes.solve import Modes
 from middeck.study.chapters.promise.flight import Flown, fly, launch

@@ -11,11 +11,11 @@ from middeck.control.robust.verification.monte_carlo import noise_on, uncontroll
 from middeck.control.sampled.emulation import emulate
 from middeck.errors import NumericalError
 from middeck.files.studies.documents import Study
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import build_article_rig, linear_plant
 from middeck.laboratory.rig.rig import Rig
 from middeck.laboratory.rig.runs import RigRun, run_closed_loop
 from middeck.laboratory.rig_settings import RigSettings
+from middeck.laboratory.tested_article import RigArticle
 from middeck.signals.excitation.multisine import random_multisine
 from middeck.signals.ports import once, port_indices
 from middeck.signals.record import Record

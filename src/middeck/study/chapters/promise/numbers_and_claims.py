@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from middeck.files.promises.documents import limits_of
+from middeck.files.promises.promise_documents import limits_of
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.uncertainty.parameter_deviations import stated
 from middeck.study.chapters.promise.computation import MEASURED, SHEET, PromiseKept

@@ -15,10 +15,10 @@ from middeck.control.lqg.estimator import design_filter
 from middeck.control.shaping.leads_and_notches import second_order_section, shape_compensator
 from middeck.files.studies.documents import Study
 from middeck.identification.fit.fit_response import FitResult
-from middeck.laboratory.article import RigArticle
 from middeck.laboratory.article_rig import rig_delay
 from middeck.laboratory.bench import take_closed_loop, take_open_loop
 from middeck.laboratory.loop_stability import RigView
+from middeck.laboratory.tested_article import RigArticle
 from middeck.study.chapters.two_sensor_control.measured_sensors import (
     MeasuredSensors,
     fit_sensors,

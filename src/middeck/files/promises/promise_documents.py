@@ -16,10 +16,10 @@ from middeck.files.json.hash_seal import SEAL, seal
 from middeck.files.promises.form import PROMISE
 from middeck.structure.gravity.budget import EFFECTS
 from middeck.updating.orbit.deflections import Deflection
-from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.predicted_frequencies import Prediction
+from middeck.updating.orbit.promise_shapes import promised_shapes
 from middeck.updating.orbit.released_clamps import released_clamps
 from middeck.updating.orbit.removed_ground_effects import removed_terms
-from middeck.updating.orbit.shapes import promised_shapes
 from middeck.updating.promise.draws import LoopSpread
 from middeck.updating.promise.performance_bound import RobustBound
 from middeck.updating.promise.plan import Plan

@@ -16,9 +16,9 @@ from middeck.errors import ConfigError, DataError
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damped_modes import DampedModes, solve_damped
 from middeck.updating.residuals.complex_roots import LogRoots, differentiate_roots, roots_of_pairs
-from middeck.updating.residuals.friction import Added, added_to_joint
 from middeck.updating.residuals.own_articles import MOST, SPARE, TooFewModesError
 from middeck.updating.residuals.pairing import WINDOW
+from middeck.updating.residuals.surveyed_friction import Added, added_to_joint
 from middeck.updating.residuals.surveys import Compared, ModePairing, Survey, compare, pair_survey
 from middeck.updating.unknowns.unknowns import DAMPING, Bound
 from middeck.values import record

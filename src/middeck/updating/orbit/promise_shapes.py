@@ -8,7 +8,7 @@ from jaxtyping import Float
 from middeck.errors import ConfigError
 from middeck.structure.correlation.measured_modes import every_channel, sensor_rows
 from middeck.structure.modes.solve import Modes
-from middeck.updating.orbit.frequencies import Prediction
+from middeck.updating.orbit.predicted_frequencies import Prediction
 from middeck.updating.refinement.refine import Refined
 from middeck.values import record
 

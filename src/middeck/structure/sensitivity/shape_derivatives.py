@@ -34,7 +34,7 @@ from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.solve import Modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import environment_loads
-from middeck.structure.sensitivity.frequencies import mode_multipliers
+from middeck.structure.sensitivity.frequency_derivatives import mode_multipliers
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied
 from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import columns, derivative, follow

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.structure.rest.equilibrium import Equilibrium
-from middeck.structure.sensitivity.damping import differentiate_ratios
+from middeck.structure.sensitivity.damping_derivatives import differentiate_ratios
 from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import derivative
-from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
+from middeck.structure.sensitivity.shape_derivatives import ModeSensitivity, differentiate_shapes
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 from middeck.values import record
 

@@ -13,7 +13,7 @@ from middeck.structure.model.environment import Environment
 from middeck.structure.model.umbilical import floats, umbilical_point
 from middeck.structure.modes.solve import Modes
 from middeck.structure.plants.damping import estimate_damping
-from middeck.updating.orbit.damping import DampingParts, carry_damping, measured_damping
+from middeck.updating.orbit.predicted_damping import DampingParts, carry_damping, measured_damping
 from middeck.updating.orbit.second_order_shift import bend_of
 from middeck.updating.refinement.bayesian_estimate import BELOW, NORMAL_95
 from middeck.updating.refinement.curvature import frequency_curvature

@@ -23,7 +23,7 @@ from middeck.structure.plants.damping import (
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.sensitivity.parameters import ModelParameter
 from middeck.structure.sensitivity.patches import STEP, derivative
-from middeck.structure.sensitivity.shapes import ModeSensitivity, differentiate_shapes
+from middeck.structure.sensitivity.shape_derivatives import ModeSensitivity, differentiate_shapes
 from middeck.structure.sensitivity.stiff_member_derivatives import soften_modes
 
 
