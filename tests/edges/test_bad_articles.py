@@ -44,7 +44,7 @@ def test_a_pivot_through_the_centre_of_mass_is_named_as_neutral():
 
 def test_what_gravity_holds_and_what_orbit_leaves_free_are_no_findings():
     for payload_y, environment in ((-0.2, LAB), (0.0, Environment.orbit())):
-        assert solve_modes(solve_equilibrium(bus(payload_y), environment)).warnings == ()
+        assert solve_modes(solve_equilibrium(bus(payload_y), environment)).stated_warnings == ()
 
 
 def weak(stiffness: float) -> Environment:

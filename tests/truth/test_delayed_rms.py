@@ -8,6 +8,7 @@ import itertools
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.linalg as sla
 
 from middeck.control.analysis.rms.measure_rms import measure_rms
 from middeck.control.law.compensator import Compensator
@@ -15,6 +16,7 @@ from middeck.control.loop.closed_loop import close_loop
 from middeck.control.loop.performance import Performance, loop_rms
 from middeck.signals.ports import Port
 from middeck.systems.delay.delay_approximation import approximate_delays
+from middeck.systems.norms import quadrature
 from middeck.systems.plants.plant import Plant, delay_plant
 from middeck.systems.state_space.statespace import StateSpace, gain_system
 from plant_builders import sum_of_modes
@@ -103,3 +105,30 @@ def test_delays_outside_the_loop_do_not_change_stability_nor_rms() -> None:
     apart = dataclasses.replace(plain, delay_s=np.array([[0.2], [0.03]]))
     first, second = (measure_rms(p, LAG, performance) for p in (plain, apart))
     assert second == pytest.approx(first, rel=1e-12)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("low", [0.0, 0.05])
+def test_two_equal_bodies_that_cancel_end_behind_delays(mixed: bool, low: float, monkeypatch) -> None:
+    """Their difference is zero but for rounding, and halving had no end; their sum is twice one of them."""
+    one, drive = np.array([[0.0, 1.0], [-9.0, -0.06]]), np.array([[0.0], [1.0]])
+    seen, rest = np.array([[1.0, 0.0, -1.0, 0.0], [1.0, 0.0, 1.0, 0.0]]), np.zeros((2, 1))
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0] if mixed else np.eye(4)
+    A, B = turn.T @ sla.block_diag(one, one) @ turn, turn.T @ np.vstack([drive, drive])
+    two = StateSpace(A, B, seen @ turn, rest)
+    groups = {"w": ("force",), "u": ("force",), "z": ("way", "seen"), "y": ("seen",)}
+    both = Plant(dynamics=two, inputs=(FORCE,), outputs=(WAY, SEEN), **groups)
+    lines, powers = 0, quadrature._powers
+
+    def counted(power, at: np.ndarray) -> np.ndarray:
+        nonlocal lines
+        lines += at.size
+        assert lines < 300_000
+        return powers(power, at)
+
+    monkeypatch.setattr(quadrature, "_powers", counted)
+    found = measure_rms(delay_plant(both, 0.02), None, Performance(np.ones(2), WHITE, (low, 30.0)))
+    alone = dataclasses.replace(both, dynamics=StateSpace(one, drive, [[2.0, 0.0]] * 2, rest))
+    true = measure_rms(alone, None, Performance(np.ones(2), WHITE, (low, 30.0)))[0]
+    assert found[1] == pytest.approx(true, rel=1e-9)
+    assert found[0] < 1e-12 * found[1]

@@ -25,7 +25,7 @@ from middeck.structure.modes.solve import solve_modes
 from middeck.structure.plants.modal_plant import build_plant
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.state_space.modal_system import modal_response
-from structure_builders import GRAVITY, body, joint, node, structure
+from structure_builders import GRAVITY, body, joint, node, on_cables, structure
 
 G = 9.80665
 M, D, INERTIA = 5.0, 0.08, np.array([0.03, 0.01, 0.02])
@@ -252,6 +252,28 @@ def test_a_point_without_a_rest_state_does_not_lose_the_others():
     assert np.all(np.isnan(found.omega2[2]))
     assert np.all(np.isfinite(found.omega2[:2]))
     assert np.isnan(found.holding_torque[2, 0])
+
+
+def test_a_rest_state_that_ends_between_two_points_is_a_limit(monkeypatch: pytest.MonkeyPatch):
+    """The centre of mass leaves the span of the cables, by lever arms; beyond, the payload is on top.
+
+    A trial in between had no rest state, and the limit was left out.
+    """
+    arm = joint("arm", "base", Z, body(3.0, (0, -0.5, 0), (0.02,) * 3))
+    parts = structure(
+        [node("base", (0, 0, 0), body(1.0, inertia=(0.01,) * 3))],
+        joints=[arm],
+        attach=[AttachPoint(n, "base", np.array([x, 0.3, 0.0])) for n, x in (("l", -0.15), ("r", 0.15))],
+    )
+    lab = on_cables(3.0, 0.5, ("yz", "xyz"), attach="lr")
+    monkeypatch.setattr("middeck.structure.gimbals.family.FINEST", 1e-6)  # each bit is a rest state
+    found = sweep_gimbals(parts, lab, {"arm": [0.0, np.pi]})
+    assert [rest is not None for rest in found.rests] == [True, True]
+    (limit,) = found.limits
+    assert limit.angle == pytest.approx(np.arcsin(0.15 * 4.0 / (0.5 * 3.0)), abs=2e-6)
+    assert "cable at 'l' would be slack" in limit.no_rest
+    assert limit.sentence.startswith("no rest state beyond arm = 23.578")
+    assert not limit.jumps
 
 
 def test_the_figure_shows_frequencies_and_torques_of_one_cut(family: GimbalFamily):

@@ -18,7 +18,6 @@ from middeck.structure.model.connectivity import some_names
 from middeck.structure.model.environment import Environment
 from middeck.structure.model.load_case import apply_load_case
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.modes.warnings.mesh_error import mesh_warnings
 from middeck.structure.rest.equilibrium import Equilibrium, solve_equilibrium
 from middeck.structure.summary.environment_plausibility import warnings_on_environment
 from middeck.structure.summary.summary import summarise
@@ -124,8 +123,8 @@ def solve_in(
     shown = count or COUNT
     if top_hz is not None:
         shown = min(shown, int(np.searchsorted(modes.frequency_hz, top_hz, side="right")))
-    own_warnings = (*doubts, *tilted(rest), *mesh_warnings(modes, shown))
-    return dataclasses.replace(modes, warnings=(*own_warnings, *modes.warnings))
+    said = (*doubts, *tilted(rest), *modes.stated_warnings)
+    return dataclasses.replace(modes, stated_warnings=said, judged=shown)
 
 
 def case_warnings(structure: Structure, environment: Environment, *files: Path) -> tuple[str, ...]:

@@ -19,7 +19,6 @@ EXAMPLES = """\
 """
 # Number of lowest modes examined: loose and unstable ones are among them.
 COUNT = 40
-SHOWN = 26  # whose mesh is judged: those that `modes` prints
 
 
 @click.command("check", cls=options.Verb, examples=EXAMPLES)
@@ -95,7 +94,6 @@ def _in_environment(
 
     from middeck.cli.shown.mass_and_attitude import attitude_numbers
     from middeck.structure.hanging.support_warnings import warnings_on_attitude, warnings_on_devices
-    from middeck.structure.modes.warnings.mesh_error import mesh_warnings
     from middeck.structure.summary.environment_plausibility import warnings_on_environment
 
     numbers = None
@@ -108,7 +106,7 @@ def _in_environment(
             numbers = attitude_numbers(attitude)
             found += [_doubt(d.what, d.where, d.hint) for d in warnings_on_attitude(attitude, environment)]
         modes = md.solve_modes(rest, COUNT, standstill=True)
-        found += [_doubt(text) for text in (*mesh_warnings(modes, SHOWN), *modes.warnings)]
+        found += [_doubt(text) for text in modes.warnings]
     except NumericalError as error:
         found.append({"grade": "fault", **fields(error, "where", "what", "hint")})
     return numbers, found

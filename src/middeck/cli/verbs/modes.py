@@ -102,8 +102,8 @@ def describe(modes: md.Modes, count: int, summary: Summary) -> dict[str, Any]:
 
     from middeck.cli.shown.mass_and_attitude import summary_numbers
     from middeck.files.json.results import mode_numbers, most_strained, rest_numbers
+    from middeck.structure.modes.mesh_error import estimate_mesh_error
     from middeck.structure.modes.motions.left_out_stiffness import felt_stiffness
-    from middeck.structure.modes.warnings.mesh_error import estimate_mesh_error
     from middeck.structure.rest.equilibrium import node_shifts, rest_imbalance
 
     zeta, damping_warnings = _damping(modes, count)

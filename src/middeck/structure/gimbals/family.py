@@ -50,7 +50,8 @@ class StabilityLimit:
     ``angle`` [rad] is that of ``joint``, ``at`` those of all swept joints; ``unstable`` is the point beyond,
     ``name`` what the mode that grows is at that point, the same as in its ``diagnosis``. Where ``jumps``, no
     omega^2 passes through zero: a sprung axis has several rest states there, and the one that is found
-    changes from a stable to an unstable one.
+    changes from a stable to an unstable one. ``no_rest`` says why there is no rest state just beyond the
+    angle; empty where there is one.
     """
 
     joint: str
@@ -60,10 +61,13 @@ class StabilityLimit:
     name: str
     unstable: int
     jumps: bool = False
+    no_rest: str = ""
 
     @property
     def sentence(self) -> str:
         """The limit in words."""
+        if self.no_rest:
+            return f"no rest state beyond {self.joint} = {np.degrees(self.angle):.6g} deg: {self.no_rest}"
         if self.jumps:
             return (
                 f"the rest state jumps at {self.joint} = {np.degrees(self.angle):.6g} deg, to another one "
@@ -377,23 +381,22 @@ def _limits(
             good, bad = (p, q) if growing[0] < growing[1] else (q, p)
             for rank in range(min(growing), max(growing)):
                 found = _zero(followed[good], followed[bad].member, at[good], at[bad], axis, rank, solve)
-                if found is None:
-                    continue
-                angle, branch, name, jumps = found
                 where = at[good].copy()
-                where[axis] = angle
-                limits.append(
-                    StabilityLimit(
-                        joint=joint,
-                        angle=angle,
-                        at=where,
-                        branch=branch,
-                        name=name,
-                        unstable=bad,
-                        jumps=jumps,
-                    )
-                )
+                where[axis] = found.angle
+                limits.append(StabilityLimit(joint=joint, at=where, unstable=bad, **found._asdict()))
+                if found.no_rest:  # the modes of higher rank have no rest state there either
+                    break
     return tuple(limits)
+
+
+class _Limit(NamedTuple):
+    """What `StabilityLimit` says of one loss."""
+
+    angle: float
+    branch: int
+    name: str
+    jumps: bool
+    no_rest: str
 
 
 def _zero(
@@ -404,34 +407,40 @@ def _zero(
     axis: int,
     rank: int,
     solve: Callable[[np.ndarray], _Member],
-) -> tuple[float, int, str, bool] | None:
-    """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name;
-    and whether it jumps there instead.
+) -> _Limit:
+    """The angle at which the omega^2 of one more mode passes through zero (Brent 1973), its branch and name.
 
     The ``rank``-th omega^2 from below, without modes at rest, is continuous in the angle even where modes
-    cross; times the sizes of all others that are followed it is also smooth where modes veer. None where a
-    trial in between has no rest state.
+    cross; times the sizes of all others that are followed it is also smooth where modes veer. Where a trial
+    in between has no rest state, bisection finds the last angle that is as good as the good end.
     """
-    done = {float(start[axis]): good.member, float(end[axis]): bad}
+    first, last = float(start[axis]), float(end[axis])
+    done = {first: good.member, last: bad}
     rest = min(int(np.sum(m.spectrum.lam == 0.0)) for m in done.values())
 
     scale = good.member.spectrum.lam[_swinging(good.member.spectrum, rest)][: len(good.spectrum.lam) - rest]
 
-    def omega2(angle: float) -> float:
+    def member(angle: float) -> _Member:
         if angle not in done:
             here = start.copy()
             here[axis] = angle
             done[angle] = solve(here)
-        spectrum = done[angle].spectrum
+        return done[angle]
+
+    def omega2(angle: float) -> float:
+        spectrum = member(angle).spectrum
         lam = spectrum.lam[_swinging(spectrum, rest)][: len(scale)]
         return float(np.sign(lam[rank]) * np.prod(np.abs(lam / scale)))
 
+    no_rest = ""
     try:
-        found = float(cast("float", brentq(omega2, float(start[axis]), float(end[axis]), xtol=FINEST)))
-        jumps = all(abs(omega2(found + step)) > PASSED for step in (0.0, -FINEST, FINEST))
+        found = float(cast("float", brentq(omega2, first, last, xtol=FINEST)))
+        sides = (found, found - FINEST, found + FINEST)
+        jumps = all(abs(omega2(angle)) > PASSED for angle in sides)
     except EquilibriumError:
-        return None
-    way = sorted(done, key=lambda angle: abs(angle - start[axis]))
+        found, beyond, no_rest = _last_rest(member, rank, first, last)
+        jumps = not no_rest and all(abs(omega2(angle)) > PASSED for angle in (found, beyond))
+    way = sorted(done, key=lambda angle: abs(angle - first))
     nearest = min(done, key=lambda known: abs(known - found))
     here = good
     for angle in way[1 : way.index(nearest) + 1]:
@@ -440,7 +449,26 @@ def _zero(
     alike = np.abs(here.spectrum.shapes.T @ (here.spectrum.mass @ lost))
     # One loss, one name: that of the mode at the point beyond, where `diagnosis` speaks of it.
     name = _name(bad.rest, bad.spectrum, int(_swinging(bad.spectrum, rest)[rank]))
-    return found, int(np.argmax(alike)), name, jumps
+    return _Limit(found, int(np.argmax(alike)), name, jumps, no_rest)
+
+
+def _last_rest(
+    member: Callable[[float], _Member], rank: int, good: float, bad: float
+) -> tuple[float, float, str]:
+    """The last angle with a rest state in which ``rank`` modes at most grow, the next beyond, and why that
+    has no rest state; empty where it has one."""
+    why = ""
+    while abs(bad - good) > FINEST:
+        middle = 0.5 * (good + bad)
+        try:
+            holds, reason = bool(np.sum(member(middle).spectrum.lam < 0.0) <= rank), ""
+        except EquilibriumError as error:
+            holds, reason = False, error.what
+        if holds:
+            good = middle
+        else:
+            bad, why = middle, reason
+    return good, bad, why
 
 
 def _swinging(spectrum: Spectrum, rest: int) -> np.ndarray:

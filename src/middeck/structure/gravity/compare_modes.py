@@ -15,6 +15,7 @@ from middeck.structure.correlation.assurance import modal_assurance
 from middeck.structure.gravity.orbit_lab_pairs import pair_modes, shares_of
 from middeck.structure.gravity.tracking import Spectrum, align_repeated, spectrum_of
 from middeck.structure.gravity.turned_modes import modes_at_rest
+from middeck.structure.modes.mesh_error import LIMIT, MORE_ELEMENTS, estimate_mesh_error
 from middeck.structure.modes.names.kinds import CURE, HELD
 from middeck.structure.modes.solve import Modes
 from middeck.values import record
@@ -42,7 +43,8 @@ class ModeComparison:
         ratio: Frequency lab over orbit of each pair.
         subspace_angle: Principal angles [rad], ascending, between the rigid-body modes and the suspension
             modes.
-        warnings: Pairs that another mode could dispute, with the ratio that it would give.
+        warnings: Pairs that another mode could dispute, with the ratio that it would give; ratios that a
+            coarse mesh puts off. Those of each side alone are in its own.
     """
 
     orbit: Modes
@@ -93,6 +95,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     shares = shares_of(paired.at_rest, lab)
     disputed = tuple(_disputed(orbit, lab, pairs, shares))
     pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs.tolist()]]
+    told += tuple(_coarse_ratios(orbit, lab, pairs, count))
     return ModeComparison(
         orbit=orbit,
         lab=lab,
@@ -141,6 +144,23 @@ def _disputed(orbit: Modes, lab: Modes, pairs: np.ndarray, shares: np.ndarray) -
                 f"rigid body, where the article has changed its shape: its ratio {a:.4g} is of unlike modes; "
                 f"{CURE}, or follow it with middeck path"
             )
+
+
+def _coarse_ratios(orbit: Modes, lab: Modes, pairs: np.ndarray, count: int) -> Iterator[str]:
+    """Ratios whose two frequencies the mesh puts off by different parts; where it has no shape like a mode,
+    the warnings of that side say so."""
+    errors = [estimate_mesh_error(side, count)[at] for side, at in zip((orbit, lab), pairs.T, strict=True)]
+    known = np.all(np.isfinite(errors), axis=0)
+    off = np.where(known, errors[1], 0.0) - np.where(known, errors[0], 0.0)
+    wrong = np.flatnonzero(np.abs(off) > LIMIT)
+    if len(wrong):
+        worst = int(np.argmax(np.abs(off)))
+        i, j = pairs[worst].tolist()
+        yield (
+            f"{len(wrong)} of {len(off)} ratios are off by over {LIMIT:.2%}, because the mesh is coarse; "
+            f"the worst is that of orbit mode {i} {orbit.name[i]!r}, {lab.omega[j] / orbit.omega[i]:.4g}, "
+            f"{100.0 * abs(off[worst]):.2g} % too {'high' if off[worst] > 0.0 else 'low'}; {MORE_ELEMENTS}"
+        )
 
 
 def _in_common(lab: Modes, pair: Sequence[int], shares: np.ndarray) -> tuple[float, int]:

@@ -26,6 +26,7 @@ from middeck.structure.modes.lost_loose_or_buckled import (
     moment_warnings,
     where_lost,
 )
+from middeck.structure.modes.mesh_error import mesh_warnings
 from middeck.structure.modes.motions.left_out_stiffness import component_warnings
 from middeck.structure.modes.motions.rigid_motions import rigid_basis
 from middeck.structure.modes.names.kinds import find_kinds, kind_warnings
@@ -35,6 +36,8 @@ from middeck.values import record, require_kind
 
 # Two entries of a shape are equally large when they differ by less: a sign rule must not hang on rounding.
 EQUAL_SIZE = 1e-6
+# Frequencies whose error by the mesh is reported: any mesh is too coarse for its highest ones.
+JUDGED = 26
 
 
 @record(kw_only=True)
@@ -55,7 +58,9 @@ class Modes:
             the list.
         rigid_residual: Largest |omega^2| of a rigid mode before it was set to zero, over the lowest omega^2
             that was kept (over 1 rad^2/s^2 where none was).
-        warnings: Nodes that turned far from their drawn attitude; loose motions; modes of undecided kind.
+        stated_warnings: Nodes that turned far from their drawn attitude; loose motions; modes of undecided
+            kind.
+        judged: Number of the lowest frequencies whose error by the mesh is among the `warnings`.
         stated_name: Name of each mode, where it is no mode of ``equilibrium`` itself.
     """
 
@@ -69,7 +74,8 @@ class Modes:
     strain_share: Float[np.ndarray, " mode"]
     residual: Float[np.ndarray, " mode"]
     rigid_residual: float
-    warnings: tuple[str, ...]
+    stated_warnings: tuple[str, ...]
+    judged: int = JUDGED
     stated_name: tuple[str, ...] = ()
 
     @property
@@ -84,6 +90,11 @@ class Modes:
             return self.stated_name
         lam = self.omega**2
         return name_modes(self.equilibrium, self.mass, lam, self.shapes, self.kind, self.rigid_name)
+
+    @functools.cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """The stated warnings, then those of a coarse mesh: computed when first read."""
+        return (*self.stated_warnings, *mesh_warnings(self, self.judged))
 
 
 def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstill: bool = False) -> Modes:
@@ -142,7 +153,7 @@ def solve_modes(equilibrium: Equilibrium, count: int | None = None, *, standstil
         strain_share=found.strain_share,
         residual=residual,
         rigid_residual=rigid_residual,
-        warnings=warnings,
+        stated_warnings=warnings,
     )
 
 

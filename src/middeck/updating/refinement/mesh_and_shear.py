@@ -13,9 +13,9 @@ from jaxtyping import Float, Int
 from middeck.structure.elements.beam_deformations import Y1, Y2, Z1, Z2
 from middeck.structure.elements.section_stiffness import TURNS, section_forms
 from middeck.structure.model.finer_mesh import TUBE_SHEAR, refine_mesh
+from middeck.structure.modes.mesh_error import estimate_mesh_error
 from middeck.structure.modes.motions.strain_shares import member_deformations
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.warnings.mesh_error import estimate_mesh_error
 
 
 def left_out(modes: Modes, index: Int[np.ndarray, " mode"]) -> Float[np.ndarray, "mode mode"]:

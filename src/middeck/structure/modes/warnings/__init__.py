@@ -1,1 +1,1 @@
-"""Accuracy of a mode: the mesh, and members too stiff for matrices."""
+"""Accuracy of a mode: members too stiff for matrices."""
