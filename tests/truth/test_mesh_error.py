@@ -155,9 +155,9 @@ def test_a_mesh_that_lacks_modes_says_from_where_on(tmp_path: Path):
 def test_error_of_a_column_near_its_critical_load(elements: int, ratio: float):
     """A heavy tip on a massless column: k^3 EI/(tan kL - kL) of the beam column, k^2 = m g/EI."""
     _, modes, exact = _heavy_tip(elements, ratio)
-    true, said = modes.omega[0] / exact - 1.0, estimate_mesh_error(modes)[0]
+    true, estimated = modes.omega[0] / exact - 1.0, estimate_mesh_error(modes)[0]
     # First order in what is lost of omega^2, which is up to a twelfth of it.
-    assert said == pytest.approx(true, rel=0.15)
+    assert estimated == pytest.approx(true, rel=0.15)
     assert bool(mesh_warnings(modes, 1)) == (true > LIMIT)
 
 

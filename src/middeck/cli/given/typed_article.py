@@ -123,8 +123,8 @@ def solve_in(
     shown = count or COUNT
     if top_hz is not None:
         shown = min(shown, int(np.searchsorted(modes.frequency_hz, top_hz, side="right")))
-    said = (*doubts, *tilted(rest), *modes.stated_warnings)
-    return dataclasses.replace(modes, stated_warnings=said, judged=shown)
+    own_warnings = (*doubts, *tilted(rest), *modes.stated_warnings)
+    return dataclasses.replace(modes, stated_warnings=own_warnings, judged=shown)
 
 
 def case_warnings(structure: Structure, environment: Environment, *files: Path) -> tuple[str, ...]:

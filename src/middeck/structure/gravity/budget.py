@@ -26,7 +26,7 @@ from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.gravity.orbit_lab_pairs import pair_modes
 from middeck.structure.gravity.tracking import HALF_SHAPE, solve_spectrum, track
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.warnings.stiff_members import check_beside_modes
+from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.link_loads import rest_multipliers
 from middeck.values import record

@@ -95,7 +95,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
     shares = shares_of(paired.at_rest, lab)
     disputed = tuple(_disputed(orbit, lab, pairs, shares))
     pairs = pairs[[_in_common(lab, pair, shares)[0] >= COMMON for pair in pairs.tolist()]]
-    told += tuple(_coarse_ratios(orbit, lab, pairs, count))
+    coarse = tuple(_coarse_ratios(orbit, lab, pairs, count))
     return ModeComparison(
         orbit=orbit,
         lab=lab,
@@ -105,7 +105,7 @@ def compare_modes(orbit: Modes, lab: Modes, count: int = 26) -> ModeComparison:
         pairs=pairs,
         ratio=lab.omega[pairs[:, 1]] / orbit.omega[pairs[:, 0]],
         subspace_angle=_subspace_angles(orbit, lab, free),
-        warnings=disputed,
+        warnings=(*disputed, *coarse),
     )
 
 

@@ -25,7 +25,7 @@ from middeck.structure.assembly.freedom import Freedom
 from middeck.structure.assembly.linked import dynamic_freedom
 from middeck.structure.assembly.redundant_constraints import pivots
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.warnings.stiff_members import check_beside_modes
+from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.plants.sensors_and_actuators import input_rows, output_rows
 from middeck.systems.plants.response import FrequencyResponse
 from middeck.values import record

@@ -21,7 +21,7 @@ from middeck.structure.assembly.linked import dynamic_coordinates
 from middeck.structure.assembly.mass import mass_matrix
 from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.modes.solve import Modes
-from middeck.structure.modes.warnings.stiff_members import check_beside_modes
+from middeck.structure.modes.stiff_members import check_beside_modes
 from middeck.structure.sensitivity.element_derivatives import element_gradients
 from middeck.structure.sensitivity.links_and_components import Tied
 from middeck.structure.sensitivity.parameters import ModelParameter

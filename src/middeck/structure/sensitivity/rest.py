@@ -23,7 +23,7 @@ from middeck.structure.assembly.springs import bushing_states, device_tension
 from middeck.structure.assembly.strain import strain_pull
 from middeck.structure.elements.frames import Configuration, move
 from middeck.structure.model.article import JointState, Structure
-from middeck.structure.modes.warnings.stiff_members import check_beside_devices
+from middeck.structure.modes.stiff_members import check_beside_devices
 from middeck.structure.rest.equilibrium import Equilibrium
 from middeck.structure.rest.suspension_tuning import TunedSuspension, environment_loads, tune_suspension
 from middeck.structure.sensitivity.links_and_components import TieChange, Tied, TieModel

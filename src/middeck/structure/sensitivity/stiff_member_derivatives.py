@@ -20,7 +20,7 @@ from middeck.structure.eigenproblem.repeated import by_frequency
 from middeck.structure.model.article import Member, Structure
 from middeck.structure.model.section import Section
 from middeck.structure.modes.solve import Modes, solve_modes
-from middeck.structure.modes.warnings.stiff_members import Stiffest, beside_devices, beside_modes
+from middeck.structure.modes.stiff_members import Stiffest, beside_devices, beside_modes
 from middeck.structure.rest.equilibrium import Equilibrium, node_rotations, node_shifts, solve_equilibrium
 from middeck.structure.rest.imbalance import article_size
 from middeck.structure.sensitivity.parameters import ModelParameter, Path, read_parameter

@@ -1,1 +1,0 @@
-"""Accuracy of a mode: members too stiff for matrices."""
