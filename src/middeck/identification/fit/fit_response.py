@@ -57,6 +57,7 @@ from middeck.identification.search.fit_warnings import (
     warnings_on_deviations,
     warnings_on_model,
     warnings_on_record,
+    words_on_terms_beyond,
 )
 from middeck.identification.search.leading_outputs import causal_delay, refuse_a_lead, warnings_on_leads
 from middeck.identification.search.likelihood import likelihood_polish
@@ -420,7 +421,7 @@ def _result(run: _Searched) -> FitResult:
         uncertainty=uncertainty_of(covariance),
         covariance=dataclasses.replace(covariance, model=model),
         history=np.array(best.refined.history),
-        order_reason=run.reason,
+        order_reason=run.reason + words_on_terms_beyond(measured, covariance),
         warnings=tuple(warnings),
         standing=standing,
         delay_standing=of_delays,

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from middeck.errors import DataError
+from middeck.identification.impact.before_blows import before_blows
 from middeck.identification.impact.blows import BEFORE, Blow, locate_blows
 from middeck.identification.impact.coupled_force import SLOPE, released_force
 from middeck.identification.spectra.averages import Spectra
@@ -48,6 +49,7 @@ class ImpactTest:
         coherence: Share of the response explained by the force at each line and output, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
+        before: Outputs before each block, for a fit of samples.
         rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.
         window_s: Time constant tau of the exponential window [s]; infinite without.
         blows: All blows, the rejected ones with the reason.
@@ -57,6 +59,7 @@ class ImpactTest:
     response: FrequencyResponse
     coherence: Float[np.ndarray, "line output"]
     blocks: Record
+    before: Float[np.ndarray, "blow lead output"]
     rest: Float[np.ndarray, "part sample"]
     window_s: float
     blows: tuple[Blow, ...]
@@ -100,7 +103,8 @@ def average_blows(
     force = np.stack([(x - np.median(x)) * window for x, window in struck])
     levels = [_at_rest(x)[0] for x in y]
     doubt = np.max([_at_rest(x)[1] for x in y], axis=0)
-    answer = np.stack([y[b.experiment, b.first : b.first + size] - levels[b.experiment] for b in good])
+    y = y - np.array(levels)[:, None]
+    answer = np.stack([y[b.experiment, b.first : b.first + size] for b in good])
     blocks = Record(
         sample_hz=record.sample_hz,
         u=force[:, None, :, None],
@@ -108,6 +112,7 @@ def average_blows(
         inputs=record.inputs,
         outputs=record.outputs,
         periodic=False,
+        held=bool(record.held),  # a hammer's force is measured
     )
     tau = _time_constant(blocks, END) if window_s is None else window_s
     spectra = _spectra(blocks, tau)
@@ -134,6 +139,7 @@ def average_blows(
         response=response,
         coherence=coherence,
         blocks=blocks,
+        before=before_blows(y, good, blows, size),
         rest=np.concatenate([_at_rest_under(x, window, -(-KEPT // len(good))) for x, window in struck]),
         window_s=float(tau),
         blows=blows,

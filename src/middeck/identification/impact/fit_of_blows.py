@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import ConfigError
 from middeck.identification.fit.fit_response import FitResult, fit_response
@@ -21,6 +22,7 @@ from middeck.identification.record_fit.fit_record import fit_record
 from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import unknowns_of
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
+from middeck.signals.record import Record
 
 # Least decay rate that is left to a mode, as a share of its frequency, where noise makes it none or negative.
 LEAST = 1e-9
@@ -45,12 +47,25 @@ def fit_impact(
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
         # However far a blow reaches, its force is not held from sample to sample.
         options.setdefault("sampled", False)
-        return fit_record(test.blocks, band_hz=(first, last), input_noise=test.rest[..., None], **options)
+        record = _with_what_was_before(test)
+        noise = _led(test.rest[..., None], test.before.shape[1])
+        return fit_record(record, band_hz=(first, last), input_noise=noise, **options)
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
         constants = options.get("constants") or usual_constants(test.response.outputs, None)
         options["direct"] = constants == "complex"
     return without_window(with_scatter(fit_response(test.response, **options), test), test.window_s)
+
+
+def _with_what_was_before(test: ImpactTest) -> Record:
+    """The blocks, each with the outputs before it; the force is zero there."""
+    blocks, lead = test.blocks, test.before.shape[1]
+    y = np.concatenate([test.before[:, None], blocks.y], axis=2)
+    return dataclasses.replace(blocks, u=_led(blocks.u, lead), y=y)
+
+
+def _led(x: Float[np.ndarray, "... sample channel"], lead: int) -> Float[np.ndarray, "... longer channel"]:
+    return np.pad(x, (*((0, 0),) * (x.ndim - 2), (lead, 0), (0, 0)))
 
 
 def without_window(fit: FitResult, window_s: float) -> FitResult:

@@ -66,7 +66,7 @@ from middeck.identification.record_fit.warnings_on_two_modes import (
     warnings_on_perhaps_two,
     warnings_on_two,
 )
-from middeck.identification.search.fit_warnings import warnings_on_deviations
+from middeck.identification.search.fit_warnings import warnings_on_deviations, words_on_terms_beyond
 from middeck.identification.search.leading_outputs import causal_delay, warnings_on_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
@@ -474,7 +474,7 @@ def _result(
         uncertainty=uncertainty,
         covariance=dataclasses.replace(covariance, model=model),
         history=np.array(found.history),
-        order_reason=reason,
+        order_reason=reason + words_on_terms_beyond(lines, covariance),
         warnings=tuple(said),
         standing=standing,
         lines=fit.lines,

@@ -34,10 +34,10 @@ def record_covariance(
     short inputs, alike on all lines of a mode, is in nothing that is left there: where known it is added.
 
     Noise of measured inputs makes gains too small as well (errors in variables, Soderstrom 2018, section 2):
-    the score J^H W r has the mean -dH^H W H q where q is its power. What that moves each unknown by is added
-    as one more deviation, for ``input_noise`` or for as much of ``floor``, its variance in samples or its
-    power on each line, as what is left has room for. Beside the covariance: the largest such move of each
-    input, in deviations.
+    the score J^H W r has the mean -dH^H W H q where q is its power; of short noise, as J and r have, without
+    what transients take up. What that moves each unknown by is added as one more deviation, for
+    ``input_noise`` or for as much of ``floor``, its variance in samples or its power on each line, as what is
+    left has room for. Beside the covariance: the largest such move of each input, in deviations.
     """
     structure = structure_of(run.layout)
     size = places_of(model, structure).size
@@ -58,7 +58,8 @@ def record_covariance(
     noise = np.zeros((0, 2 * data.lines[-1], data.U.shape[1])) if input_noise is None else input_noise
     power = _power(each, noise, floor)
     spread = _scores_spread(each, W, noise, power * (data.driven is not None))
-    root, moved = W @ orthogonal.root_of(spread), W @ (W.T @ each.bias(power))
+    bias = each.bias_of_parts(_spectra(noise, data)) if len(noise) else each.bias(power)
+    root, moved = W @ orthogonal.root_of(spread), W @ (W.T @ bias)
     known = np.linalg.norm(root, axis=1, keepdims=True)
     moves = np.max(np.abs(moved) / np.maximum(known, np.finfo(float).tiny), axis=0)
     root = np.hstack([orthogonal.canonical_root(np.hstack([root, moved])), np.sqrt(0.5) * free])
@@ -101,13 +102,32 @@ class Rows:
         return J, TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[output]))
 
     def bias(self, power: Float[np.ndarray, "line input"]) -> Float[np.ndarray, "unknown input"]:
-        """Mean of the scores under noise of each input."""
+        """Mean of the scores under steady noise of each input."""
         model, data = self.model, self.data
         found = np.zeros((places_of(model, self.structure).size, power.shape[1]))
         for o, i in np.ndindex(model.direct.shape):
             entry = entry_slopes(model, self.structure, data.s, o, i)
             weight = power[:, i] * np.sum(1.0 / self.run.variance[o], axis=1)
             found[entry.place, i] -= np.real(entry.by.conj() @ (entry.H * weight))
+        return found
+
+    def bias_of_parts(
+        self, noise: Complex[np.ndarray, "part line input"]
+    ) -> Float[np.ndarray, "unknown input"]:
+        """Mean of the scores under ``noise`` of each input.
+
+        Transients take up as much of short noise as of a short input: no line tells how much.
+        """
+        model, data = self.model, self.data
+        found = np.zeros((places_of(model, self.structure).size, noise.shape[2]))
+        for o, i in np.ndindex(model.direct.shape):
+            entry = entry_slopes(model, self.structure, data.s, o, i)
+            own = TransientProjection(self.terms.B, 1.0 / np.sqrt(self.run.variance[o]))
+            rows = np.vstack([entry.by, entry.H])
+            for part in noise[..., i]:
+                alike = np.repeat((rows * part)[:, :, None], data.H.shape[2], axis=2)
+                *slopes, heard = own.removed(alike)
+                found[entry.place, i] -= np.array(slopes) @ heard / len(noise)
         return found
 
 
@@ -119,7 +139,7 @@ def _power(
     """Power of noise of inputs: given, by periods, or as much of a floor as the residual has room for."""
     data = each.data
     if len(noise):
-        return np.mean(np.abs(np.fft.rfft(noise, axis=1)[:, data.lines]) ** 2, axis=0) / noise.shape[1]
+        return np.mean(np.abs(_spectra(noise, data)) ** 2, axis=0)
     most = np.broadcast_to(floor, (len(data.s), data.U.shape[1]))
     if data.driven is not None:
         return most * data.driven[:, None]
@@ -127,6 +147,12 @@ def _power(
     heard = data.H.shape[2] * np.einsum("koi,ki->o", np.abs(H) ** 2, most)
     left = np.sum(np.abs(each.run.residual(data)) ** 2, axis=(1, 2))
     return most * float(np.min(np.divide(left, heard, out=np.ones_like(left), where=heard > left)))
+
+
+def _spectra(
+    noise: Float[np.ndarray, "part sample input"], data: Data
+) -> Complex[np.ndarray, "part line input"]:
+    return np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(noise.shape[1])
 
 
 def _scores_spread(
@@ -148,7 +174,7 @@ def _scores_spread(
     spread = np.zeros((W.shape[1], W.shape[1]))
     scores = np.zeros((columns, W.shape[1], len(noise)))
     H = model_response(each.model, data.omega / (2.0 * np.pi))
-    N = np.fft.rfft(noise, axis=1)[:, data.lines] / np.sqrt(max(noise.shape[0] * noise.shape[1], 1))
+    N = _spectra(noise, data) / np.sqrt(max(len(noise), 1))
     for o in range(run.layout.outputs):
         J, own = each.of(o)
         at = np.flatnonzero(J.any(axis=(1, 2)))

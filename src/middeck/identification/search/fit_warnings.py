@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from middeck.errors import FitError
-from middeck.identification.model.fit_options import is_velocity
+from middeck.identification.model.fit_options import is_rate, is_velocity
 from middeck.identification.model.measurement_model import (
     MeasurementModel,
     damping_ratio,
@@ -217,13 +217,13 @@ def _warnings_on_modes(
     lines = measured.frequency_hz
     poles = sorted(distinct_poles(covariance.model), key=lambda m: f[m])
     unknown = [m for m in poles if of.natural_hz[m] > HALF * f[m]]
-    beyond = [m for m in poles if covariance.model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
+    beyond = _beyond(measured, covariance.model)
     found = [
         f"mode at {f[m]:.4g} Hz: its frequency {_loose(of.natural_hz[m], f'{of.natural_hz[m]:.3g} Hz')}"
         for m in unknown
         if m not in beyond
     ]
-    if beyond:
+    if beyond and not _has_pairs_for_terms(covariance):
         places = ", ".join(f"{f[m]:.4g}" for m in beyond)
         one = len(beyond) == 1
         found.append(
@@ -235,6 +235,36 @@ def _warnings_on_modes(
     for m in within:
         found += _warnings_on_damping(measured, covariance, m, of_samples=of_samples)
     return found
+
+
+def _beyond(measured: FrequencyResponse, model: MeasurementModel) -> list[int]:
+    """Pairs outside the band, in rising frequency."""
+    f, lines = natural_hz(model), measured.frequency_hz
+    beyond = [m for m in distinct_poles(model) if model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
+    return sorted(beyond, key=lambda m: f[m])
+
+
+def _has_pairs_for_terms(covariance: ModelCovariance) -> bool:
+    """Whether a pair outside the band is the term for the modes there, and shares no phase with a delay.
+
+    Modes above the band add s^2 to the response of an acceleration, s to that of a velocity: no model has
+    these terms but as a pair, as every test with accelerometers asks for.
+    """
+    model, structure = covariance.model, covariance.structure
+    free = structure.with_delay or structure.real_constants or model.sample_hz is not None
+    return not free and structure.with_direct and all(is_rate(port) for port in model.outputs)
+
+
+def words_on_terms_beyond(measured: FrequencyResponse, covariance: ModelCovariance) -> str:
+    """Words for the reason of an order: pairs of a fit of rates that are terms for modes beyond the band."""
+    beyond = _beyond(measured, covariance.model) if _has_pairs_for_terms(covariance) else []
+    if not beyond:
+        return ""
+    f, lines = natural_hz(covariance.model), measured.frequency_hz
+    return (
+        f"; pairs outside the band {lines[0]:.4g}-{lines[-1]:.4g} Hz stand for all modes beyond it: "
+        f"{', '.join(f'{f[m]:.4g}' for m in beyond)} Hz"
+    )
 
 
 def _lost(hz: list[float], beyond: int) -> str:
