@@ -158,3 +158,25 @@ def test_modes_outside_the_band_are_one_sentence_and_narrow_ones_no_doubt_of_sam
     assert any("half-power" in w for w in of_lines)
     of_samples = warnings_on_deviations(measured, known, of_samples=True)
     assert of_samples == [w for w in of_lines if "half-power" not in w]
+
+
+def test_warnings_of_an_estimate_reach_its_fit(shaken):
+    """Clipping was told by the estimate alone: the fit, its gains 1 % too small, had no warning of it."""
+    u, many = shaken
+    limit = 0.6 * np.abs(many[0]).max()
+    ports = (Port("force", "N"),), (Port("tip", "m"),)
+    once = slice(300, 3900)  # a run that does not repeat
+    record = Record(
+        sample_hz=SAMPLE_HZ,
+        u=u[None, None, once],
+        y=np.clip(many[:1, once], -limit, limit)[None],
+        inputs=ports[0],
+        outputs=ports[1],
+        periodic=False,
+    )
+    with pytest.warns(UserWarning, match="clipped"):
+        measured = estimate_response(record, band_hz=(1.0, 14.0))
+    assert any("clipped" in text for text in measured.warnings)
+    fitted = fit_response(measured, states=4)
+    assert set(measured.warnings) <= set(fitted.warnings)
+    assert "sound" not in fitted.standing

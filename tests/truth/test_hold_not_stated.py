@@ -1,10 +1,11 @@
 """Records of held inputs that do not say so: the data tell, where the lines reach far."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 from struck_plant import FORCE, TIP
 
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
@@ -94,3 +95,35 @@ def test_a_filter_is_not_taken_for_a_hold() -> None:
     fit = fit_record(record_of(u, y, periodic=True), states=2, sampled=False)
     assert fit.model.hold_s is None
     assert fit.warnings
+
+
+def noisy(share: float, drive: Callable[[np.random.Generator], np.ndarray], seed: int) -> Record:
+    record, _ = measured(drive, seed)
+    more = np.random.default_rng([254, seed]).standard_normal(record.y.shape)
+    return dataclasses.replace(record, y=record.y + share * record.y.std() * more)
+
+
+def white(rng: np.random.Generator) -> np.ndarray:
+    return rng.standard_normal(COUNT)
+
+
+def low_noise(rng: np.random.Generator) -> np.ndarray:
+    return sosfilt(butter(4, 0.4, output="sos"), rng.standard_normal(COUNT))
+
+
+def test_noise_held_over_one_sample_is_a_command(campaign: Callable[..., range]) -> None:
+    """No measured input drives all up to half the rate: half a period was in the delay, in silence."""
+    for seed in campaign(20):
+        fit = fit_record(
+            noisy(0.03, white, seed), states=4 if LONG else 2, band_hz=(0.5, 20.0), sampled=False
+        )
+        assert fit.model.hold_s == 1.0 / RATE
+        assert "half the rate" in fit.order_reason
+        assert abs(fit.model.delay_s[0] - DELAY) < 5.0 * fit.uncertainty.delay_s[0] < 2e-3
+
+
+def test_a_hold_that_is_likelier_but_not_sure_is_told() -> None:
+    """Commands below 0.4 of half the rate: half a period in the delay, many deviations, in silence."""
+    fit = fit_record(noisy(0.01, low_noise, 0), states=4 if LONG else 2)
+    assert abs(fit.model.delay_s[0] - DELAY) > 20.0 * fit.uncertainty.delay_s[0]
+    assert any("half a sample period" in text for text in fit.warnings)

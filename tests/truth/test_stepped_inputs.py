@@ -78,3 +78,14 @@ def test_rest_is_no_step() -> None:
             record, u=u[None, None, :, None], y=record.y[:, :, :1].repeat(2000, axis=2)
         )
         assert not are_steps(given)
+
+
+@pytest.mark.parametrize("pulses", [5, 7, 9])
+def test_few_pulses_are_steps(pulses: int) -> None:
+    """Jumps to rest count as those from rest: five to nine pulses were taken as band-limited."""
+    starts = np.sort(np.random.default_rng(pulses).choice(np.arange(10, 570, 20), pulses, replace=False))
+    train = np.zeros(600)
+    for start in starts:
+        train[start : start + 7] = 1.0
+    assert are_steps(record_of(train, train))
+    assert not are_steps(record_of(train[: starts[4]], train[: starts[4]]))

@@ -114,9 +114,8 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
         warnings += warnings_on_window(spectra_response(spectra, method), spectra)
-    return Identified(
-        record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=(*seen, *warnings, *fit.warnings)
-    )
+    told = tuple(dict.fromkeys((*seen, *warnings, *fit.warnings)))
+    return Identified(record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=told)
 
 
 def _friction(taken: Record, settings: FitSettings) -> JointFriction:

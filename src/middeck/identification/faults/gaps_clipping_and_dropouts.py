@@ -17,17 +17,22 @@ from middeck.identification.faults.equal_runs import (
 # (L + 2)^2 / L^2 q below, that is 3 q and rounding for the shortest run of three.
 DROP = 8.0
 # Density within 0.5 % of the span of a limit over that of the next 0.5 %: 2.4 for a sine, less for noise.
-ZONE, PILED = 0.005, 5.0
+# Noise of the samples may blur the limit over the zone; where it blurs less, smaller zones tell more.
+ZONES, PILED = (0.005, 0.0015, 0.0005), 5.0
 FEWEST_PILED = 20
 # Samples in one run at a limit over those in any zone as wide.
 LINGERS = 2.0
 # Zones by which a signal goes away from a limit after a visit, and how many it makes: a plateau is a step.
 AWAY, FEWEST_VISITS = 10.0, 3
+# A smooth peak that has fewer samples within a zone may have none within the next one, at each visit alike.
+FEWEST_IN_A_PEAK = 3.0
 # Equal samples at a limit where each of so many next values is there once: of Gaussian samples in steps of a
 # hundredth of their deviation one record in ten thousand has four.
 FEWEST_EQUAL, NEXT_VALUES = 4, 20
 # Distance of so many times more values from a limit, over that of the next values. From this ratio on they
 # crowd towards it as a sine's do at its peak (16); below a limit that cuts a signal off they lie evenly (4).
+# Of a sine of which n samples are cut off, the k next lie within (n + k)^2 - n^2: the limit is then half-way,
+# in logarithms, from that to 16.
 MORE_VALUES, CROWD = 4, 6.5
 # Share of the span to which values of a repeated signal are one.
 REPEATED = 1e-6
@@ -90,6 +95,10 @@ def _exact_limits(x: Signal, step: float) -> Runs:
         or np.mean((x == low) | (x == high)) > SWITCHED
     ):
         return []
+    inside = [(a, b) for a, b in at if a > 0 and b < len(x)]
+    alike = REPEATED * np.ptp(x)
+    if inside and all(b - a == 2 and abs(x[a - 1] - x[b]) <= alike for a, b in inside):
+        return []  # a sine of an odd number of samples a cycle has its peaks between two samples
     beside = [abs(x[k] - x[a]) for a, b in at for k in (a - 1, b) if 0 <= k < len(x)]
     return at if np.mean(beside) > DROP * step else []
 
@@ -112,7 +121,7 @@ def _equal_limits(x: Signal) -> Runs:
         before = x[np.flatnonzero(x[1:] == limit)]
         repeats = np.ptp(before) <= REPEATED * (value[-1] - value[0]) if len(before) else True
         repeats |= len(away) > MORE_VALUES * NEXT_VALUES and bool(
-            away[MORE_VALUES * NEXT_VALUES] > CROWD * away[NEXT_VALUES]
+            away[MORE_VALUES * NEXT_VALUES] > _crowd(own) * away[NEXT_VALUES]
         )
         if own >= FEWEST_EQUAL and not repeats and (most == 1 or own > PILED * most):
             found |= x == limit
@@ -120,8 +129,22 @@ def _equal_limits(x: Signal) -> Runs:
     return runs if len(runs) >= FEWEST_VISITS and found.mean() <= SWITCHED else []
 
 
+def _crowd(own: int) -> float:
+    """The limit for the ratio of distances beside ``own`` samples at a limit."""
+    if own <= NEXT_VALUES:
+        return CROWD
+    further, next_to = ((own + k) ** 2 - own**2 for k in (MORE_VALUES * NEXT_VALUES, NEXT_VALUES))
+    return MORE_VALUES * float(np.sqrt(further / next_to))
+
+
 def _blurred_limits(x: Signal, step: float) -> Runs:
-    zone = max(ZONE * float(np.ptp(x)), 1.5 * step)
+    size = float(np.ptp(x))
+    zones = dict.fromkeys(max(share * size, 1.5 * step) for share in ZONES)
+    return next(filter(None, (_crowded_zones(x, zone) for zone in zones)), [])
+
+
+def _crowded_zones(x: Signal, zone: float) -> Runs:
+    """Runs of samples within ``zone`` of a limit, if they are far more than in the next zone."""
     # How long half of the samples stay within a zone: steps rest everywhere, a clipped signal at its limits.
     inner = np.flatnonzero(np.diff(np.floor((x - x.min()) / zone)))
     stays = np.sort(np.diff(np.concatenate([[-1], inner, [len(x) - 1]])))
@@ -135,7 +158,9 @@ def _blurred_limits(x: Signal, step: float) -> Runs:
         found = runs_of(at)
         crowded = top >= FEWEST_PILED and top > PILED * below + 5.0 * np.sqrt(below)
         visits = np.count_nonzero(np.maximum.reduceat(depth, [a for a, _ in found]) > AWAY * zone)
-        if crowded and top > LINGERS * stay * len(found) and visits >= FEWEST_VISITS:
+        length = np.array([b - a for a, b in found])
+        alike = np.ptp(length) <= 1 and length.mean() < FEWEST_IN_A_PEAK
+        if crowded and top > LINGERS * stay * len(found) and visits >= FEWEST_VISITS and not alike:
             runs, count = runs + found, count + top
     return sorted(runs) if count < SWITCHED * len(x) else []
 

@@ -111,7 +111,7 @@ class FitResult:
             sets of models and tests of drift.
         history: Cost of each step of the last search, in that search's weights.
         order_reason: Why the model has the order it has.
-        warnings: Warnings in words; empty for none.
+        warnings: Warnings in words, those of the estimated response first; empty for none.
         standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
             concerns it.
         delay_standing: The same for the delay of each output; "sound" where none was fitted.
@@ -395,7 +395,7 @@ def _result(run: _Searched) -> FitResult:
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
     beside = beside_one_line(measured, model)
     doubted = [*phase[0], *lacks.modes, *beside]
-    standing = standing_of(measured, covariance, holds=not of_model, doubted=doubted)
+    standing = standing_of(measured, covariance, holds=not (of_model or measured.biased), doubted=doubted)
     coupled = [] if lacks.said else _coupling_instead(run, covariance, standing)
     if coupled:
         doubts += coupled
@@ -406,7 +406,9 @@ def _result(run: _Searched) -> FitResult:
         standing = standing_of(measured, covariance, holds=False, doubted=phase[0])
     # What all lines lack alike looks like a delay before it is most of what is left.
     noise = not doubts and (measured.variance is None or leaves_noise(best, spread))
-    of_delays = standing_of_delays(measured, covariance, holds=noise and poles is None)
+    of_delays = standing_of_delays(
+        measured, covariance, holds=noise and poles is None and not measured.biased
+    )
     if poles is not None:
         warnings.append(poles.doubt())
     elif not (noise or doubts):
@@ -422,7 +424,7 @@ def _result(run: _Searched) -> FitResult:
         covariance=dataclasses.replace(covariance, model=model),
         history=np.array(best.refined.history),
         order_reason=run.reason + words_on_terms_beyond(measured, covariance),
-        warnings=tuple(warnings),
+        warnings=(*measured.warnings, *warnings),
         standing=standing,
         delay_standing=of_delays,
     )

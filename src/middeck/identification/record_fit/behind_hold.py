@@ -15,10 +15,11 @@ from middeck.systems.sampling.zero_order_hold import release_inputs
 
 
 class Made(NamedTuple):
-    """A fit and the length of its description."""
+    """A fit, the length of its description, and the score of a hold that it lacks."""
 
     fit: FitResult
     length: float
+    hold: float
 
 
 class First(NamedTuple):

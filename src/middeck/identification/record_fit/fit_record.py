@@ -56,10 +56,17 @@ from middeck.identification.record_fit.record_spectra import (
     without_drift,
     without_trend,
 )
-from middeck.identification.record_fit.record_terms import record_lacks
+from middeck.identification.record_fit.record_terms import record_lacks, record_scores
 from middeck.identification.record_fit.refine_record import LIGHTEST, WEIGHTINGS, RecordRun, Weighting
 from middeck.identification.record_fit.sensor_or_force_noise import negative_log_likelihood, noise_variance
-from middeck.identification.record_fit.undeclared_hold import are_steps, taken_as_held, without_hold
+from middeck.identification.record_fit.undeclared_hold import (
+    NYQUIST,
+    TRIED,
+    given_as_commands,
+    perhaps_held,
+    taken_as_held,
+    without_hold,
+)
 from middeck.identification.record_fit.unneeded_modes_and_sines import Tidied, tidied, with_modes_as_two
 from middeck.identification.record_fit.warnings_on_two_modes import (
     modes_perhaps_two,
@@ -70,7 +77,7 @@ from middeck.identification.search.fit_warnings import warnings_on_deviations, w
 from middeck.identification.search.leading_outputs import causal_delay, warnings_on_leads
 from middeck.identification.spectra.estimate import as_periods, estimate_response
 from middeck.identification.uncertainty.covariance import ModelCovariance
-from middeck.identification.uncertainty.lacking_terms import NOTHING
+from middeck.identification.uncertainty.lacking_terms import NOTHING, LackingTerm
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.excitation.driven_band import driven_band, floor_variance, folded_power
 from middeck.signals.record import Record
@@ -82,8 +89,6 @@ LEFT = 0.1
 # Above this share of the sampling rate a held input is weakened by more than 2.5 % (sin(x)/x, x = pi/8): a
 # continuous model would take that for dynamics.
 HELD_ABOVE = 1.0 / 8.0
-# Inputs driven to this share of half the rate are driven all the way.
-NYQUIST = 0.95
 # Deviations by which noise of an input may move an unknown before a warning.
 MOVED = 1.0
 # A decay rate over the least of the search that may be that, and lines between a mode and a sine that
@@ -121,7 +126,8 @@ def fit_record(
             behind the hold: that is divided out, and what is folded back from beyond half the rate is taken
             off by a first fit. Where it does not say, and a model of band-limited inputs leaves doubts, they
             are taken as held if that is the shorter description and leaves none (``hold_s`` of the model);
-            inputs in steps are, unless that is clearly the longer one.
+            if it is hardly the shorter one, a warning says so. Inputs in steps, and those that drive all
+            frequencies up to half the rate, are taken as held unless that is clearly the longer one.
         states: Order of the model without its delays. By default that of the minimum description length:
             of the record, or for a continuous model of a long one, of an estimated response.
         sampled: A sampled model, right for held inputs; or a continuous one, whose inputs are band-limited
@@ -215,16 +221,18 @@ def fit_samples(
         first = _first(search, given, release_inputs(record))
         return fit_behind_hold(fit, given, record, first, band_hz[1]).fit
     made = fit(given, record)
-    steps = record.held is None and are_steps(given)
-    if steps or (record.held is None and made.fit.warnings):
+    why = given_as_commands(given) if record.held is None else ""
+    if why or (record.held is None and (made.fit.warnings or made.hold > TRIED)):
         tell("the inputs as held ones")
         held = (dataclasses.replace(one, held=True) for one in (given, record))
         with contextlib.suppress(FitError):
             behind = without_hold(made.fit.model, record.sample_hz)
             first = First(behind, made.fit.covariance.structure.real_constants)
             other = fit_behind_hold(fit, *held, first, band_hz[1])
-            if other.length < made.length + (UNDECIDED if steps else -UNDECIDED):
-                return taken_as_held(made.fit, other.fit, steps=steps)
+            shorter = made.length - other.length
+            if shorter > (-UNDECIDED if why else UNDECIDED):
+                return taken_as_held(made.fit, other.fit, why)
+            return perhaps_held(made.fit, shorter, record.sample_hz)
     return marked(made.fit, None if record.held is None else 0.0)
 
 
@@ -255,7 +263,17 @@ def _fit(
         grown = [residual_growth.growth_score(*of, made) for of, made in zip(both, heard, strict=True)]
         score = np.maximum(*grown)
         found = _result(measured, record, fitted, reason, score, heard[1], input_noise)
-        return Made(found, record_length(fitted.data, fitted.run))
+        return Made(
+            found, record_length(fitted.data, fitted.run), _hold_score(record, fitted, found, heard[1])
+        )
+
+
+def _hold_score(record: Record, fitted: Tidied, found: FitResult, heard: residual_tests.Heard) -> float:
+    """Deviations by which a hold of the inputs, less its delay, is lacking."""
+    if record.held is not None or found.model.sample_hz is not None:
+        return 0.0
+    term = [LackingTerm("hold", rate_hz=record.sample_hz)]
+    return float(record_scores(term, fitted.run, fitted.data, found.covariance, heard).z[0])
 
 
 def _first(search: _Search, measured: Record, record: Record) -> First:

@@ -5,19 +5,44 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from middeck.identification.faults.spikes import is_impact
 from middeck.identification.fit.fit_response import FitResult, marked
 from middeck.identification.model.measurement_model import MeasurementModel, natural_hz
+from middeck.signals.excitation.driven_band import driven_band
 from middeck.signals.record import Record
 
 # Share of samples off rest that equal the one before exactly, and jumps, from which an input is in steps.
 # It rests within this share of its span, as a converter's last digit moves.
 STILL, FEWEST_JUMPS, AT_REST = 0.4, 10, 0.05
+# Score of a hold from which it is tried. Share of half the rate from which inputs drive all frequencies.
+TRIED, NYQUIST = 2.0, 0.95
+# Difference of description length, of models with as many unknowns, that chance reaches in a record of 100.
+CHANCE = 6.0
 AS_HELD = "held inputs, which the record does not say, are the shorter description"
 IN_STEPS = "inputs are taken as held, as they are given in steps"
+TO_THE_END = "inputs are taken as held, as they drive all frequencies up to half the rate"
 MAYBE_HELD = (
     f"{AS_HELD}, with doubts of its own: if they were held, half a sample period is in the delay; say in the "
     "record whether they were"
 )
+LIKELIER = (
+    "held inputs, which the record does not say, describe it better by {by:.0f} of description length, too "
+    "few to decide: if they were held, {ms:.3g} ms, half a sample period, are in the delay, and gains are "
+    "too small at high frequencies; say in the record whether they were"
+)
+
+
+def given_as_commands(record: Record) -> str:
+    """Why the inputs are commands, which are held, by themselves; empty where they may have been measured.
+
+    What is measured behind a filter is weak near half the rate. Blows are short, and may not be.
+    """
+    if are_steps(record):
+        return IN_STEPS
+    inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
+    to_the_end = driven_band(inputs, record.sample_hz)[1] >= NYQUIST * 0.5 * record.sample_hz
+    struck = any(is_impact(x) for u in inputs for x in u.T)
+    return TO_THE_END if to_the_end and not struck else ""
 
 
 def are_steps(record: Record) -> bool:
@@ -35,9 +60,11 @@ def _in_steps(u: Float[np.ndarray, "experiment sample"]) -> bool:
     rest = np.array(
         [[level[np.argmax(times)]] for level, times in (np.unique(x, return_counts=True) for x in u)]
     )
-    off = np.abs(u[:, 1:] - rest) > AT_REST * np.ptp(u)
-    stays = np.count_nonzero(still & off) > STILL * max(np.count_nonzero(off), 1)
-    return bool(stays and np.count_nonzero(~still & off) >= FEWEST_JUMPS)
+    off = np.abs(u - rest) > AT_REST * np.ptp(u)
+    after = off[:, 1:]
+    stays = np.count_nonzero(still & after) > STILL * max(np.count_nonzero(after), 1)
+    jumps = ~still & (after | off[:, :-1])  # those to rest are jumps, too: a pulse has two
+    return bool(stays and np.count_nonzero(jumps) >= FEWEST_JUMPS)
 
 
 def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
@@ -47,13 +74,24 @@ def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
     return dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
 
 
-def taken_as_held(released: FitResult, held: FitResult, *, steps: bool = False) -> FitResult:
+def taken_as_held(released: FitResult, held: FitResult, why: str = "") -> FitResult:
     """The ``held`` fit, the shorter one, if it has no warnings; else the other one with its warnings.
 
-    Of inputs in ``steps`` it need not be shorter, and its warnings may be those of the other one.
+    Of inputs that are commands (``why``) it need not be shorter, and its warnings may be those of the other
+    one.
     """
-    if not held.warnings or (steps and len(held.warnings) <= len(released.warnings)):
-        why = IN_STEPS if steps else AS_HELD
-        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {why}")
-    doubted = marked(released, None)
-    return dataclasses.replace(doubted, warnings=(*doubted.warnings, MAYBE_HELD))
+    if not held.warnings or (why and len(held.warnings) <= len(released.warnings)):
+        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {why or AS_HELD}")
+    return _doubted(released, MAYBE_HELD)
+
+
+def perhaps_held(released: FitResult, shorter: float, sample_hz: float) -> FitResult:
+    """The fit of inputs that were not held, with a warning where held ones are shorter than by chance."""
+    if shorter < CHANCE:
+        return marked(released, None)
+    return _doubted(released, LIKELIER.format(by=shorter, ms=500.0 / sample_hz))
+
+
+def _doubted(released: FitResult, warning: str) -> FitResult:
+    found = marked(released, None)
+    return dataclasses.replace(found, warnings=(*found.warnings, warning))

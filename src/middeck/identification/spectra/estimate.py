@@ -71,7 +71,8 @@ def estimate_response(
     record's inputs in it (``hold_s``).
 
     Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
-    contradict each other) and noise of the inputs are warned of.
+    contradict each other) and noise of the inputs are warned of; so are transients that were taken out. The
+    response keeps these ``warnings``, and a fit of it repeats them.
 
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
     cannot be distinguished, or the record is too short or too long for the method; `ConfigError` for a
@@ -95,9 +96,11 @@ def estimate_response(
     smoothed = method in ("h1", "h2", "hv")
     hold_s = None if record.held is None else 1.0 / record.sample_hz if record.held else 0.0
     inputs, outputs = response_under_feedback.plant_ports(record, reference)
+    faults: list[str] = []
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
-        for what in _biasing_faults(record) + _noise_of_inputs(record, found, variance):
-            warnings.warn(what, UserWarning, stacklevel=2)
+        faults = _biasing_faults(record) + _noise_of_inputs(record, found, variance)
+    for what in faults:
+        warnings.warn(what, UserWarning, stacklevel=2)
     return FrequencyResponse(
         frequency_hz=found.frequency_hz,
         H=found.H,
@@ -107,6 +110,8 @@ def estimate_response(
         covariance=covariance,
         hold_s=hold_s,
         alike=None if smoothed or found.line_inverse_power is not None else INDEPENDENT,
+        warnings=(*found.warnings, *faults),
+        biased=bool(faults),
     )
 
 
@@ -234,7 +239,8 @@ def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> Resp
     started = steadied(record)
     if started.what:
         warnings.warn(started.what, UserWarning, stacklevel=5)
-    return scatter_of_periods(_stream(started.record), band_hz, started)
+    found = scatter_of_periods(_stream(started.record), band_hz, started)
+    return dataclasses.replace(found, warnings=(started.what,) if started.what else ())
 
 
 def _stream(record: Record | RecordStream) -> RecordStream:

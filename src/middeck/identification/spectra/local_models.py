@@ -204,7 +204,7 @@ def _without_lost_ends(found: ResponseScatter, told: Bool[np.ndarray, " line"]) 
 
 def _some_lines(found: ResponseScatter, kept: Bool[np.ndarray, " line"]) -> ResponseScatter:
     fields = ((field.name, getattr(found, field.name)) for field in dataclasses.fields(found))
-    return dataclasses.replace(found, **{name: x[kept] for name, x in fields if x is not None})
+    return dataclasses.replace(found, **{name: x[kept] for name, x in fields if isinstance(x, np.ndarray)})
 
 
 def _between_driven(U: np.ndarray, lines: np.ndarray, half: int) -> Bool[np.ndarray, " line"]:

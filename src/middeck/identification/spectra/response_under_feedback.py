@@ -179,4 +179,5 @@ def plant_scatter(found: ResponseScatter, outputs: int) -> ResponseScatter:
         total_covariance=total,
         inverse_power=inverse_power,
         line_inverse_power=None if found.line_inverse_power is None else at_input(found.line_inverse_power),
+        warnings=found.warnings,
     )

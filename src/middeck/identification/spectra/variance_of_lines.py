@@ -32,6 +32,7 @@ class ResponseScatter:
         line_inverse_power: R of each line's own data, for uses that take lines as independent. None if they
             are. Neighbouring lines of local models share their data, and ``inverse_power`` is smaller by the
             number of lines that are shared.
+        warnings: How periods were corrected that were not steady.
 
     Variances are of the complex number: real and imaginary part together.
     """
@@ -46,6 +47,7 @@ class ResponseScatter:
     total_covariance: Complex[np.ndarray, "line output output"] | None = None
     inverse_power: Complex[np.ndarray, "line input input"]
     line_inverse_power: Complex[np.ndarray, "line input input"] | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def distortion(self) -> Float[np.ndarray, "line output input"] | None:

@@ -22,7 +22,7 @@ from middeck.identification.uncertainty.model_unknowns import ModelStructure, ti
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
 
-Kind = Literal["input", "path", "output", "filter", "drift", "coupled", "coupled input"]
+Kind = Literal["input", "path", "output", "filter", "drift", "coupled", "coupled input", "hold"]
 # Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4, if the
 # variance of the noise is known; more often if it is estimated with the response.
 TOLD = 5.0
@@ -67,13 +67,15 @@ SAID = {
 class LackingTerm(NamedTuple):
     """A delay of an input, of a path or of an output, a power of s of an output's filter, or its coupling.
 
-    A gain of an output that drifts is a term of records alone: their samples tell when it answers.
+    A gain of an output that drifts is a term of records alone: their samples tell when it answers. So is the
+    hold of the inputs at ``rate_hz``, less its delay of half a period, which delays follow.
     """
 
     kind: Kind
     output: int = -1
     input: int = -1
     power: int = 1
+    rate_hz: float = np.inf
 
     def of(
         self, output: int, parts: Complex[np.ndarray, "line input column"], s: Complex[np.ndarray, " line"]
@@ -84,6 +86,8 @@ class LackingTerm(NamedTuple):
         some = parts.sum(axis=1) if self.input < 0 else parts[:, self.input]
         if self.kind in {"coupled", "coupled input"}:
             return -some / s[:, None]
+        if self.kind == "hold":
+            return some * np.log(np.sinc(np.abs(s) / (2.0 * np.pi * self.rate_hz)))[:, None]
         return -some * (s * (abs(s[-1]) ** (1 - self.power) * s ** (self.power - 1)))[:, None]
 
 
