@@ -1,6 +1,7 @@
 """Sampled LQG: closed forms, the loop stepped finely, identities of forms, and the continuous limit."""
 
 import dataclasses
+import warnings
 from itertools import pairwise
 
 import mace_like
@@ -410,6 +411,29 @@ def test_rms_is_that_of_a_monte_carlo_simulation():
     error = squares.std(axis=1, ddof=1) / np.sqrt(runs)
     assert np.all(np.abs(squares.mean(axis=1) - expected) < 4.0 * error + 0.003 * expected)
     assert np.all(error < 0.03 * expected)
+
+
+@pytest.mark.parametrize("seed", repeats(range(12), 4))
+def test_a_law_that_moves_nothing_that_is_disturbed_has_no_effort(seed: int) -> None:
+    """Noise shakes one body, the force another, in mixed states: S/(4 zeta omega^3). The variance of the
+    command is rounding about zero, and its root was not a number for one in two."""
+    rng = np.random.default_rng([20, seed])
+    omega, zeta = rng.uniform(1.0, 3.0), 0.01
+    A = sla.block_diag([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]], [[0.0, 1.0], [-50.0, -0.2]])
+    turn = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    B, C = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]), np.eye(4)[::2]
+    plant = make_plant(
+        turn.T @ A @ turn, turn.T @ B, C @ turn,
+        inputs=["w", "u"], outputs=["a", "b"], w=["w"], u=["u"], z=["a", "b"], y=["a"],
+    )  # fmt: skip
+    weights = unit_weights(("w",), np.array([1e-3]), outputs=2)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "law and cost are uncertain")  # a law of zero is rounding alone
+        law = design_sampled_lqg(plant, weights, 10.0, 0.03)
+    found = measure_sampled_loop(plant, law, weights, 10.0)
+    assert found.rms[0] == pytest.approx(np.sqrt(1.0 / (4.0 * zeta * omega**3)), rel=1e-9)
+    assert 0.0 <= found.control_rms[0] < 1e-6
+    assert found.rms[1] < 1e-6
 
 
 def test_unstable_loop_is_a_value():

@@ -100,7 +100,7 @@ def measure_held(
     mean = _mean_within(held, covariance)
     first = held.segments[0].start @ covariance @ held.segments[0].start.T
     rms, at_samples = (_rows_rms(held.performance, each) for each in (mean, first))
-    control = np.sqrt(np.diag(covariance)[n:])
+    control = np.sqrt(np.maximum(np.diag(covariance)[n:], 0.0))  # of an idle law rounding about zero
     metric = float(np.linalg.norm(weights.output * rms))
     cost = metric**2 + float(np.sum(weights.input * control**2)) / authority
     return SampledOutcome(
