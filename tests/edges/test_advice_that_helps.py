@@ -139,9 +139,9 @@ def test_a_port_of_another_kind_or_misspelt_is_reported(
     """An array ended in ``unhashable type``, a misspelt node in the advice to define a joint."""
     keys = {"name": '"t"', "frame": '"b"'} | {key: value}
     text = "\n".join(f"{name} = {given}" for name, given in keys.items())
-    message = article(tmp_path, f"{ARTICLE}[[actuator]]\n{text}\n")
-    assert f"actuator.0.{key} = " in message
-    assert message in message
+    output = article(tmp_path, f"{ARTICLE}[[actuator]]\n{text}\n")
+    assert f"actuator.0.{key} = " in output
+    assert message in output
 
 
 def test_a_table_that_needs_a_name_is_reported_once(tmp_path: Path) -> None:

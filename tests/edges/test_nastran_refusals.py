@@ -498,13 +498,13 @@ def test_a_file_cut_off_anywhere_is_refused_or_whole_to_its_last_line(tmp_path, 
 
 def test_a_whole_deck_without_its_end_is_read_with_a_note(tmp_path):
     path = write(tmp_path)
-    message = convert(path)
+    whole = convert(path)
     path.write_text(path.read_text().replace("ENDDATA\n", "\n$ the end"))
     made = convert(path)
-    assert document_text(made.document, "") == document_text(message.document, "")
+    assert document_text(made.document, "") == document_text(whole.document, "")
     cards, last = read_deck(path).cards, len(path.read_text().split("\n")) - 2
     message = f"no ENDDATA: {cards} cards to the last line, {path}:{last}; are these all?"
-    assert made.notes == (message, *message.notes)
+    assert made.notes == (message, *whole.notes)
 
 
 def test_includes_that_are_missing_or_close(tmp_path):
