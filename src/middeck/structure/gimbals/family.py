@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -383,13 +384,16 @@ def _limits(
                 found = _zero(followed[good], followed[bad].member, at[good], at[bad], axis, rank, solve)
                 where = at[good].copy()
                 where[axis] = found.angle
-                limits.append(StabilityLimit(joint=joint, at=where, unstable=bad, **found._asdict()))
+                limits.append(
+                    StabilityLimit(joint=joint, at=where, unstable=bad, **dataclasses.asdict(found))
+                )
                 if found.no_rest:  # the modes of higher rank have no rest state there either
                     break
     return tuple(limits)
 
 
-class _Limit(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class _Limit:
     """What `StabilityLimit` says of one loss."""
 
     angle: float
@@ -449,7 +453,7 @@ def _zero(
     alike = np.abs(here.spectrum.shapes.T @ (here.spectrum.mass @ lost))
     # One loss, one name: that of the mode at the point beyond, where `diagnosis` speaks of it.
     name = _name(bad.rest, bad.spectrum, int(_swinging(bad.spectrum, rest)[rank]))
-    return _Limit(found, int(np.argmax(alike)), name, jumps, no_rest)
+    return _Limit(angle=found, branch=int(np.argmax(alike)), name=name, jumps=jumps, no_rest=no_rest)
 
 
 def _last_rest(
