@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -391,7 +392,7 @@ def _limits(
     return tuple(limits)
 
 
-@record(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class _Limit:
     """What `StabilityLimit` says of one loss."""
 

@@ -56,7 +56,7 @@ ONE_ELEMENT = (
 )
 
 
-class ModesOfMesh(Protocol):
+class ModesToJudge(Protocol):
     """What the estimates take of `Modes`, whose warnings ask for them."""
 
     @property
@@ -85,7 +85,7 @@ class ModesOfMesh(Protocol):
         ...
 
 
-def estimate_mesh_error(modes: ModesOfMesh, count: int | None = None) -> Float[np.ndarray, " mode"]:
+def estimate_mesh_error(modes: ModesToJudge, count: int | None = None) -> Float[np.ndarray, " mode"]:
     """Relative error by the mesh of each of the lowest ``count`` frequencies (default: all), negative if low.
 
     Infinite where elements vibrate by themselves at or below the mode's frequency. The error of the rest
@@ -94,7 +94,7 @@ def estimate_mesh_error(modes: ModesOfMesh, count: int | None = None) -> Float[n
     return _element_errors(modes, count).sum(axis=0)
 
 
-def _element_errors(modes: ModesOfMesh, count: int | None) -> Float[np.ndarray, "element mode"]:
+def _element_errors(modes: ModesToJudge, count: int | None) -> Float[np.ndarray, "element mode"]:
     """Part of each element in the relative error of each of the lowest ``count`` frequencies."""
     count = len(modes.omega) if count is None else min(count, len(modes.omega))
     rest, omega = modes.equilibrium, modes.omega[:count]
@@ -127,13 +127,13 @@ def rest_angles(rest: Equilibrium) -> Float[np.ndarray, " element"]:
     return np.linalg.norm(angles, axis=2).max(axis=1, initial=0.0)
 
 
-def mesh_warnings(modes: ModesOfMesh, count: int) -> tuple[str, ...]:
+def mesh_warnings(modes: ModesToJudge, count: int) -> tuple[str, ...]:
     """A sentence where any of the ``count`` lowest frequencies is wrong by more than `LIMIT`, and one where
     an element at rest is bent by more than `BENT`."""
     return (*_coarse_modes(modes, count), *_coarse_rest(modes))
 
 
-def _coarse_rest(modes: ModesOfMesh) -> tuple[str, ...]:
+def _coarse_rest(modes: ModesToJudge) -> tuple[str, ...]:
     angles = rest_angles(modes.equilibrium)
     bent = float(angles.max(initial=0.0))
     if bent <= BENT:
@@ -147,7 +147,7 @@ def _coarse_rest(modes: ModesOfMesh) -> tuple[str, ...]:
     )
 
 
-def _coarse_modes(modes: ModesOfMesh, count: int) -> tuple[str, ...]:
+def _coarse_modes(modes: ModesToJudge, count: int) -> tuple[str, ...]:
     each = _element_errors(modes, count)
     error = each.sum(axis=0)
     off = np.flatnonzero(np.abs(error) > LIMIT)
@@ -176,7 +176,7 @@ def _side(error: np.ndarray) -> str:
     return "too high" if error.min() > 0.0 else "too low" if error.max() < 0.0 else "off"
 
 
-def _end_moves(modes: ModesOfMesh, count: int) -> Float[np.ndarray, "element 2 2 3 mode"]:
+def _end_moves(modes: ModesToJudge, count: int) -> Float[np.ndarray, "element 2 2 3 mode"]:
     """Displacement and rotation of both ends of every element in its own axes."""
     rest = modes.equilibrium
     model = rest.model
