@@ -39,7 +39,7 @@ class CouplingTrial(NamedTuple):
 
 def coupling_terms(outputs: int) -> list[LackingTerm]:
     """A coupling of each output; that of an only input is the same of all, of the other sign."""
-    return [LackingTerm("coupled", o) for o in range(outputs)]
+    return [LackingTerm(kind="coupled", output=o) for o in range(outputs)]
 
 
 def without_coupling(

@@ -272,7 +272,7 @@ def _hold_score(record: Record, fitted: Tidied, found: FitResult, heard: residua
     """Deviations by which a hold of the inputs, less its delay, is lacking."""
     if record.held is not None or found.model.sample_hz is not None:
         return 0.0
-    term = [LackingTerm("hold", rate_hz=record.sample_hz)]
+    term = [LackingTerm(kind="hold", rate_hz=record.sample_hz)]
     return float(record_scores(term, fitted.run, fitted.data, found.covariance, heard).z[0])
 
 

@@ -27,7 +27,7 @@ def record_lacks(
 ) -> Lacking:
     """The kind of term that is most clearly lacking; noise of the inputs that is ``heard`` is none."""
     terms = terms_of(*covariance.model.direct.shape, covariance.structure)
-    terms += [LackingTerm("drift", o) for o in range(len(data.H))]
+    terms += [LackingTerm(kind="drift", output=o) for o in range(len(data.H))]
     return lacking_of(terms, record_scores(terms, run, data, covariance, heard), covariance.model)
 
 

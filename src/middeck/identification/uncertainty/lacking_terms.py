@@ -21,6 +21,7 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import ModelStructure, ties
 from middeck.identification.uncertainty.response_derivatives import entry_slopes
 from middeck.systems.plants.response import FrequencyResponse
+from middeck.values import record
 
 Kind = Literal["input", "path", "output", "filter", "drift", "coupled", "coupled input", "hold"]
 # Deviations above which a term is lacking: of a hundred terms chance passes it in one fit of 2e4, if the
@@ -64,7 +65,8 @@ SAID = {
 }
 
 
-class LackingTerm(NamedTuple):
+@record(kw_only=True)
+class LackingTerm:
     """A delay of an input, of a path or of an output, a power of s of an output's filter, or its coupling.
 
     A gain of an output that drifts is a term of records alone: their samples tell when it answers. So is the
@@ -99,17 +101,17 @@ def terms_of(outputs: int, inputs: int, structure: ModelStructure) -> list[Lacki
     """
     alone = structure.with_delay and not (structure.with_direct or structure.with_lower)
     filters = FILTER if alone else ()
-    found = [LackingTerm("filter", o, power=power) for o in range(outputs) for power in filters]
+    found = [LackingTerm(kind="filter", output=o, power=power) for o in range(outputs) for power in filters]
     # Without delays, poles beyond the band follow them, and no phase at low frequencies is theirs.
     if structure.with_delay:
-        found += [LackingTerm("coupled", o) for o in range(outputs)]
+        found += [LackingTerm(kind="coupled", output=o) for o in range(outputs)]
         several = outputs > 1 or inputs > 1
-        found += [LackingTerm("coupled input", input=i) for i in range(inputs) if several]
+        found += [LackingTerm(kind="coupled input", input=i) for i in range(inputs) if several]
     if structure.common_delay:
-        found += [LackingTerm("output", o) for o in range(outputs)]
+        found += [LackingTerm(kind="output", output=o) for o in range(outputs)]
     if inputs > 1:
-        found += [LackingTerm("input", input=i) for i in range(inputs)]
-        found += [LackingTerm("path", o, i) for o in range(outputs) for i in range(inputs)]
+        found += [LackingTerm(kind="input", input=i) for i in range(inputs)]
+        found += [LackingTerm(kind="path", output=o, input=i) for o in range(outputs) for i in range(inputs)]
     return found
 
 
