@@ -199,7 +199,7 @@ def test_heavy_nothing_is_reported_of_what_is_not_measured(of) -> None:
 
 
 @pytest.fixture(scope="module")
-def late() -> ZeroGControl:
+def delayed() -> ZeroGControl:
     """Figure 7 at three levels, the first of which is unstable in 1-g already."""
     study = load_study(STUDY, ("control.log10_authority_first=3", "control.levels=3"))
     outcome = dict(run_chapters(study))["figure 7"]()
@@ -207,13 +207,13 @@ def late() -> ZeroGControl:
     return outcome
 
 
-def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(delay: ZeroGControl) -> None:
-    rows = {row["claim"].partition(";")[0]: row for row in figure_7_claims(delay)}
+def test_an_unstable_first_level_has_no_decibels_and_ends_no_study(delayed: ZeroGControl) -> None:
+    rows = {row["claim"].partition(";")[0]: row for row in figure_7_claims(delayed)}
     low = rows["at the lowest authority the error is smaller in 1-g than in 0-g"]
     assert (low["holds"], low["number"]) == (False, None)
     repeats = rows["in the rigid sub-model the same mode becomes unstable first, within 0.25 decade"]
     assert (repeats["holds"], repeats["number"]) == (False, None)
-    json_text(ZERO_G_CONTROL.tabulate(delay))  # raises for what is not finite
+    json_text(ZERO_G_CONTROL.tabulate(delayed))  # raises for what is not finite
 
 
 def leaves(table: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

@@ -28,7 +28,7 @@ def plant(rng: np.random.Generator) -> tuple:
     return hz, rng.uniform(0.01, 0.03, 2), rng.choice([-8.0, 8.0], 2) * hz**2
 
 
-def late(seed: int, samples: int) -> tuple[Record, int]:
+def delayed_record(seed: int, samples: int) -> tuple[Record, int]:
     """A record of modes behind a dead time of 1.7 s up to a fifth of it, and that in samples."""
     rng = np.random.default_rng([71, seed])
     delay = int(rng.integers(34, samples // 5))
@@ -91,7 +91,7 @@ def kinds(record: Record) -> set[str]:
 def test_a_long_delay_is_measured_in_a_short_record(samples: int, campaign: Campaign) -> None:
     reported: list[bool] = []
     for seed in campaign(80, 10):
-        record, delay = late(seed, samples)
+        record, delay = delayed_record(seed, samples)
         found = [f for f in detect_faults(record) if f.kind == "delay"]
         assert all(abs(int(f.what.split()[1]) - delay) <= 12 for f in found), seed
         reported.append(bool(found))
@@ -100,7 +100,7 @@ def test_a_long_delay_is_measured_in_a_short_record(samples: int, campaign: Camp
 
 def test_a_fit_of_a_short_record_names_the_delay() -> None:
     """Only a share that is not explained was told, and that the residual follows the inputs."""
-    record, delay = late(4, 400)
+    record, delay = delayed_record(4, 400)
     fitted = fit_record(record, states=4)
     (warning,) = (w for w in fitted.warnings if "after the inputs" in w)
     assert abs(int(warning.split()[3]) - delay) <= 12

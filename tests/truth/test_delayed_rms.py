@@ -35,7 +35,7 @@ LAG = Compensator(StateSpace([[-8.0]], [[1.0]], [[30.0]], [[0.0]]), (SEEN,), (FO
 WHITE = np.array([[0.5]])
 
 
-def late(plant: Plant, tau: float) -> Plant:
+def delayed(plant: Plant, tau: float) -> Plant:
     return delay_plant(plant, np.array([[0.0], [tau]]))
 
 
@@ -52,7 +52,7 @@ def test_integrator_by_its_closed_form(turns: float) -> None:
     k = 2.0
     tau = turns / k
     wide = Performance(np.ones(1), WHITE, (0.0, 4e4))
-    found = measure_rms(late(INTEGRATOR, tau), gain(k), wide)
+    found = measure_rms(delayed(INTEGRATOR, tau), gain(k), wide)
     # Beyond 40 kHz |T|^2 is 1/w^2: what is left of the integral is S/(pi w2).
     rest = 0.5 / (np.pi * 2.0 * np.pi * 4e4)
     exact = 0.5 * np.cos(k * tau) / (2.0 * k * (1.0 - np.sin(k * tau))) - rest
@@ -63,7 +63,7 @@ def test_structure_by_another_quadrature() -> None:
     """The level asked for is 1e-8: SciPy's rule at 1e-11, given the resonances."""
     tau, band = 0.03, (0.05, 30.0)
     performance = Performance(np.ones(1), WHITE, band)
-    found = measure_rms(late(STRUCTURE, tau), LAG, performance)
+    found = measure_rms(delayed(STRUCTURE, tau), LAG, performance)
 
     def power(w: float) -> float:
         s = 1j * w
@@ -85,23 +85,23 @@ def test_no_delay_is_the_closed_form_and_a_short_one_is_its_approximation() -> N
     performance = Performance(np.ones(1), WHITE, (0.05, 30.0))
     rational = loop_rms(close_loop(STRUCTURE, LAG), performance)
     assert measure_rms(STRUCTURE, LAG, performance) == pytest.approx(rational, rel=1e-15)
-    assert measure_rms(late(STRUCTURE, 0.0), LAG, performance) == pytest.approx(rational, rel=1e-15)
+    assert measure_rms(delayed(STRUCTURE, 0.0), LAG, performance) == pytest.approx(rational, rel=1e-15)
     # At 0.01 s and 30 Hz, two radians: Pade of order 8 is exact to rounding.
-    fine = close_loop(approximate_delays(late(STRUCTURE, 0.01), 8), LAG)
-    found = measure_rms(late(STRUCTURE, 0.01), LAG, performance)
+    fine = close_loop(approximate_delays(delayed(STRUCTURE, 0.01), 8), LAG)
+    found = measure_rms(delayed(STRUCTURE, 0.01), LAG, performance)
     assert found == pytest.approx(loop_rms(fine, performance), rel=1e-10)
 
 
 def test_an_unstable_loop_is_infinite_however_finite_its_integral() -> None:
     performance = Performance(np.ones(1), WHITE, (0.05, 30.0))
-    assert measure_rms(late(INTEGRATOR, 0.8), gain(2.0), performance).tolist() == [np.inf]
-    assert np.isfinite(measure_rms(late(INTEGRATOR, 0.78), gain(2.0), performance)).all()
+    assert measure_rms(delayed(INTEGRATOR, 0.8), gain(2.0), performance).tolist() == [np.inf]
+    assert np.isfinite(measure_rms(delayed(INTEGRATOR, 0.78), gain(2.0), performance)).all()
 
 
 def test_delays_outside_the_loop_do_not_change_stability_nor_rms() -> None:
     """z late by itself: the same rms; the path from w to z alone."""
     performance = Performance(np.ones(1), WHITE, (0.05, 30.0))
-    plain = late(STRUCTURE, 0.03)
+    plain = delayed(STRUCTURE, 0.03)
     apart = dataclasses.replace(plain, delay_s=np.array([[0.2], [0.03]]))
     first, second = (measure_rms(p, LAG, performance) for p in (plain, apart))
     assert second == pytest.approx(first, rel=1e-12)

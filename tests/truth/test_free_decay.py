@@ -126,8 +126,8 @@ def test_a_decay_without_a_tail_is_kept_whole() -> None:
         assert without_tail(law * np.cos(44.0 * t), slice(0, 4000), 28.6) == slice(0, 4000)
 
 
-@pytest.mark.parametrize(("share", "message"), [(0.0, False), (0.3, True)])
-def test_another_mode_in_the_record_is_reported(share: float, message: bool) -> None:
+@pytest.mark.parametrize(("share", "warned"), [(0.0, False), (0.3, True)])
+def test_another_mode_in_the_record_is_reported(share: float, warned: bool) -> None:
     """Its deviations are then five times too small for the damping."""
     t, rng = np.arange(2000) / 200.0, np.random.default_rng(4)
     decays = [
@@ -138,5 +138,5 @@ def test_another_mode_in_the_record_is_reported(share: float, message: bool) -> 
     ]
     parts = [slice(2000 * k, 2000 * (k + 1)) for k in range(3)]
     found = fit_free_decay(np.concatenate(decays), 200.0, decays=parts)
-    assert bool(found.warnings) is message
-    assert not message or "near 23" in found.warnings[0]
+    assert bool(found.warnings) is warned
+    assert not warned or "near 23" in found.warnings[0]

@@ -296,7 +296,7 @@ def test_veering_of_a_pendulum_that_carries_a_sprung_wheel(j: float):
 # Events do not depend on where the path is cut
 
 
-def told(path: GravityPath, station: int) -> list[tuple[float, str, tuple[int, ...]]]:
+def events_at(path: GravityPath, station: int) -> list[tuple[float, str, tuple[int, ...]]]:
     """Kind, modes by their frequencies' rank at ``station``, and gravity of each event, in its order."""
     rank = np.argsort(np.argsort(path.omega2[station], kind="stable"), kind="stable")
     return sorted(
@@ -311,7 +311,7 @@ def agree(structure: Structure, environment: Environment, ways: list[list[Gravit
     for places, path in zip(ways, paths, strict=True):
         assert path.complete
         on_earth = path.reached[[p.size for p in places].index(G)]
-        found = told(path, on_earth)
+        found = events_at(path, on_earth)
         first = first or found
         assert [x[1:] for x in found] == [x[1:] for x in first]
         assert [x[0] for x in found] == pytest.approx([x[0] for x in first], rel=1e-3)

@@ -83,8 +83,8 @@ def shaken_modes(hz: list[float], seed: int) -> Record:
     return shaken(plant, 1000, 40.0, (2.0, 18.0), noise=0.03, seed=seed)
 
 
-@pytest.mark.parametrize(("hz", "message"), [([9.0, 9.009], True), ([9.0], False)])
-def test_two_modes_that_a_record_does_not_distinguish_are_doubted(hz: list[float], message: bool) -> None:
+@pytest.mark.parametrize(("hz", "doubted"), [([9.0, 9.009], True), ([9.0], False)])
+def test_two_modes_that_a_record_does_not_distinguish_are_doubted(hz: list[float], doubted: bool) -> None:
     """A tenth of a per cent apart, one mode was up to 30 deviations off either, in silence."""
     for seed in (1, 3, 4):
         record = shaken_modes(hz, seed)
@@ -94,7 +94,7 @@ def test_two_modes_that_a_record_does_not_distinguish_are_doubted(hz: list[float
         one = refine_record(data, start, "output", rounds=3, steps=20)
         assert one is not None
         found = tidied(record, data, one, sampled=False)
-        assert len(found.perhaps_two) == message
+        assert len(found.perhaps_two) == doubted
         assert found.run.layout.pairs == 1
 
 

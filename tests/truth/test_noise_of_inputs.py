@@ -85,8 +85,8 @@ def test_what_does_not_repeat_in_a_force_is_its_noise(campaign):
     assert np.abs(z).max() < 4.0
 
 
-@pytest.mark.parametrize("message", [True, False])
-def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(message, campaign):
+@pytest.mark.parametrize("declared", [True, False])
+def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(declared, campaign):
     """The mean of four periods has noise on driven lines alone, of which a narrow mode has one or two."""
     hz, zeta, samples, rate, off = np.array([7.3, 17.5, 24.8]), np.array([0.034, 0.014, 0.01]), 512, 256.0, []
     f = np.fft.rfftfreq(samples, 1.0 / rate)
@@ -97,9 +97,9 @@ def test_noise_of_a_force_that_repeats_is_counted_on_the_few_lines_of_a_mode(mes
         Y = response(hz, zeta, phi, 0.0, 2j * np.pi * f) * U
         u, y = (np.tile(np.fft.irfft(X, samples), 4) for X in (U, Y))
         u, y = (x + size * x.std() * rng.standard_normal(x.shape) for x, size in ((u, 1e-2), (y, 2e-3)))
-        u, y = (x.reshape(1, 4, samples, 1) if message else x[None, None, :, None] for x in (u, y))
+        u, y = (x.reshape(1, 4, samples, 1) if declared else x[None, None, :, None] for x in (u, y))
         fit = fit_record(
-            Record(sample_hz=rate, u=u, y=y, inputs=(FORCE,), outputs=(TIP,), periodic=message), states=6
+            Record(sample_hz=rate, u=u, y=y, inputs=(FORCE,), outputs=(TIP,), periodic=declared), states=6
         )
         order = np.argsort(natural_hz(fit.model))
         off.append((natural_hz(fit.model)[order] - hz) / fit.uncertainty.natural_hz[order])

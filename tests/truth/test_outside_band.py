@@ -65,7 +65,7 @@ def test_what_is_reported_of_the_constant_term_stands():
     assert not fitted.model.lower.any()
 
 
-def late(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
+def delayed_response(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
     """Modes at 3.1 and 8.7 Hz, and free / s, in a narrow band, late by ``delay_s``."""
     f = np.linspace(low, high, lines)
     s = 2j * np.pi * f
@@ -88,7 +88,7 @@ def late(low, high, *, free=0.0, delay_s=0.0113, seed=1, lines=200, noise=5e-3):
     ("low", "high", "hz", "zeta"), repeats([(8.0, 9.5, 8.7, 0.015), (2.8, 3.4, 3.1, 0.008)])
 )
 def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, free, seed):
-    fitted = fit_response(late(low, high, free=free, seed=seed), integrators=int(free > 0.0))
+    fitted = fit_response(delayed_response(low, high, free=free, seed=seed), integrators=int(free > 0.0))
     of = fitted.uncertainty
     assert fitted.model.states == 2 + (free > 0.0)
     # Unit normals, three in each of eight cases: all below four with probability 0.998; the terms for the
@@ -102,7 +102,7 @@ def test_a_delay_in_a_narrow_band_is_not_half_a_period_off(low, high, hz, zeta, 
 @pytest.mark.kernels
 def test_a_delay_that_poles_outside_a_narrow_band_share_is_not_stated_as_known():
     """Both modes lie outside 4-7 Hz, with 1/s: far poles that stand for them move the delay by ms."""
-    fitted = fit_response(late(4.0, 7.0, free=2.0), integrators=1)
+    fitted = fit_response(delayed_response(4.0, 7.0, free=2.0), integrators=1)
     deviation = fitted.uncertainty.delay_s[0]
     doubted = [w for w in fitted.warnings if "the delay" in w and re.search("is (not|confounded)", w)]
     assert doubted or (np.isfinite(deviation) and abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * deviation)
@@ -111,14 +111,14 @@ def test_a_delay_that_poles_outside_a_narrow_band_share_is_not_stated_as_known()
 def test_a_lead_in_a_narrow_band_is_refused_for_what_it_is():
     # Four periods: no constant nor pole stands for a phase that falls so fast along the band.
     with pytest.raises(FitError, match="leads its input") as error:
-        fit_response(late(8.0, 9.5, delay_s=-0.45), states=4)
+        fit_response(delayed_response(8.0, 9.5, delay_s=-0.45), states=4)
     assert "input" not in error.value.hint
     assert "wider" in error.value.hint
 
 
 @pytest.mark.parametrize("lines", repeats([6, 12, 8], 2))
 def test_few_lines_do_not_ask_for_a_lead(lines):
-    fitted = fit_response(late(8.0, 9.5, lines=lines), states=2, residuals=True)
+    fitted = fit_response(delayed_response(8.0, 9.5, lines=lines), states=2, residuals=True)
     assert abs(fitted.model.delay_s[0] - 0.0113) < 4.0 * fitted.uncertainty.delay_s[0]
 
 

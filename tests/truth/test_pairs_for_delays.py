@@ -34,7 +34,7 @@ def held(modes, lag, *, seed=0, count=400, noise=1e-3):
     return Record(sample_hz=RATE, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=False)
 
 
-def said(fitted):
+def warnings_of(fitted):
     return [w for w in fitted.warnings if "stand for a delay" in w]
 
 
@@ -46,13 +46,13 @@ def test_a_damped_pair_of_a_sampled_model_that_stands_for_a_delay_is_no_sound_mo
         "doubtful"
     ]
     # Three samples, and what the hold makes of a displacement: within a sample of it.
-    (warning,) = said(fitted)
+    (warning,) = warnings_of(fitted)
     assert float(warning.split("delay of about ")[1].split()[0]) == pytest.approx(30.0, abs=10.0)
 
 
 def test_a_damped_mode_of_the_article_is_one():
     fitted = fit_record(held([(6.0, 0.01), (14.0, 0.6)], 0), states=4, sampled=True)
-    assert not said(fitted)
+    assert not warnings_of(fitted)
     assert set(fitted.standing) == {"sound"}
 
 
@@ -108,7 +108,7 @@ def response(factor, *, seed=0, noise=1e-3, rates=False, beyond=0.0, lines=700):
     )
 
 
-def late(s):
+def turned(s):
     return np.exp(-0.02 * s)
 
 
@@ -130,8 +130,8 @@ def fitted_behind(hz, noise):
 
 @pytest.mark.parametrize("rates", repeats([False, True], 2))
 def test_pairs_of_a_response_that_stand_for_a_delay_are_no_sound_modes(rates):
-    fitted = fit_response(response(late, rates=rates), constants="complex", states=8)
-    (warning,) = said(fitted)
+    fitted = fit_response(response(turned, rates=rates), constants="complex", states=8)
+    (warning,) = warnings_of(fitted)
     # Complex residues take a part of it, of either sign.
     assert float(warning.split("delay of about ")[1].split()[0]) == pytest.approx(20.0, rel=0.3)
     sound = [hz for hz, one in zip(natural_hz(fitted.model), fitted.standing, strict=True) if one == "sound"]
@@ -166,16 +166,16 @@ def test_its_hint_helps():
 @pytest.mark.parametrize("seed", repeats(range(20)))
 def test_of_a_delay_that_is_one_nothing_is_reported(seed):
     """Also not where a mode beyond the band is in the fit, which is said to stand for what is there."""
-    plain = fit_response(response(late, seed=seed))
+    plain = fit_response(response(turned, seed=seed))
     assert plain.warnings == ()
-    more = fit_response(response(late, seed=seed, beyond=2.0))
+    more = fit_response(response(turned, seed=seed, beyond=2.0))
     assert not [x for x in more.warnings if "may stand for poles" in x]
     assert more.delay_standing == ("sound",)
     assert abs(more.model.delay_s[0] - 0.02) < 4.0 * more.uncertainty.delay_s[0]
 
 
 def test_of_a_delay_common_to_four_paths_nothing_is_reported_in_any_unit():
-    clean, unit = response(late, noise=1e-9), 1e6
+    clean, unit = response(turned, noise=1e-9), 1e6
     H = unit * clean.H[::4] * np.outer([1.0, -0.6], [1.0, 0.8])
     size = np.broadcast_to(0.01 * np.sqrt(np.mean(np.abs(H) ** 2)), H.shape)
     re, im = np.random.default_rng(1).standard_normal((2, *H.shape)) / np.sqrt(2.0)

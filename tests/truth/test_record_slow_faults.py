@@ -72,7 +72,7 @@ def measured(kind: str, seed: int, noise: float = 1e-3, *, steps: bool = False) 
     )  # fmt: skip
 
 
-def told(record: Record) -> list[tuple[str, str]]:
+def faults_of(record: Record) -> list[tuple[str, str]]:
     return [(f.channel, f.kind) for f in detect_faults(record) if f.severity != "note"]
 
 
@@ -80,7 +80,9 @@ def told(record: Record) -> list[tuple[str, str]]:
 def test_nothing_is_reported_for_sound_records(kind: str, campaign: Campaign) -> None:
     """With and without noise and a converter's steps: releases were told as shifts, rests as dropouts."""
     runs = (*{"release": (49, 57, 63), "hammer": (15,)}.get(kind, ()), *campaign(60))
-    warnings = [told(measured(kind, seed, (0.0, 1e-4, 1e-2)[seed % 3], steps=seed % 2 == 1)) for seed in runs]
+    warnings = [
+        faults_of(measured(kind, seed, (0.0, 1e-4, 1e-2)[seed % 3], steps=seed % 2 == 1)) for seed in runs
+    ]
     assert sum(map(bool, warnings)) <= len(runs) // 50, warnings
 
 
@@ -91,7 +93,7 @@ def test_a_sensor_that_drifts_at_random_is_named(kind: str, campaign: Campaign) 
         record, rng = measured(kind, seed), np.random.default_rng([92, seed])
         walk, y = np.cumsum(rng.standard_normal(COUNT)), record.y.copy()
         y[0, 0, :, 1] += rng.uniform(0.3, 1.0) * y[..., 1].std() * (walk - walk.mean()) / walk.std()
-        found.append(("y1", "drift") in told(dataclasses.replace(record, y=y)))
+        found.append(("y1", "drift") in faults_of(dataclasses.replace(record, y=y)))
     assert np.mean(found) >= 0.6
 
 
@@ -102,7 +104,7 @@ def test_a_gain_that_drifts_is_named(kind: str, campaign: Campaign) -> None:
     for seed in campaign(80):
         record = measured(kind, seed)
         y = record.y * np.where(np.arange(3) == 2, 1.0 + 0.1 * np.linspace(0.0, 1.0, COUNT)[:, None], 1.0)
-        found.append(told(dataclasses.replace(record, y=y)) == [("y2", "unlike")])
+        found.append(faults_of(dataclasses.replace(record, y=y)) == [("y2", "unlike")])
     assert np.mean(found) >= 0.75
 
 
@@ -119,7 +121,7 @@ def test_an_input_that_grows_is_no_gain_that_changes(campaign: Campaign) -> None
             held = [0.0, 1.0 - c - s, decay * decay + s - c]  # of the zero-order hold
             y += lfilter(held, [1.0, -2.0 * c, decay * decay], u)[:, None] * rng.standard_normal(2)
         y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
-        warnings += told(
+        warnings += faults_of(
             dataclasses.replace(
                 measured("random", 0), u=u[None, None, :, None], y=y[None, None],
                 outputs=(Port("y0", "m"), Port("y1", "m")),
@@ -144,7 +146,7 @@ def test_an_input_that_sticks_while_the_outputs_move_is_named(kind: str, campaig
         record, rng = measured(kind, seed), np.random.default_rng([94, seed])
         u, first = record.u.copy(), int(rng.integers(800, 3000))
         u[:, :, first : first + int(rng.integers(150, 900))] = u[0, 0, first, 0]
-        message = told(dataclasses.replace(record, u=u))
+        message = faults_of(dataclasses.replace(record, u=u))
         assert ("force", "stuck") in message or ("force", "dropout") in message
 
 
@@ -154,7 +156,7 @@ def test_an_output_that_begins_late_is_named(kind: str, campaign: Campaign) -> N
         record, rng = measured(kind, seed), np.random.default_rng([95, seed])
         y, dead = record.y.copy(), int(rng.integers(100, 900))
         y[:, :, :dead, 1] = rng.choice([0.0, y[0, 0, dead, 1]])
-        assert ("y1", "stuck") in told(dataclasses.replace(record, y=y))
+        assert ("y1", "stuck") in faults_of(dataclasses.replace(record, y=y))
 
 
 def test_a_dead_time_is_no_output_that_begins_late(campaign: Campaign) -> None:
@@ -162,7 +164,7 @@ def test_a_dead_time_is_no_output_that_begins_late(campaign: Campaign) -> None:
     for seed in campaign(40):
         record, delay = measured("random", seed, 0.0), 90 + 7 * (seed % 30)
         y = np.concatenate([np.zeros_like(record.y[:, :, :delay]), record.y[:, :, :-delay]], axis=2)
-        assert not any(kind == "stuck" for _, kind in told(dataclasses.replace(record, y=y)))
+        assert not any(kind == "stuck" for _, kind in faults_of(dataclasses.replace(record, y=y)))
 
 
 def test_two_sensors_of_one_mode_without_noise_are_a_note() -> None:

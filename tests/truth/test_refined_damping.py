@@ -26,7 +26,7 @@ from middeck.updating.unknowns.unknowns import Unknown
 from repeats import repeats
 
 PER_MODE = ("frequency_hz", "damping", "frequency_std_hz", "damping_std")
-TOLD, SEEDS = 8, 40
+PREDICTED, SEEDS = 8, 40
 
 
 @functools.cache
@@ -37,7 +37,7 @@ def drawn(seed: int, off: float) -> tuple[np.ndarray, np.ndarray, Refined, np.nd
     other = off * rng.standard_normal(case.MODES)
     seen = case.survey(case.truth(x, True, other), rng)
     found = refine(case.article(), [seen], case.UNKNOWNS, damping_error=0.1)
-    return x, other, found, np.log(case.truth(x, False, other).zeta[:TOLD])
+    return x, other, found, np.log(case.truth(x, False, other).zeta[:PREDICTED])
 
 
 @pytest.mark.parametrize("off", repeats([0.1, 0.0]))
@@ -51,7 +51,7 @@ def test_hidden_damping_is_recovered_within_what_is_stated(off: float):
         x, _, found, ln_zeta = drawn(seed, off)
         assert found.converged
         of_unknowns.append(((found.x - x) / found.estimate.x_std)[1:])
-        predicted = predict_modes(found, Environment.orbit(), count=TOLD)
+        predicted = predict_modes(found, Environment.orbit(), count=PREDICTED)
         in_orbit.append((np.log(predicted.damping) - ln_zeta) / predicted.damping_std(0.3))
     for errors in (np.array(of_unknowns), np.array(in_orbit)):
         held, size = np.mean(np.abs(errors) < 1.96), np.sqrt(np.mean(errors**2))
@@ -97,9 +97,9 @@ def test_drawn_plants_have_the_damping_and_its_deviation(sound: Refined):
     """Decibels follow: ratios of drawn plants scatter as told, those of one loss together."""
 
     def build(modes: md.Modes) -> md.Plant:
-        return md.build_plant(modes, inputs=[], outputs=[], count=6 + 1 + TOLD)
+        return md.build_plant(modes, inputs=[], outputs=[], count=6 + 1 + PREDICTED)
 
-    predicted = predict_modes(sound, Environment.orbit(), count=TOLD)
+    predicted = predict_modes(sound, Environment.orbit(), count=PREDICTED)
     drawing = draw_plants(
         sound, Environment.orbit(), build, draws=60, rng=np.random.default_rng(3), loop=LoopSpread()
     )
@@ -112,7 +112,7 @@ def test_drawn_plants_have_the_damping_and_its_deviation(sound: Refined):
         @ predicted.damping_root.T
         / np.outer(predicted.damping_std(0.3), predicted.damping_std(0.3))
     )
-    close = np.unravel_index(np.argmax(shared - np.eye(TOLD)), shared.shape)
+    close = np.unravel_index(np.argmax(shared - np.eye(PREDICTED)), shared.shape)
     assert np.corrcoef(zeta.T)[close] == pytest.approx(shared[close], abs=0.35)
 
 
@@ -139,7 +139,7 @@ def test_an_error_of_the_model_is_named_and_widens_the_prediction(sound: Refined
     seen = case.survey(case.truth(np.zeros(5), True, 0.4 * rng.standard_normal(case.MODES)), rng)
     found = refine(case.article(), [seen], case.UNKNOWNS)
     assert any("no unknowns fit the damping ratios" in line for line in findings(found))
-    wide, narrow = (predict_modes(f, Environment.orbit(), count=TOLD) for f in (found, sound))
+    wide, narrow = (predict_modes(f, Environment.orbit(), count=PREDICTED) for f in (found, sound))
     # A mode that keeps its shape keeps its ratio; what mixes has more.
     assert np.max(wide.damping_std(0.0)) > 2.0 * np.max(narrow.damping_std(0.0))
 

@@ -145,7 +145,7 @@ def _scanned(loop: Loop, at: str, k: int) -> np.ndarray:
     return np.array([down, up, min(phases, default=np.inf), sensitivity, disk])
 
 
-def _late(loop: Loop, at: str, k: int) -> float:
+def _scanned_limit(loop: Loop, at: str, k: int) -> float:
     """Smallest more delay of channel k, up to four periods, that a pole leaves the circle at."""
 
     def growth(seconds: float) -> float:
@@ -210,6 +210,6 @@ def test_margins_of_sampled_loops_are_those_of_a_scan(campaign) -> None:
                     limits = [*one.gain_limits, one.phase_limit_rad, one.sensitivity.gain, one.disk.alpha]
                     assert limits == pytest.approx(_scanned(loop, at, k), rel=1e-4), (seed, at, k)
                     delay = one.delay_limit_s if one.delay_limit_s < 4.0 * loop.T else np.inf
-                    assert delay == pytest.approx(_late(loop, at, k), rel=1e-5), (seed, at, k)
+                    assert delay == pytest.approx(_scanned_limit(loop, at, k), rel=1e-5), (seed, at, k)
         loops += 1
     assert loops > 0

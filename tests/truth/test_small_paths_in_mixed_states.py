@@ -47,7 +47,7 @@ def _body(rng: np.random.Generator, condition: float) -> tuple[Plant, Compensato
     return mixed, Compensator(LAW, own.outputs[:1], own.inputs[:1]), own
 
 
-def _heard(plant: Plant, law: Compensator) -> tuple[np.ndarray | None, bool]:
+def _rms_and_warned(plant: Plant, law: Compensator) -> tuple[np.ndarray | None, bool]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -61,7 +61,7 @@ def _heard(plant: Plant, law: Compensator) -> tuple[np.ndarray | None, bool]:
 def test_the_rms_behind_delays_is_right_or_reported(seed: int, condition: float) -> None:
     """Residues below a thousand roundings counted as none: rms were up to 78 times too large, in silence."""
     mixed, law, own = _body(np.random.default_rng([15, seed]), condition)
-    (true, _), (found, reported) = _heard(own, law), _heard(mixed, law)
+    (true, _), (found, reported) = _rms_and_warned(own, law), _rms_and_warned(mixed, law)
     assert true is not None
     assert not reported or condition > 1e3
     if not reported:

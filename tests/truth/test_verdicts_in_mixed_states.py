@@ -71,7 +71,7 @@ def _mixed(system: StateSpace, condition: float, rng: np.random.Generator) -> St
     return StateSpace(T @ system.A @ back, T @ system.B, system.C @ back, system.D)
 
 
-def _said(verdict: Verdict, plant: Plant, law: Compensator) -> bool | None:
+def _answer(verdict: Verdict, plant: Plant, law: Compensator) -> bool | None:
     """The verdict; None where it is refused or comes with a warning."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -102,7 +102,7 @@ def test_no_verdict_that_rounding_leaves_open_is_silent(name: str, campaign) -> 
                     ),
                     law,
                 )
-            found = _said(verdict, *pair)
+            found = _answer(verdict, *pair)
             assert found in (None, truth), (seed, condition)
             assert found is not None or condition > 1e4, (seed, condition)
             message += found is not None

@@ -46,7 +46,7 @@ def with_rows(survey: Survey, change) -> Survey:
     return dataclasses.replace(survey, measured=dataclasses.replace(measured, shape=shape))
 
 
-def said_of(survey: Survey) -> tuple[str, ...]:
+def warned_channels(survey: Survey) -> tuple[str, ...]:
     found = refine(case.fork(), [survey], case.UNKNOWNS, model_error=3e-5)
     warnings = wrong_channels(found.compared[0])
     assert set(warnings) <= set(findings(found))
@@ -86,7 +86,7 @@ def swapped(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
 )
 def test_a_channel_that_is_wrong_is_named(change, what: list[str], kept: list[tuple[str, str]] | None):
     for seed in repeats(range(8)):
-        message = sorted(said_of(with_rows(surveyed(seed, kept), change)))
+        message = sorted(warned_channels(with_rows(surveyed(seed, kept), change)))
         assert len(message) == len(what)
         assert all(expected in line for expected, line in zip(what, message, strict=True))
 
@@ -103,7 +103,7 @@ def test_many_that_no_factor_sets_right_are_not_told_as_so_many_instruments():
         shape[place["b", "y"]] *= -1.0
 
     for seed in repeats(range(8)):
-        alone, many = said_of(with_rows(surveyed(seed), mix))
+        alone, many = warned_channels(with_rows(surveyed(seed), mix))
         assert "channel b y reads with the opposite sign" in alone
         named = many.partition("channels ")[2].partition(" do not follow")[0]
         assert set(named.split(", ")) == {f"{n} {d}" for n, d in MIXED}
@@ -114,13 +114,13 @@ def test_no_channel_is_named_without_cause():
     """Of right surveys, of few channels, and of another article than the model's, whose shapes all differ."""
     for seed in repeats(range(8)):
         for kept in (None, SHIFTS, SHIFTS[:3], SHIFTS[4:5]):
-            assert said_of(surveyed(seed, kept)) == ()
+            assert warned_channels(surveyed(seed, kept)) == ()
     rng = np.random.default_rng(5)
 
     def all_of_them(shape: np.ndarray, place: dict[tuple[str, str], int]) -> None:
         shape *= np.exp(0.5 * rng.standard_normal((len(shape), 1)))
 
-    assert said_of(with_rows(surveyed(0), all_of_them)) == ()
+    assert warned_channels(with_rows(surveyed(0), all_of_them)) == ()
 
 
 DEAD = [("d", "z"), ("c", "x")]
@@ -136,7 +136,7 @@ def test_a_channel_that_reads_nothing_is_named(dead: list[tuple[str, str]], kept
         shape[[place[channel] for channel in dead]] = 0.0
 
     for seed in repeats(range(4)):
-        message = said_of(with_rows(surveyed(seed, kept), cut))
+        message = warned_channels(with_rows(surveyed(seed, kept), cut))
         assert len(message) == len(dead)
         for n, d in dead:
             assert any(f"channel {n} {d} reads nothing" in line for line in message)
