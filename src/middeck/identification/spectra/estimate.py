@@ -12,6 +12,7 @@ from middeck.identification.faults.unlike_experiments import find_unlike_experim
 from middeck.identification.model.refused_data import check_record
 from middeck.identification.spectra import response_under_feedback
 from middeck.identification.spectra.averages import estimate_spectra
+from middeck.identification.spectra.change_over_periods import warnings_on_change
 from middeck.identification.spectra.excess_variance import INDEPENDENT
 from middeck.identification.spectra.h1_h2_hv import spectra_response
 from middeck.identification.spectra.local_models import scatter_of_local_models
@@ -71,8 +72,9 @@ def estimate_response(
     record's inputs in it (``hold_s``).
 
     Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
-    contradict each other) and noise of the inputs are warned of; so are transients that were taken out. The
-    response keeps these ``warnings``, and a fit of it repeats them.
+    contradict each other, a gain or a delay that changes over the periods) and noise of the inputs are warned
+    of; so are transients that were taken out. The response keeps these ``warnings``, and a fit of it repeats
+    them.
 
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
     cannot be distinguished, or the record is too short or too long for the method; `ConfigError` for a
@@ -99,6 +101,8 @@ def estimate_response(
     faults: list[str] = []
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
         faults = _biasing_faults(record) + _noise_of_inputs(record, found, variance)
+        if not found.warnings and found.line_inverse_power is None:
+            faults += warnings_on_change(record, found)
     for what in faults:
         warnings.warn(what, UserWarning, stacklevel=2)
     return FrequencyResponse(
