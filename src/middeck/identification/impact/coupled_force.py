@@ -24,7 +24,7 @@ SLOPE = 32
 # Time constants that are tried: from so many pulse lengths on to so many records, and how many.
 SHORTEST, LONGEST, TRIED = 5.0, 20.0, 40
 # Deviations of a tail that is none by chance, for noise of blocks of so many; and by how much its impulse may
-# differ from that of the blows: both are the same force.
+# differ from that of the blows: both are the same force, and a sensor that drifts at random has any.
 TOLD, BLOCKS, SAME = 6.0, 64, 0.25
 # How often the pulses are found anew without the tail.
 TIMES = 5
@@ -107,4 +107,4 @@ def _is_tail(force: np.ndarray, tail: np.ndarray, rest: np.ndarray) -> bool:
     share = float(by @ y) / power
     each = [float(np.sum(part)) for part in np.array_split(by * (y - share * by), BLOCKS)]
     deviation = np.sqrt(np.sum(np.square(each))) / power
-    return abs(share) > TOLD * deviation and abs(share - 1.0) < max(SAME, TOLD * deviation)
+    return abs(share) > TOLD * deviation and abs(share - 1.0) < SAME
