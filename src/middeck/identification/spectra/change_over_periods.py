@@ -11,6 +11,8 @@ from middeck.signals.record import Record
 
 # Probability of a trend by chance below which it is told; lines that count from which it is tested.
 BY_CHANCE, FEWEST = 1e-7, 8.0
+# Deviations of a mean over the periods by which a line must exceed it.
+CLEAR = 5.0
 
 
 def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
@@ -30,7 +32,10 @@ def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
         where = f" in experiment {e}" if len(record.u) > 1 else ""
         for o, port in enumerate(record.outputs):
             mean = Y[:, :, o].mean(axis=0)
-            gain, delay_s = _changes(mean, grown[:, o], 2.0 * np.pi * found.frequency_hz)
+            # Where one period's fault is most of the mean, it is in phase with itself.
+            clear = np.abs(mean) > CLEAR * Y[:, :, o].std(axis=0) / np.sqrt(periods)
+            omega = 2.0 * np.pi * found.frequency_hz[clear]
+            gain, delay_s = _changes(mean[clear], grown[clear, o], omega)
             if gain is not None:
                 said.append(_told(f"{port.name}: its gain changes by {gain:+.2g} of itself", where))
             if delay_s is not None:
