@@ -12,8 +12,11 @@ from struck_plant import FORCE, TIP, response, shaken, struck
 
 from middeck import FrequencyResponse, fit_record, fit_response
 from middeck.identification.impact.averaged_blows import average_blows
+from middeck.identification.impact.blows import locate_blows
+from middeck.identification.impact.coupled_force import released_force
 from middeck.identification.impact.fit_of_blows import fit_impact
 from middeck.identification.spectra.estimate import estimate_response
+from middeck.signals.record import Record
 from repeats import repeats
 
 RATE = 200.0
@@ -136,3 +139,14 @@ def test_an_estimate_of_a_clipped_record_that_does_not_repeat_says_so():
     limit = 0.5 * np.abs(record.y).max()
     with pytest.warns(UserWarning, match="output tip.* clipped: "):
         estimate_response(dataclasses.replace(record, y=np.clip(record.y, -limit, limit)))
+
+
+@pytest.mark.parametrize("seed", [4, 26, 58])
+def test_a_force_that_drifts_at_random_is_not_ac_coupled(seed):
+    """A random walk that falls at the blow of each of three experiments, to 0.3 % of the blow."""
+    rng, time = np.random.default_rng(seed), np.arange(600) / 500.0
+    force = 50.0 * np.exp(-(((time - 0.2) / 0.004) ** 2)) + 0.05 * rng.standard_normal((3, 600))
+    force = force + 0.15 * np.cumsum(rng.standard_normal((3, 600)), axis=1) / 25.0
+    u = force[:, None, :, None]
+    record = Record(sample_hz=500.0, u=u, y=u, inputs=(FORCE,), outputs=(TIP,), periodic=False)
+    assert released_force(force, locate_blows(record), 500.0).tau_s == np.inf

@@ -23,9 +23,11 @@ from middeck.identification.impact.blows import BEFORE, Blow
 SLOPE = 32
 # Time constants that are tried: from so many pulse lengths on to so many records, and how many.
 SHORTEST, LONGEST, TRIED = 5.0, 20.0, 40
-# Deviations of a tail that is none by chance, for noise of blocks of so many; and by how much its impulse may
-# differ from that of the blows: both are the same force, and a sensor that drifts at random has any.
-TOLD, BLOCKS, SAME = 6.0, 64, 0.25
+# Deviations of a tail that is none by chance, for means over so many parts of an experiment; and by how much
+# its impulse may differ from that of the blows: both are the same force.
+TOLD, BLOCKS, SAME = 6.0, 128, 0.25
+# Variances of a random walk's end that are tried, over that of white noise in the mean of a part.
+WALKS = (0.0, *np.logspace(-2, 6, 17))
 # How often the pulses are found anew without the tail.
 TIMES = 5
 
@@ -99,12 +101,49 @@ def _off_rest(
 
 
 def _is_tail(force: np.ndarray, tail: np.ndarray, rest: np.ndarray) -> bool:
-    """Whether what the sensor reads at rest is the tail of its own blows, in size, too."""
-    by, y = _off_rest(tail, rest), _off_rest(force, rest)
-    power = float(by @ by)
-    if power == 0.0:
+    """Whether what the sensor reads at rest is the tail of its own blows, in size, too.
+
+    Generalised least squares of means over time, with the likeliest mix of white noise and a random walk:
+    steps of a drift at the blows of some experiments pass for tails where its noise is taken for white.
+    """
+    if not tail.any():
         return False
-    share = float(by @ y) / power
-    each = [float(np.sum(part)) for part in np.array_split(by * (y - share * by), BLOCKS)]
-    deviation = np.sqrt(np.sum(np.square(each))) / power
+    means = [_means(*own) for own in zip(tail, force, rest, strict=True)]
+    share, deviation = min((_by_walk(means, walk) for walk in WALKS), key=lambda fit: fit[0])[1:]
     return abs(share) > TOLD * deviation and abs(share - 1.0) < SAME
+
+
+class _Means(NamedTuple):
+    """Means of the tail and of the force at rest over equal times, when and of how many samples."""
+
+    tail: Float[np.ndarray, " part"]
+    force: Float[np.ndarray, " part"]
+    time: Float[np.ndarray, " part"]
+    count: Float[np.ndarray, " part"]
+
+
+def _means(tail: np.ndarray, force: np.ndarray, rest: np.ndarray) -> _Means:
+    at = np.flatnonzero(rest)
+    part = at * BLOCKS // len(rest)
+    count = np.bincount(part, minlength=BLOCKS)
+    some = count > 0
+    found = (np.bincount(part, x[at], BLOCKS)[some] / count[some] for x in (tail, force))
+    time = np.bincount(part, at, BLOCKS)[some] / count[some] / len(rest)
+    return _Means(*found, time, count[some] / (len(rest) / BLOCKS))
+
+
+def _by_walk(means: Sequence[_Means], walk: float) -> tuple[float, float, float]:
+    """Twice the negative logarithm of likelihood, the tail's share and its deviation, for a walk's size."""
+    rows, logarithms = [], 0.0
+    for own in means:
+        root = np.linalg.cholesky(np.diag(1.0 / own.count) + walk * np.minimum.outer(own.time, own.time))
+        still = np.column_stack([np.ones(len(own.time)), own.time])
+        basis = np.linalg.qr(np.linalg.solve(root, still))[0]
+        both = np.linalg.solve(root, np.column_stack([own.tail, own.force]))
+        rows.append(both - basis @ (basis.T @ both))
+        logarithms += 2.0 * float(np.sum(np.log(np.diag(root))))
+    by, y = np.concatenate(rows).T
+    share = float(by @ y / (by @ by))
+    left = float(np.sum((y - share * by) ** 2)) + np.finfo(float).tiny
+    freedom = len(y) - 2 * len(means) - 1
+    return len(y) * np.log(left) + logarithms, share, np.sqrt(left / freedom / float(by @ by))
