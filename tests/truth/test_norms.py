@@ -190,3 +190,18 @@ def test_chain_of_integrators_in_mixed_coordinates(order):
     p = 2 * order - 1
     expected = np.sqrt((w1**-p - w2**-p) / p / np.pi)
     assert band_rms(system, np.eye(1), BAND)[0] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("apart", [1e-5, 1e-8])
+def test_two_modes_that_cancel_but_for_their_damping(apart):
+    # 1 / d1 - 1 / d2 = (d2 - d1) / (d1 d2), where d2 - d1 = 2 w0 (z2 - z1) s loses no digit.
+    w0, z1 = 2.0 * np.pi * 3.0, 0.01
+    z2 = z1 * (1.0 + apart)
+    pair = [np.array([[0.0, 1.0], [-(w0**2), -2.0 * z * w0]]) for z in (z1, z2)]
+    B, C = np.array([[0.0], [1.0], [0.0], [1.0]]), np.array([[1.0, 0.0, -1.0, 0.0]])
+    w = np.linspace(2.0 * np.pi * 0.5, 2.0 * np.pi * 10.0, 200_001)
+    first, second = (w0**2 - w**2 + 2.0j * z * w0 * w for z in (z1, z2))
+    square = np.trapezoid(np.abs(2.0j * w0 * (z2 - z1) * w / (first * second)) ** 2, w) / np.pi
+    found = band_rms(StateSpace(sla.block_diag(*pair), B, C, np.zeros((1, 1))), np.eye(1), (0.5, 10.0))
+    # Each response is rounded to 1e-16 of itself, their difference is `apart` of it.
+    assert found[0] == pytest.approx(np.sqrt(square), rel=1e-6)

@@ -44,6 +44,8 @@ SCHUR_AGREEMENT = 1e-9
 UNCERTAIN = 1e-4
 """Relative change of an rms by rounding of A (first order, worst case of all entries) that gives a
 warning."""
+CANCELLED = 1e-6
+"""Relative rounding of the square of an rms from which on it is integrated line by line."""
 BELOW_BAND = 0.1
 """Fraction of the lower limit below which the spread of a pole at the origin does not reach the band."""
 UNDAMPED = 1e-9
@@ -82,8 +84,14 @@ def band_rms(
         modal = form.values, form.C, form.B
     if modal is None:
         return _rms_of_dependent_poles(noisy, (w1, w2))
-    # A negative square is rounding about zero.
-    return np.sqrt(np.maximum(_pair_integral(*modal, noisy.D, w1, w2), 0.0) / np.pi)
+    square, rounding = _pair_integral(*modal, noisy.D, w1, w2)
+    # Modes that nearly cancel in an output do so line by line at the root of the rounding.
+    lost = rounding > CANCELLED * square
+    if lost.any():
+        values, C, B = modal
+        response = _pole_sum(values, C[lost], B, noisy.D[lost])
+        square[lost] = _quadrature(response, values, (w1, w2), tolerance=RESPONSE_TOLERANCE)
+    return np.sqrt(square / np.pi)
 
 
 def _diverges(values: np.ndarray, w1: float, w2: float) -> bool:
@@ -319,15 +327,27 @@ def _probes(
     return probe, np.concatenate([lines, damping[strongest]])
 
 
+def _pole_sum(
+    values: np.ndarray, Cv: np.ndarray, Bv: np.ndarray, D: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The response over omega of a sum over poles."""
+    residues = Cv.T[:, :, None] * Bv[:, None, :]
+    return lambda omega: np.tensordot(1.0 / (1j * omega[:, None] - values), residues, axes=1) + D
+
+
 def _pair_integral(
     values: np.ndarray, Cv: np.ndarray, Bv: np.ndarray, D: np.ndarray, w1: float, w2: float
-) -> Float[np.ndarray, " output"]:
+) -> tuple[Float[np.ndarray, " output"], Float[np.ndarray, " output"]]:
+    """The integral of |G|^2 over the band, and its rounding."""
     # The integral of dw / (jw - l) for poles not right of the axis: no branch is crossed.
     L = -1j * (np.log(1j * w2 - values) - np.log(1j * w1 - values))
     X = (Bv @ Bv.conj().T) * _pair_kernel(values, L, w1, w2)
     square = np.real(np.sum((Cv @ X) * Cv.conj(), axis=1))
     cross = np.real(np.sum(((Cv * L) @ Bv) * D, axis=1))
-    return square + 2.0 * cross + np.sum(D**2, axis=1) * (w2 - w1)
+    direct = np.sum(D**2, axis=1) * (w2 - w1)
+    size = np.abs(Cv)
+    rounding = np.finfo(float).eps * (np.sum((size @ np.abs(X)) * size, axis=1) + direct)
+    return square + 2.0 * cross + direct, rounding
 
 
 def _pair_kernel(values: np.ndarray, L: np.ndarray, w1: float, w2: float) -> Complex[np.ndarray, "pole pole"]:
