@@ -127,3 +127,22 @@ def test_a_hold_that_is_likelier_but_not_sure_is_told() -> None:
     fit = fit_record(noisy(0.01, low_noise, 0), states=4 if LONG else 2)
     assert abs(fit.model.delay_s[0] - DELAY) > 20.0 * fit.uncertainty.delay_s[0]
     assert any("half a sample period" in text for text in fit.warnings)
+
+
+def test_white_inputs_that_may_be_either_are_warned_of() -> None:
+    """Band-limited to half the rate, short and noisy: half a sample was in the delay, 330 deviations."""
+    rng, delay_s = np.random.default_rng([5, 4]), 0.01
+    modes = int(rng.integers(1, 4))
+    hz, zeta = np.sort(rng.uniform(3.0, 30.0, modes)), rng.uniform(0.005, 0.03, modes)
+    constants = rng.choice([-1.0, 1.0], modes) * rng.uniform(0.4, 1.0, modes) * hz**2
+    s, w = 2j * np.pi * np.fft.rfftfreq(1100, 0.01), 2.0 * np.pi * hz
+    H = np.sum(constants[:, None] / (s**2 + 2.0 * (zeta * w)[:, None] * s + (w**2)[:, None]), axis=0)
+    u = rng.standard_normal(1100)
+    y = np.fft.irfft(np.fft.rfft(u) * H * np.exp(-delay_s * s), 1100)[800:]
+    noisy = record_of(u[800:], y + 0.01 * y.std() * rng.standard_normal(300), periodic=False)
+    fit = fit_record(dataclasses.replace(noisy, sample_hz=100.0), states=2 * modes, sampled=False)
+    assert fit.model.hold_s == 0.01
+    assert any("held and band-limited" in text for text in fit.warnings)
+    made = dataclasses.replace(noisy, sample_hz=100.0, held=False)
+    said = fit_record(made, states=2 * modes, sampled=False)
+    assert np.all(np.abs(said.model.delay_s - delay_s) < 4.0 * said.uncertainty.delay_s)

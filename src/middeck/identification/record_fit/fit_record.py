@@ -231,7 +231,7 @@ def fit_samples(
             other = fit_behind_hold(fit, *held, first, band_hz[1])
             shorter = made.length - other.length
             if shorter > (-UNDECIDED if why else UNDECIDED):
-                return taken_as_held(made.fit, other.fit, why)
+                return taken_as_held(made.fit, other.fit, shorter, why, record.sample_hz)
             return perhaps_held(made.fit, shorter, record.sample_hz)
     return marked(made.fit, None if record.held is None else 0.0)
 

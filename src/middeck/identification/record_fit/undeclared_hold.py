@@ -31,6 +31,12 @@ LIKELIER = (
     "too small at high frequencies; say in the record whether they were"
 )
 
+EITHER = (
+    "inputs that drive all frequencies up to half the rate are taken as held, but held and band-limited ones "
+    "describe the record alike: if they were band-limited, {ms:.3g} ms, half a sample period, lack in the "
+    "delay; say in the record whether they were held"
+)
+
 
 def given_as_commands(record: Record) -> str:
     """Why the inputs are commands, which are held, by themselves; empty where they may have been measured.
@@ -74,14 +80,18 @@ def without_hold(model: MeasurementModel, sample_hz: float) -> MeasurementModel:
     return dataclasses.replace(model, shapes=model.shapes / weaker, delay_s=late)
 
 
-def taken_as_held(released: FitResult, held: FitResult, why: str = "") -> FitResult:
-    """The ``held`` fit, the shorter one, if it has no warnings; else the other one with its warnings.
+def taken_as_held(
+    released: FitResult, held: FitResult, shorter: float, why: str, sample_hz: float
+) -> FitResult:
+    """The ``held`` fit, the ``shorter`` one, if it has no warnings; else the other one with its warnings.
 
     Of inputs that are commands (``why``) it need not be shorter, and its warnings may be those of the other
     one.
     """
     if not held.warnings or (why and len(held.warnings) <= len(released.warnings)):
-        return dataclasses.replace(held, order_reason=f"{held.order_reason}; {why or AS_HELD}")
+        either = (EITHER.format(ms=500.0 / sample_hz),) if why == TO_THE_END and shorter < CHANCE else ()
+        reason = f"{held.order_reason}; {why or AS_HELD}"
+        return dataclasses.replace(held, order_reason=reason, warnings=(*held.warnings, *either))
     return _doubted(released, MAYBE_HELD)
 
 

@@ -16,20 +16,19 @@ CLEAR = 5.0
 
 
 def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
-    """Warnings for trends over the periods of gains and delays of outputs."""
+    """Warnings for trends over the periods of gains and delays of outputs: one for gains, one for delays."""
     _, periods, samples, _ = record.u.shape
     if not record.periodic or periods < 2:
         return []
     at = np.rint(found.frequency_hz * samples / record.sample_hz).astype(int)
     trend = np.linspace(-0.5, 0.5, periods)  # from the first period to the last it grows by one
     trend = trend / (trend @ trend)
-    said = []
-    for e, (u, y) in enumerate(zip(record.u, record.y, strict=True)):
+    gains: dict[str, list[float]] = {}
+    delays_ms: dict[str, list[float]] = {}
+    for u, y in zip(record.u, record.y, strict=True):
         U, Y = (np.fft.rfft(x, axis=1)[:, at] for x in (u, y))
-        grown = np.einsum("p,pko->ko", trend, Y) - np.einsum(
-            "p,pki,koi->ko", trend, U, found.H
-        )  # an input that grows moves no response
-        where = f" in experiment {e}" if len(record.u) > 1 else ""
+        # An input that grows moves no response.
+        grown = np.einsum("p,pko->ko", trend, Y) - np.einsum("p,pki,koi->ko", trend, U, found.H)
         for o, port in enumerate(record.outputs):
             mean = Y[:, :, o].mean(axis=0)
             # Where one period's fault is most of the mean, it is in phase with itself.
@@ -37,18 +36,24 @@ def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
             omega = 2.0 * np.pi * found.frequency_hz[clear]
             gain, delay_s = _changes(mean[clear], grown[clear, o], omega)
             if gain is not None:
-                said.append(_told(f"{port.name}: its gain changes by {gain:+.2g} of itself", where))
+                gains.setdefault(port.name, []).append(gain)
             if delay_s is not None:
-                said.append(_told(f"{port.name}: its delay changes by {1e3 * delay_s:+.2g} ms", where))
-    return said
+                delays_ms.setdefault(port.name, []).append(1e3 * delay_s)
+    return [*_change("gain", gains, "of itself"), *_change("delay", delays_ms, "ms")]
 
 
-def _told(what: str, where: str) -> str:
-    return (
-        f"output {what} from the first period to the last{where}, by more than noise explains: a sensor, an "
-        "amplifier or a clock that drifts, or an article that changes; the response is a mean over the "
-        "record, and no variance counts the change; let it warm up, or take fewer periods"
-    )
+def _change(what: str, by_output: dict[str, list[float]], unit: str) -> list[str]:
+    if not by_output:
+        return []
+    sizes = [size for each in by_output.values() for size in each]
+    by = " to ".join(dict.fromkeys(f"{size:+.2g}" for size in (min(sizes), max(sizes))))
+    several = len(by_output) > 1
+    return [
+        f"output{'s' * several} {', '.join(by_output)}: {'their' if several else 'its'} {what} changes by "
+        f"{by} {unit} from the first period to the last, by more than noise explains: a sensor, an amplifier "
+        "or a clock that drifts, or an article that changes; the response is a mean over the record, and no "
+        "variance counts the change; let it warm up, or take fewer periods"
+    ]
 
 
 def _changes(
