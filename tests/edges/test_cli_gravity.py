@@ -145,3 +145,12 @@ def test_compare_says_what_holds_and_which_modes_have_no_partner(capfd: Capture,
     few = json.loads(middeck(capfd, *call[:-1], 3, "--json").out)["warnings"]
     reported = "none of the 3 lowest modes in orbit is flexible: increase --count; `middeck budget` keeps"
     assert [w for w in few if "is flexible" in w and w.startswith(reported)]
+
+
+def test_a_decimal_comma_in_a_gravity_is_doubted(capfd: Capture) -> None:
+    few = ("--count", 3, "--set", "mesh.elements_per_strut=1")
+    found = document(capfd, "path", DM, "--through", "9,81", *few)  # two places: 9 and 81 m/s^2
+    assert sum("gravity is 81 m/s^2" in text for text in found["warnings"]) == 1
+    assert not any(
+        "Jupiter" in text for text in document(capfd, "path", DM, "--through", "9,8", *few)["warnings"]
+    )

@@ -162,6 +162,16 @@ def test_response(capfd: Capture) -> None:
     assert "pri_rel_z to bus_z, rad per N m" in text(capfd, *ask, "--input", "pri_rel_z", "--output", "bus_z")
 
 
+def test_a_response_beyond_the_modes_kept_says_so(capfd: Capture) -> None:
+    ports = ("--input", "pri_rel_z", "--output", "bus_z_rate")
+    ask = ("response", SIMPLE, "--environment", "lab", *ports)
+    few, all_of_them = (document(capfd, *ask, "--at", "500", "--count", n) for n in (26, 400))
+    assert abs(few["im"][0]) < 0.9 * abs(all_of_them["im"][0])
+    assert "beyond the 26 lowest are left out: at 500 Hz" in few["warnings"][-1]
+    assert not any("left out" in text for text in all_of_them["warnings"])
+    assert not any("left out" in text for text in document(capfd, *ask, "--at", "0.5,1,2")["warnings"])
+
+
 def test_damping_of_a_response_can_be_set(capfd: Capture) -> None:
     ports = ("--input", "bus_z", "--output", "bus_z")
     modes = document(capfd, "modes", DM, "--environment", "orbit")

@@ -18,7 +18,11 @@ from middeck.structure.model.article import (
 from middeck.structure.model.environment import AnchoredSpring, Environment
 from middeck.structure.modes.solve import Modes, solve_modes
 from middeck.structure.plants.modal_plant import build_plant
-from middeck.structure.plants.residual_flexibility import compare_static_gain, complete_response
+from middeck.structure.plants.residual_flexibility import (
+    compare_static_gain,
+    complete_response,
+    left_out_gain,
+)
 from middeck.structure.rest.equilibrium import solve_equilibrium
 from middeck.systems.plants.response import evaluate_plant
 from middeck.systems.state_space.modal_system import modal_response, output_rows
@@ -222,6 +226,22 @@ def test_the_effect_on_a_free_structure_is_stated_at_a_frequency():
     assert found.completed_error[angles].max() < 0.01 * found.truncated_error[angles].max()
 
 
+@pytest.mark.parametrize("static", [False, True])
+@pytest.mark.parametrize("modes", [lab_modes(), orbit_modes()], ids=["lab", "orbit"])
+def test_what_modes_left_out_would_add_below_and_beyond_them(modes: Modes, static: bool):
+    count, outputs = 9, [*PORTS, "wheel_rate", "feel"]
+    hz = modes.frequency_hz[count] * np.array([0.05, 0.9, 7.0])
+    found = left_out_gain(modes, inputs=PORTS, outputs=outputs, count=count, frequency_hz=hz, static=static)
+    whole = np.array([response(modes, f, outputs, count=ALL) for f in hz])
+    plant = build_plant(modes, inputs=PORTS, outputs=outputs, count=count, damping=UNDAMPED, static=static)
+    kept = evaluate_plant(plant, hz)
+    if static:
+        kept = complete_response(modes, kept, inputs=PORTS, outputs=outputs, count=count)
+    # Rounding of the sum over modes, next to the largest gain of each output.
+    scale = np.abs(whole).max(axis=(0, 2))[:, None]
+    np.testing.assert_allclose(np.abs(found) / scale, np.abs(whole - kept.H) / scale, atol=1e-9)
+
+
 def test_an_uncoupled_pair_has_no_relative_error():
     nodes = [node(n, (x, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1))) for n, x in (("a", 0.0), ("b", 1.0))]
     ports = (
@@ -236,6 +256,9 @@ def test_an_uncoupled_pair_has_no_relative_error():
     found = compare_static_gain(modes, inputs=["t"], outputs=["z", "x"], count=8)
     assert np.isfinite(found.truncated_error[0, 0])
     assert np.isnan(found.truncated_error[1, 0])  # bending in the plane of symmetry does not twist
+    left_out = left_out_gain(modes, inputs=["t"], outputs=["z", "x"], count=8, frequency_hz=np.array([50.0]))
+    assert left_out[0, 0, 0] != 0.0
+    assert left_out[0, 1, 0] == 0.0
 
 
 def test_what_has_no_static_answer_is_refused():

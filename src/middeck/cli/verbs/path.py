@@ -66,14 +66,17 @@ def verb(
     """
     from middeck.cli.given.typed_article import case_warnings, read_case
     from middeck.structure.gravity.gravity_levels import DeviceRule
+    from middeck.structure.summary.environment_plausibility import warnings_on_gravity
 
     structure, surroundings, *files = read_case(case)
     places = _places(surroundings, through, tilt)
     with reading(*files):
         found = md.follow_gravity(structure, surroundings, places, devices=DeviceRule(devices), count=count)
+    of_places = (text for place in found.places for text in warnings_on_gravity(place.gravity))
+    of_case = case_warnings(structure, surroundings, *files)
     document = {
         **describe(found),
-        "warnings": (*case_warnings(structure, surroundings, *files), *found.warnings),
+        "warnings": (*dict.fromkeys([*of_case, *of_places]), *found.warnings),
     }
     if figure_file is not None:
         from middeck.plot.gravity_path import gravity_path_figure

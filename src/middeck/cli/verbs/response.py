@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
     from middeck.structure.plants.residual_flexibility import StaticGainComparison
 
+LACKING = 1e-3
+"""Share of a response from which on modes that are left out are told."""
+LINES = 16
+"""Lines of a response on which they are looked for: 0.07 s each for 200 coordinates."""
 EXAMPLES = """\
   middeck response articles/mace-dm.toml --environment lab \\
     --input pri_rel_z --output pri_in_z_rate,bus_z_rate --at 0.5,1,8
@@ -70,7 +74,7 @@ def verb(
 
     From torques and forces to angles, displacements, their rates, and accelerations. Damping is the article's
     [damping]. --static adds the residual flexibility of the modes beyond --count and prints its share of the
-    gain at low frequency.
+    gain at low frequency. A warning says where these modes have more than a thousandth of a response.
     """
     import numpy as np
 
@@ -90,17 +94,50 @@ def verb(
 
     with reading(find_case(case.article, case.environment)[0]):
         response = respond(np.array(frequency_hz))
+        lacking = _warnings_on_modes_left_out(modes, response, count=count, static=static)
     document = {
         "schema": "middeck.response/1",
         "article": modes.equilibrium.model.structure.title,
         "environment": modes.equilibrium.environment.title,
         **describe(response),
         **({} if gain is None else {"static_gain": describe_gain(gain)}),
-        "warnings": modes.warnings,
+        "warnings": (*modes.warnings, *lacking),
     }
     if figure_file is not None:
         _draw(respond, modes, np.array(frequency_hz), figure_file)
     show(as_json, document, *_tables(document))
+
+
+def _warnings_on_modes_left_out(
+    modes: md.Modes, response: md.FrequencyResponse, *, count: int, static: bool
+) -> tuple[str, ...]:
+    """Responses that lack more than `LACKING` without the modes beyond ``count``, on some of the lines."""
+    import numpy as np
+
+    from middeck.structure.plants.residual_flexibility import left_out_gain
+
+    lines = np.unique(np.linspace(0, len(response.frequency_hz) - 1, LINES).astype(int))
+    inputs, outputs = ([port.name for port in side] for side in (response.inputs, response.outputs))
+    try:
+        gain = left_out_gain(
+            modes,
+            inputs=inputs,
+            outputs=outputs,
+            count=count,
+            frequency_hz=response.frequency_hz[lines],
+            static=static,
+        )
+    except md.MiddeckError:  # beside a stiff member no gain is known; its own warning says so
+        return ()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.nan_to_num(np.abs(gain) / (np.abs(gain) + np.abs(response.H[lines])), nan=0.0)
+    if not (share > LACKING).any():
+        return ()
+    k, o, i = np.unravel_index(int(np.argmax(share)), share.shape)
+    return (
+        f"the modes beyond the {count} lowest are left out: at {response.frequency_hz[lines[k]]:g} Hz their "
+        f"share of {inputs[i]} to {outputs[o]} is {100.0 * share[k, o, i]:.2g} %; keep more, with --count",
+    )
 
 
 def _draw(

@@ -9,6 +9,7 @@ coordinates as there are rigid modes are held, which costs the balanced forces n
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -130,9 +131,7 @@ def compare_static_gain(
     x, y = (kept.answer(F) + _dynamic_rest(D, kept, F) for F in (B, C.T))
     full, truncated = C @ x, C @ kept.answer(B)
     completed = truncated + residual_flexibility(modes, drive.force, read.position, count)
-    # Cauchy and Schwarz: a gain is at most the mean of what each port does to itself.
-    most = np.sqrt(np.outer(np.abs(np.sum(C.T * y, axis=0)), np.abs(np.sum(B * x, axis=0))))
-    scale = np.where(np.abs(full) > COUPLED * most, np.abs(full), np.nan)
+    scale = np.where(np.abs(full) > COUPLED * _most(B, x, C, y), np.abs(full), np.nan)
     return StaticGainComparison(
         frequency_hz=frequency_hz,
         inputs=drive.ports,
@@ -143,6 +142,38 @@ def compare_static_gain(
         truncated_error=np.abs(truncated - full) / scale,
         completed_error=np.abs(completed - full) / scale,
     )
+
+
+def left_out_gain(
+    modes: Modes,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    count: int,
+    frequency_hz: Float[np.ndarray, " line"],
+    static: bool = False,
+) -> Float[np.ndarray, "line output input"]:
+    """Undamped gain of the modes beyond ``count``, wheels at rest; with ``static`` less their residual.
+
+    A rate's is without its factor j. Zero for a pair that is not coupled, and not a number where a line is a
+    mode's frequency, to rounding.
+    """
+    drive, read = input_rows(modes.equilibrium, inputs), output_rows(modes.equilibrium, outputs)
+    K, M, free = moving_matrices(modes, "the gain of the modes left out")
+    shapes, B = free.coordinates(modes.shapes[:, :count]), free.part(drive.force.T)
+    gain = np.full((len(frequency_hz), len(read.ports), len(drive.ports)), np.nan)
+    for k, omega in enumerate(2.0 * np.pi * frequency_hz):
+        rows = read.position + omega * read.rate - omega**2 * read.acceleration
+        kept = _Kept(shapes, M, modes.omega[:count] ** 2 - omega**2)
+        C, D = free.part(rows.T).T, sp.csr_array(K - omega**2 * M)
+        with contextlib.suppress(NumericalError):
+            rest, of_outputs = (_dynamic_rest(D, kept, F) for F in (B, C.T))
+            gain[k] = C @ rest
+            x, y = kept.answer(B) + rest, kept.answer(C.T) + of_outputs
+            gain[k][np.abs(C @ x) <= COUPLED * _most(B, x, C, y)] = 0.0
+        if static:
+            gain[k] -= residual_flexibility(modes, drive.force, rows, min(count, len(modes.omega)))
+    return gain
 
 
 def complete_response(
@@ -165,6 +196,11 @@ def complete_response(
         for rows in (read.rate, read.acceleration)
     )
     return dataclasses.replace(response, H=response.H + jw * rate + jw**2 * acceleration)
+
+
+def _most(B: np.ndarray, x: np.ndarray, C: np.ndarray, y: np.ndarray) -> Float[np.ndarray, "output input"]:
+    """Cauchy and Schwarz: a gain is at most the mean of what each port does to itself."""
+    return np.sqrt(np.outer(np.abs(np.sum(C.T * y, axis=0)), np.abs(np.sum(B * x, axis=0))))
 
 
 class _Kept(NamedTuple):

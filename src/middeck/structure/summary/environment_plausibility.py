@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Inexact
 
 from middeck.structure.model.article import Structure
 from middeck.structure.model.environment import Environment
@@ -15,11 +16,16 @@ LOAD = 100.0  # weights of the article that a device may be given to carry
 
 def warnings_on_environment(structure: Structure, environment: Environment) -> tuple[str, ...]:
     """One warning for each implausible number, with the unit in which it is read."""
-    return (*_gravity(environment), *_devices(structure, environment), *_springs(structure, environment))
+    return (
+        *warnings_on_gravity(environment.gravity),
+        *_devices(structure, environment),
+        *_springs(structure, environment),
+    )
 
 
-def _gravity(environment: Environment) -> Iterator[str]:
-    size = float(np.linalg.norm(environment.gravity))
+def warnings_on_gravity(gravity: Inexact[np.ndarray, "3"]) -> Iterator[str]:
+    """A warning for a gravity [m/s^2] that no planet has."""
+    size = float(np.linalg.norm(gravity))
     if size > GRAVITY:
         yield f"gravity is {size:.4g} m/s^2 (Jupiter has 25): is it in ft/s^2 or mm/s^2? it is read as m/s^2"
 
