@@ -16,14 +16,17 @@ CLEAR = 5.0
 
 
 def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
-    """Warnings for trends over the periods of gains and delays of outputs."""
+    """Warnings for trends over the periods of gains and delays of outputs.
+
+    Transients that were taken out (``found.warnings``) have taken some of a trend with them.
+    """
     _, periods, samples, _ = record.u.shape
     if not record.periodic or periods < 2:
         return []
     at = np.rint(found.frequency_hz * samples / record.sample_hz).astype(int)
     trend = np.linspace(-0.5, 0.5, periods)  # from the first period to the last it grows by one
     trend = trend / (trend @ trend)
-    said = []
+    said, least = [], "at least " if found.warnings else ""
     for e, (u, y) in enumerate(zip(record.u, record.y, strict=True)):
         U, Y = (np.fft.rfft(x, axis=1)[:, at] for x in (u, y))
         grown = np.einsum("p,pko->ko", trend, Y) - np.einsum(
@@ -37,9 +40,9 @@ def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
             omega = 2.0 * np.pi * found.frequency_hz[clear]
             gain, delay_s = _changes(mean[clear], grown[clear, o], omega)
             if gain is not None:
-                said.append(_told(f"{port.name}: its gain changes by {gain:+.2g} of itself", where))
+                said.append(_told(f"{port.name}: its gain changes by {least}{gain:+.2g} of itself", where))
             if delay_s is not None:
-                said.append(_told(f"{port.name}: its delay changes by {1e3 * delay_s:+.2g} ms", where))
+                said.append(_told(f"{port.name}: its delay changes by {least}{1e3 * delay_s:+.2g} ms", where))
     return said
 
 
