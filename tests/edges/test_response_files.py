@@ -16,9 +16,10 @@ from middeck.errors import ConfigError, DataError
 from middeck.files.records import write_response
 from middeck.files.refinements.documents import load_refinement
 from middeck.files.setups import load_setup
+from middeck.signals.ports import Port
 from middeck.structure.sensitivity.parameters import scale_parameters
 from middeck.systems.plants.plant import delay_plant
-from middeck.systems.plants.response import evaluate_plant
+from middeck.systems.plants.response import FrequencyResponse, evaluate_plant
 
 ROOT = Path(__file__).parents[2]
 ARTICLE = coarse("mace-simple")
@@ -115,3 +116,15 @@ def test_a_loop_without_a_response_is_refused(folder: Path, capfd: pytest.Captur
     ended = middeck(capfd, "refine", ARTICLE, written(folder, ""))
     assert ended.code == ConfigError.exit_code
     assert "has a parameter loop.delay_s" in ended.err
+
+
+def test_what_a_universal_file_does_not_keep_is_told(tmp_path: Path) -> None:
+    """Read again, a held response has its hold in the delay, and one with a bias is sound."""
+    f = np.arange(1.0, 9.0)
+    port = (Port("u", "V"),)
+    response = FrequencyResponse(frequency_hz=f, H=np.ones((8, 1, 1), complex), inputs=port, outputs=port)
+    write_response(tmp_path / "plain.unv", response)
+    with pytest.warns(UserWarning, match=r"inputs were held.* set hold_s=0.01 "):
+        write_response(tmp_path / "held.unv", dataclasses.replace(response, hold_s=0.01))
+    with pytest.warns(UserWarning, match="does not keep a warning on the response: it clips"):
+        write_response(tmp_path / "wrong.unv", dataclasses.replace(response, warnings=("it clips",)))

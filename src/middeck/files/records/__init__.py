@@ -183,8 +183,9 @@ def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool
     """Write the frequency responses as data sets 58b (58 if ``ascii``) of a universal file, type 4.
 
     Every digit is kept but in ASCII: 13 of the response, and 7 of frequencies that are not evenly spaced. The
-    variance is not, as the format has no place for it. Raises `DataError` for another ending, a name or unit
-    that is too long, or values that are not finite.
+    variance is not, as the format has no place for it, nor for a hold of the inputs and for warnings: what
+    would be read again without them is warned of. Raises `DataError` for another ending, a name or unit that
+    is too long, or values that are not finite.
     """
     from middeck.files.records.uff import write_uff_response
 
@@ -194,6 +195,18 @@ def write_response(path: str | Path, response: FrequencyResponse, *, ascii: bool
     if not (np.isfinite(response.H).all() and len(response.H)):
         raise DataError("a response without lines, or not finite", where=str(path), hint="leave lines out")
     write_uff_response(file, response, binary=not ascii)
+    for what in _not_kept(response):
+        warnings.warn(f"{path}: {what}", UserWarning, stacklevel=2)
+
+
+def _not_kept(response: FrequencyResponse) -> list[str]:
+    found = [f"the file does not keep a warning on the response: {what}" for what in response.warnings]
+    if response.hold_s:
+        found.append(
+            "the file does not say that the inputs were held, and a fit of it has the hold in its delay and "
+            f"its gains; set hold_s={response.hold_s!r} in what is read again"
+        )
+    return found
 
 
 def write_stream(path: str | Path, stream: RecordStream) -> None:

@@ -16,7 +16,10 @@ CLEAR = 5.0
 
 
 def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
-    """Warnings for trends over the periods of gains and delays of outputs: one for gains, one for delays."""
+    """Warnings for trends over the periods of gains and delays of outputs: one for gains, one for delays.
+
+    Transients that were taken out (``found.warnings``) have taken some of a trend with them.
+    """
     _, periods, samples, _ = record.u.shape
     if not record.periodic or periods < 2:
         return []
@@ -39,18 +42,19 @@ def warnings_on_change(record: Record, found: ResponseScatter) -> list[str]:
                 gains.setdefault(port.name, []).append(gain)
             if delay_s is not None:
                 delays_ms.setdefault(port.name, []).append(1e3 * delay_s)
-    return [*_change("gain", gains, "of itself"), *_change("delay", delays_ms, "ms")]
+    by = "by at least" if found.warnings else "by"
+    return [*_change("gain", gains, "of itself", by), *_change("delay", delays_ms, "ms", by)]
 
 
-def _change(what: str, by_output: dict[str, list[float]], unit: str) -> list[str]:
+def _change(what: str, by_output: dict[str, list[float]], unit: str, by: str) -> list[str]:
     if not by_output:
         return []
     sizes = [size for each in by_output.values() for size in each]
-    by = " to ".join(dict.fromkeys(f"{size:+.2g}" for size in (min(sizes), max(sizes))))
+    size = " to ".join(dict.fromkeys(f"{size:+.2g}" for size in (min(sizes), max(sizes))))
     several = len(by_output) > 1
     return [
-        f"output{'s' * several} {', '.join(by_output)}: {'their' if several else 'its'} {what} changes by "
-        f"{by} {unit} from the first period to the last, by more than noise explains: a sensor, an amplifier "
+        f"output{'s' * several} {', '.join(by_output)}: {'their' if several else 'its'} {what} changes "
+        f"{by} {size} {unit} from the first period to the last, by more than noise explains: a sensor, an amplifier "
         "or a clock that drifts, or an article that changes; the response is a mean over the record, and no "
         "variance counts the change; let it warm up, or take fewer periods"
     ]

@@ -100,9 +100,7 @@ def estimate_response(
     inputs, outputs = response_under_feedback.plant_ports(record, reference)
     faults: list[str] = []
     if isinstance(record, Record) and reference is None and controller is None and variance is not None:
-        faults = _biasing_faults(record) + _noise_of_inputs(record, found, variance)
-        if not found.warnings and found.line_inverse_power is None:
-            faults += warnings_on_change(record, found)
+        faults = [*_biasing_faults(record), *_noise_of_inputs(record, found, variance), *found.changes]
     for what in faults:
         warnings.warn(what, UserWarning, stacklevel=2)
     return FrequencyResponse(
@@ -226,7 +224,9 @@ def _scatter(
     # Only periods show which lines of a measured input are noise, and what of the scatter repeats.
     found = scatter_of_periods(_stream(record), band_hz)
     excited = np.isin(spectra.frequency_hz, found.frequency_hz)
-    return dataclasses.replace(found, H=spectra_response(spectra, method, excited=excited).H)
+    found = dataclasses.replace(found, H=spectra_response(spectra, method, excited=excited).H)
+    changes = warnings_on_change(record, found) if isinstance(record, Record) else []
+    return dataclasses.replace(found, changes=tuple(changes))
 
 
 def as_periods(record: Record) -> Record:
@@ -244,7 +244,9 @@ def _scatter_of_run(record: Record, band_hz: tuple[float, float] | None) -> Resp
     if started.what:
         warnings.warn(started.what, UserWarning, stacklevel=5)
     found = scatter_of_periods(_stream(started.record), band_hz, started)
-    return dataclasses.replace(found, warnings=(started.what,) if started.what else ())
+    found = dataclasses.replace(found, warnings=(started.what,) if started.what else ())
+    # What is left of free motion is as often in quadrature to the response as in phase, and is no change.
+    return dataclasses.replace(found, changes=tuple(warnings_on_change(started.record, found)))
 
 
 def _stream(record: Record | RecordStream) -> RecordStream:

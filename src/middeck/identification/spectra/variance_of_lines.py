@@ -33,6 +33,7 @@ class ResponseScatter:
             are. Neighbouring lines of local models share their data, and ``inverse_power`` is smaller by the
             number of lines that are shared.
         warnings: How periods were corrected that were not steady.
+        changes: Warnings on gains and delays that change over the periods.
 
     Variances are of the complex number: real and imaginary part together.
     """
@@ -48,6 +49,7 @@ class ResponseScatter:
     inverse_power: Complex[np.ndarray, "line input input"]
     line_inverse_power: Complex[np.ndarray, "line input input"] | None = None
     warnings: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
 
     @property
     def distortion(self) -> Float[np.ndarray, "line output input"] | None:

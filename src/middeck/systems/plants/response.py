@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Complex, Float
 
@@ -92,12 +94,13 @@ def in_band(response: FrequencyResponse, band_hz: tuple[float, float]) -> Freque
     """The lines of ``response`` within a band."""
     f = response.frequency_hz
     keep = (f >= band_hz[0]) & (f <= band_hz[1])
-    variance = None if response.variance is None else response.variance[keep]
-    return FrequencyResponse(
+    known = response.covariance
+    return dataclasses.replace(
+        response,
         frequency_hz=f[keep],
         H=response.H[keep],
-        inputs=response.inputs,
-        outputs=response.outputs,
-        variance=variance,
-        alike=response.alike,
+        variance=None if response.variance is None else response.variance[keep],
+        covariance=None
+        if known is None
+        else ResponseCovariance(known.outputs[keep], known.inverse_power[keep]),
     )
