@@ -50,13 +50,13 @@ def _change(what: str, by_output: dict[str, list[float]], unit: str, by: str) ->
     if not by_output:
         return []
     sizes = [size for each in by_output.values() for size in each]
-    size = " to ".join(dict.fromkeys(f"{size:+.2g}" for size in (min(sizes), max(sizes))))
+    size = " to ".join(dict.fromkeys(f"{one:+.2g}" for one in (min(sizes), max(sizes))))
     several = len(by_output) > 1
     return [
         f"output{'s' * several} {', '.join(by_output)}: {'their' if several else 'its'} {what} changes "
-        f"{by} {size} {unit} from the first period to the last, by more than noise explains: a sensor, an amplifier "
-        "or a clock that drifts, or an article that changes; the response is a mean over the record, and no "
-        "variance counts the change; let it warm up, or take fewer periods"
+        f"{by} {size} {unit} from the first period to the last, by more than noise explains: a sensor, an "
+        "amplifier or a clock that drifts, or an article that changes; the response is a mean over the record, "
+        "and no variance counts the change; let it warm up, or take fewer periods"
     ]
 
 
