@@ -55,8 +55,8 @@ def _change(what: str, by_output: dict[str, list[float]], unit: str, by: str) ->
     return [
         f"output{'s' * several} {', '.join(by_output)}: {'their' if several else 'its'} {what} changes "
         f"{by} {size} {unit} from the first period to the last, by more than noise explains: a sensor, an "
-        "amplifier or a clock that drifts, or an article that changes; the response is a mean over the record, "
-        "and no variance counts the change; let it warm up, or take fewer periods"
+        "amplifier or a clock that drifts, or an article that changes; the response is a mean over the "
+        "record, and no variance counts the change; let it warm up, or take fewer periods"
     ]
 
 
