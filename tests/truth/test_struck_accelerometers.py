@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 import scipy.signal as ss
 
+from middeck.identification.fit.fit_response import fit_response
 from middeck.identification.impact.averaged_blows import average_blows
 from middeck.identification.impact.fit_of_blows import fit_impact
 from middeck.identification.model.measurement_model import damping_ratio, natural_hz
 from middeck.identification.record_fit.fit_record import fit_record
 from middeck.signals.ports import Port
 from middeck.signals.record import Record
+from middeck.systems.plants.response import FrequencyResponse
 
 RATE, FINE = 500.0, 16
 HZ, ZETA = np.array([20.7, 31.1, 48.6, 93.1]), np.array([0.0105, 0.014, 0.008, 0.02])
@@ -85,3 +87,26 @@ def test_little_noise_of_a_blow_makes_no_gain_too_small():
     noise = test.rest[..., None]
     fit = fit_record(test.blocks, states=8, band_hz=(2.0, 60.0), input_noise=noise, sampled=False)
     assert not any("makes gains too small" in w for w in fit.warnings)
+
+
+@pytest.mark.parametrize(("beside_hz", "told"), [(49.4, True), (62.0, False)])
+def test_a_pair_just_outside_the_band_is_not_read_as_a_mode_in_silence(beside_hz: float, *, told: bool):
+    """It stands for what lies further away, too: it was 7 deviations off, and no warning said so."""
+    hz = np.array([12.8, 27.3, beside_hz, 66.0, 97.0, 134.0])
+    f, w, rng = np.arange(5.0, 48.01, 0.125), 2.0 * np.pi * hz, np.random.default_rng(5)
+    s = 2j * np.pi * f[:, None]
+    H = np.sum(np.array([0.7, -0.9, 0.8, 0.9, 0.7, -0.8]) * w * s / (s**2 + 0.02 * w * s + w**2), axis=1)
+    noise = 1e-4 * H.std() * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
+    response = FrequencyResponse(
+        frequency_hz=f,
+        H=(H + noise)[:, None, None],
+        inputs=(Port("hammer", "N"),),
+        outputs=(Port("tip", "m/s"),),
+        variance=np.full((len(f), 1, 1), 2e-8 * H.std() ** 2),
+        hold_s=0.0,
+    )
+    fit = fit_response(response, states=8)
+    nearest = np.argmin(np.abs(natural_hz(fit.model) - beside_hz))
+    error_hz = abs(natural_hz(fit.model)[nearest] - beside_hz)
+    assert not told or error_hz > 4.0 * fit.uncertainty.natural_hz[nearest]
+    assert any("outside the band" in text for text in fit.warnings) == told

@@ -35,6 +35,8 @@ CONFOUNDED = 1e4
 FAILED = 2.0
 # Ratio of frequencies from the band beyond which a pole is none of the article.
 FAR = 100.0
+# Ratio of frequencies from the band within which a pair below this damping ratio passes for a mode.
+BESIDE, LIGHT = 1.1, 0.1
 UNDETERMINED = "is not determined by the data"
 
 
@@ -218,18 +220,20 @@ def _warnings_on_modes(
     poles = sorted(distinct_poles(covariance.model), key=lambda m: f[m])
     unknown = [m for m in poles if of.natural_hz[m] > HALF * f[m]]
     beyond = _beyond(measured, covariance.model)
+    terms = _has_pairs_for_terms(covariance)
+    told = [m for m in beyond if not terms or _passes_for_a_mode(measured, covariance.model, m)]
     found = [
         f"mode at {f[m]:.4g} Hz: its frequency {_loose(of.natural_hz[m], f'{of.natural_hz[m]:.3g} Hz')}"
         for m in unknown
         if m not in beyond
     ]
-    if beyond and not _has_pairs_for_terms(covariance):
-        places = ", ".join(f"{f[m]:.4g}" for m in beyond)
-        one = len(beyond) == 1
+    if told:
+        places = ", ".join(f"{f[m]:.4g}" for m in told)
+        one = len(told) == 1
         found.append(
             f"mode{'' if one else 's'} at {places} Hz: {'it lies' if one else 'they lie'} outside the band "
             f"{lines[0]:.4g}-{lines[-1]:.4g} Hz, and represent{'s' if one else ''} all modes beyond it"
-            f"{_lost([f[m] for m in beyond if np.isinf(of.natural_hz[m])], len(beyond))}"
+            f"{_lost([f[m] for m in told if np.isinf(of.natural_hz[m])], len(told))}"
         )
     within = [m for m in poles if covariance.model.is_pair[m] and m not in beyond and m not in unknown]
     for m in within:
@@ -242,6 +246,16 @@ def _beyond(measured: FrequencyResponse, model: MeasurementModel) -> list[int]:
     f, lines = natural_hz(model), measured.frequency_hz
     beyond = [m for m in distinct_poles(model) if model.is_pair[m] and not lines[0] <= f[m] <= lines[-1]]
     return sorted(beyond, key=lambda m: f[m])
+
+
+def _passes_for_a_mode(measured: FrequencyResponse, model: MeasurementModel, m: int) -> bool:
+    """Whether a pair outside the band is so near and so lightly damped that it is read as a mode.
+
+    It stands for the modes further away, too, which its deviations do not count.
+    """
+    f, lines = natural_hz(model)[m], measured.frequency_hz
+    near = lines[0] / BESIDE <= f <= BESIDE * lines[-1]
+    return bool(near and damping_ratio(model)[m] < LIGHT)
 
 
 def _has_pairs_for_terms(covariance: ModelCovariance) -> bool:
