@@ -89,7 +89,8 @@ def test_lines_in_a_band_keep_what_is_known_of_all() -> None:
     with pytest.warns(UserWarning, match="gain changes"):
         measured = estimate_response(taken)
     part = in_band(measured, (1.0, 12.0))
-    assert (part.warnings, part.biased, part.hold_s) == (measured.warnings, True, 1.0 / RATE)
+    assert (part.warnings, part.hold_s) == (measured.warnings, 1.0 / RATE)
+    assert part.warnings
     assert part.covariance is not None
     assert len(part.covariance.outputs) == len(part.covariance.inverse_power) == len(part.H)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -38,6 +39,10 @@ def drawn(turn: tuple[float, float, float]) -> tuple[Structure, Environment]:
     return parts, lab(*above)
 
 
+# Names of modes are of the axes as drawn.
+DIRECTION = re.compile(r"\b[xyz](-[xyz])?\b")
+
+
 @functools.cache
 def solved(turn: tuple[float, float, float]) -> tuple[Modes, Modes]:
     """In orbit and in the laboratory."""
@@ -61,7 +66,8 @@ def test_a_comparison_is_that_of_the_article_drawn_as_it_hangs(turn):
     )
     np.testing.assert_allclose(turned.mac[flexible], level.mac[flexible], atol=1e-4)
     np.testing.assert_allclose(turned.subspace_angle, level.subspace_angle, atol=1e-4)
-    assert turned.warnings == level.warnings
+    unnamed, unturned = ([DIRECTION.sub("", text) for text in of.warnings] for of in (turned, level))
+    assert unnamed == unturned
 
 
 @pytest.mark.parametrize("turn", TURNS)

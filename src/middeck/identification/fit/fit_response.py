@@ -395,7 +395,7 @@ def _result(run: _Searched) -> FitResult:
     phase = _pairs_for_a_delay(measured, covariance, residual, best, followed)
     beside = beside_one_line(measured, model)
     doubted = [*phase[0], *lacks.modes, *beside]
-    standing = standing_of(measured, covariance, holds=not (of_model or measured.biased), doubted=doubted)
+    standing = standing_of(measured, covariance, holds=not (of_model or measured.warnings), doubted=doubted)
     coupled = [] if lacks.said else _coupling_instead(run, covariance, standing)
     if coupled:
         doubts += coupled
@@ -407,7 +407,7 @@ def _result(run: _Searched) -> FitResult:
     # What all lines lack alike looks like a delay before it is most of what is left.
     noise = not doubts and (measured.variance is None or leaves_noise(best, spread))
     of_delays = standing_of_delays(
-        measured, covariance, holds=noise and poles is None and not measured.biased
+        measured, covariance, holds=noise and poles is None and not measured.warnings
     )
     if poles is not None:
         warnings.append(poles.doubt())

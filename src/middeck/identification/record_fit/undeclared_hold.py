@@ -48,7 +48,15 @@ def given_as_commands(record: Record) -> str:
     inputs = record.u.reshape(len(record.u), -1, record.u.shape[3])
     to_the_end = driven_band(inputs, record.sample_hz)[1] >= NYQUIST * 0.5 * record.sample_hz
     struck = any(is_impact(x) for u in inputs for x in u.T)
-    return TO_THE_END if to_the_end and not struck else ""
+    return TO_THE_END if to_the_end and not struck and not _falls_off(inputs) else ""
+
+
+def _falls_off(inputs: Float[np.ndarray, "experiment sample input"]) -> bool:
+    """Whether an input is weaker in the last tenth of its lines, by more than three deviations of noise."""
+    power = np.abs(np.fft.rfft(inputs, axis=1)[:, 1:]) ** 2
+    last = power.shape[1] // 10
+    tail, rest = power[:, -last:].mean(axis=(0, 1)), power[:, last:-last].mean(axis=(0, 1))
+    return bool(np.any(tail < (1.0 - 3.0 / np.sqrt(len(inputs) * last)) * rest)) if last else True
 
 
 def are_steps(record: Record) -> bool:

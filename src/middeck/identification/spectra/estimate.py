@@ -73,8 +73,8 @@ def estimate_response(
 
     Faults that bias all lines alike (samples lost, runs joined, feedback, a long delay, experiments that
     contradict each other, a gain or a delay that changes over the periods) and noise of the inputs are warned
-    of; so are transients that were taken out. The response keeps these ``warnings``, and a fit of it repeats
-    them.
+    of: the response keeps these ``warnings``, and a fit of it repeats them. Transients that were taken out
+    are warned of, too; the variance counts what they leave.
 
     Raises `DataError` if a channel is constant or not finite, no line in the band is excited, the inputs
     cannot be distinguished, or the record is too short or too long for the method; `ConfigError` for a
@@ -112,8 +112,7 @@ def estimate_response(
         covariance=covariance,
         hold_s=hold_s,
         alike=None if smoothed or found.line_inverse_power is not None else INDEPENDENT,
-        warnings=(*found.warnings, *faults),
-        biased=bool(faults),
+        warnings=tuple(faults),
     )
 
 

@@ -33,10 +33,11 @@ def integrate(
 
     Panels are halved while a null rule exceeds ``tolerance`` of the whole integral: of the whole, so that
     halving ends where a panel's own value is uncertain by rounding. Where the whole is rounding, as of a path
-    that is zero because two parts cancel, it ends where rounding explains the null rule.
+    that is zero because two parts cancel, it ends where rounding explains the null rule, unless half a panel
+    has more than the whole one had: towards an undamped pole that grows without bound.
     """
     low, high = edges[:-1], edges[1:]
-    done, known, halvings = 0.0, 0.0, 0
+    done, known, halvings, before = 0.0, 0.0, 0, np.inf
     while True:
         half = 0.5 * (high - low)
         lines = 0.5 * (low + high)[:, None] + half[:, None] * _NODES
@@ -50,12 +51,14 @@ def integrate(
             noise = np.sqrt(np.mean((moved - values[rough]) ** 2, axis=1))
             known = np.maximum(known, noise.sum(axis=0))
             explained = np.maximum(ROUNDING * noise, SHARE * known)
-            rough[rough] = np.any(above[rough] & (error[rough] > explained), axis=1)
+            unsettled = (error[rough] > explained) | (each > before)[rough]
+            rough[rough] = np.any(above[rough] & unsettled, axis=1)
         done = done + each[~rough].sum(axis=0)
         if not rough.any():
             return done
         middle = 0.5 * (low + high)[rough]
         low, high = np.concatenate([low[rough], middle]), np.concatenate([middle, high[rough]])
+        before = np.concatenate([each[rough], each[rough]])
         halvings += 1
 
 

@@ -41,7 +41,7 @@ class FrequencyResponse:
     it, None where that is not known (`release_hold`). ``alike`` neighbouring lines show no more
     of the noise than one, as under a window: the sum of their squared correlations over all lags; one of
     whole periods, whose lines share nothing; None where that is not known, and one is taken.
-    ``warnings`` are those of the estimate; ``biased``: one is of a fault that no variance counts.
+    ``warnings`` are of faults that bias it and that no variance counts.
     """
 
     frequency_hz: Float[np.ndarray, " line"]
@@ -53,7 +53,6 @@ class FrequencyResponse:
     hold_s: float | None = None
     alike: float | None = None
     warnings: tuple[str, ...] = ()
-    biased: bool = False
 
 
 def statespace_response(
