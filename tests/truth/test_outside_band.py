@@ -137,8 +137,11 @@ def distorted(seed, cubic, samples=2048, rate_hz=256.0):
     return Record(sample_hz=rate_hz, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=True)
 
 
-@pytest.mark.kernels
-@pytest.mark.parametrize(("cubic", "constants", "most"), [(0.03, "real", 8), (0.1, "complex", 14)])
+# The order of complex constants hangs on rounding: eight, fourteen, and sixteen by one kernel of one processor.
+@pytest.mark.parametrize(
+    ("cubic", "constants", "most"),
+    [pytest.param(0.03, "real", 8, marks=pytest.mark.kernels), (0.1, "complex", 14)],
+)
 def test_an_order_does_not_grow_with_lines_that_distortion_moves(cubic, constants, most):
     """Six states are in the article; distortion, 3 and 8 % of each line, is not to be fitted line by line.
 
