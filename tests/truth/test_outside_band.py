@@ -137,7 +137,7 @@ def distorted(seed, cubic, samples=2048, rate_hz=256.0):
     return Record(sample_hz=rate_hz, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=True)
 
 
-# The order of complex constants hangs on rounding: eight, fourteen, and sixteen by one kernel of one processor.
+# The order of complex constants hangs on rounding: eight, fourteen, or sixteen by one kernel of one machine.
 @pytest.mark.parametrize(
     ("cubic", "constants", "most"),
     [pytest.param(0.03, "real", 8, marks=pytest.mark.kernels), (0.1, "complex", 14)],
