@@ -114,8 +114,8 @@ def _fit_response(taken: Record, settings: FitSettings, seen: tuple[str, ...]) -
     if method in ("h1", "h2", "hv") and not taken.periodic:
         spectra = estimate_spectra(taken)
         warnings += warnings_on_window(spectra_response(spectra, method), spectra)
-    told = tuple(dict.fromkeys((*seen, *warnings, *fit.warnings)))
-    return Identified(record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=told)
+    each = tuple(dict.fromkeys((*seen, *warnings, *fit.warnings)))
+    return Identified(record=taken, measured=_as_fitted(measured, fit), fit=fit, warnings=each)
 
 
 def _friction(taken: Record, settings: FitSettings) -> JointFriction:

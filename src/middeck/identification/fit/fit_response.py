@@ -113,7 +113,7 @@ class FitResult:
         order_reason: Why the model has the order it has.
         warnings: Warnings in words, those of the estimated response first; empty for none.
         standing: Whether the numbers of each mode are reliable (`Standing`); "sound" where no warning
-            concerns it; "outside" far from the band in a fit of rates is told by ``order_reason``.
+            concerns it; "outside" far from the band in a fit of rates is named in ``order_reason``.
         delay_standing: The same for the delay of each output; "sound" where none was fitted.
         lines: Sines in the outputs that no input makes, such as hum: they were fitted, and are none of the
             modes.

@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 from middeck.identification.spectra.variance_of_lines import ResponseScatter
 from middeck.signals.record import Record
 
-# Probability of a trend by chance below which it is told; lines that count from which it is tested.
+# Probability of a trend by chance below which it is reported; lines that count from which it is tested.
 BY_CHANCE, FEWEST = 1e-7, 8.0
 # Deviations of a mean over the periods by which a line must exceed it.
 CLEAR = 5.0
