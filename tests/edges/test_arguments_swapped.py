@@ -19,6 +19,10 @@ ARTICLE: Any = structure([node("a", (0, 0, 0), body(1.0, inertia=(0.1, 0.1, 0.1)
 ORBIT: Any = md.Environment.orbit()
 REST: Any = md.solve_equilibrium(ARTICLE, ORBIT)
 GAIN: Any = np.eye(1)
+RECORD: Any = md.Record(
+    sample_hz=1.0, u=np.ones((1, 1, 8, 1)), y=np.ones((1, 1, 8, 1)), inputs=P.inputs, outputs=P.outputs,
+    periodic=False,
+)  # fmt: skip
 
 MISTAKES: dict[str, tuple[Callable[[], Any], str]] = {
     "margins": (lambda: md.measure_margins(K, P), "a Compensator stands in place of the plant"),
@@ -52,6 +56,7 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: md.differentiate_frequencies(md.solve_modes(REST), ["node.a.mass"]),  # ty: ignore[invalid-argument-type]
         "a str stands in place of the parameter",
     ),
+    "blows": (lambda: md.fit_impact(RECORD), "a Record stands in place of the impact test"),
     "break": (lambda: md.control.measure_disk_margin(P, K, at="input"), "broken at 'input'"),  # ty: ignore[invalid-argument-type]
     "frequency": (lambda: md.evaluate_plant(P, [np.nan]), "a frequency is not finite"),
 }

@@ -339,8 +339,9 @@ def test_scaling_is_the_structured_singular_value_for_three_channels() -> None:
 @pytest.mark.parametrize(
     ("system", "k", "limit"),
     [
-        # Unit modal mass and an accelerometer: L = 1.5 at every frequency.
+        # Unit modal mass and an accelerometer: L = 1.5 at every frequency, or above the mode's.
         (StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]), 1.5, 0.0),
+        (sum_of_modes([6.0], 0.01, [[1.0]], [[0.0]], phi_acceleration=[[1.0]]), 1.5, 0.0),
         # L = 1.5 (s + 1)/(s + 0.1) and 1.5 (s + 0.1)/(s + 1): never below one, and below one up to a point.
         (StateSpace([[-0.1]], [[1.0]], [[0.9]], [[1.0]]), 1.5, 0.0),
         (StateSpace([[-1.0]], [[1.0]], [[-0.9]], [[1.0]]), 1.5, 0.0),

@@ -23,6 +23,7 @@ from middeck.identification.uncertainty.covariance import ModelCovariance
 from middeck.identification.uncertainty.model_unknowns import unknowns_of
 from middeck.identification.uncertainty.parameter_deviations import uncertainty_of
 from middeck.signals.record import Record
+from middeck.values import require_kind
 
 # Least decay rate that is left to a mode, as a share of its frequency, where noise makes it none or negative.
 LEAST = 1e-9
@@ -42,6 +43,7 @@ def fit_impact(
     Raises `ConfigError` for terms that a window does not leave what they are: residuals, rigid modes,
     integrators, delays of paths; `DataError` and `FitError` as the fit does.
     """
+    require_kind(test, ImpactTest, "impact test", "average_blows(record) makes one")
     check_word("of", of, ("samples", "response"))
     if of == "samples":
         first, last = (float(f) for f in test.response.frequency_hz[[0, -1]])
