@@ -47,3 +47,18 @@ def test_the_rms_says_that_its_band_leaves_the_rigid_mode_out(
     assert above["db"]["star"] == pytest.approx(0.0, abs=0.1)
     assert below["db"]["star"] < -10.0
     assert [name.split()[0] for name in above["inert"]] == ["translation"] * 3 + ["rotation", "a"]
+
+
+def test_laws_on_a_free_article_are_compared_by_their_rms(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its own rms is infinite, and every decibel would be minus infinity."""
+    article, law = tmp_path / "rod.toml", tmp_path / "law.json"
+    article.write_text(ROD)
+    designed = json.loads(middeck(capfd, "design", article, *ASKED, "--band", "0.05,80", "-o", law).out)
+    found = json.loads(middeck(capfd, "qualify", law, article, *ASKED).out)
+    (row,) = found["rows"]
+    assert (row["stable"], row["db"]) == (True, None)
+    # All frequencies, of which the band of the design holds most.
+    assert 1.0 < row["rms"] / designed["rms_closed"]["star"] < 1.1
+    assert [text for text in found["warnings"] if "compare the rms itself" in text]
