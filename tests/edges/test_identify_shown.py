@@ -71,7 +71,7 @@ def test_a_step_stands_on_a_terminal_with_its_seconds(
 def test_what_is_drawn_as_data_has_no_dips_of_a_start_from_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
 ) -> None:
-    """Three periods of a multisine, of which the first begins at rest: it left lines wrong by up to 12.7 dB."""
+    """Three periods of a multisine, the first from rest, which left lines wrong by up to 12.7 dB."""
     samples, periods, rng = 256, 3, np.random.default_rng(6)
     lines = np.zeros(samples // 2 + 1, complex)
     lines[5:103] = np.exp(2j * np.pi * rng.random(98))
