@@ -49,7 +49,8 @@ class ImpactTest:
         coherence: Share of the response explained by the force at each line and output, over the good
             blows.
         blocks: The good blows under the force window alone, each an experiment.
-        before: Outputs before each block, for a fit of samples.
+        before: Outputs before the ``led`` blocks, for a fit of samples.
+        led: The blocks that have something before them; the others are of blows that came as a record began.
         rest: Force where nothing struck, as long under the window of a blow: noise as it is in blocks.
         window_s: Time constant tau of the exponential window [s]; infinite without.
         blows: All blows, the rejected ones with the reason.
@@ -59,7 +60,8 @@ class ImpactTest:
     response: FrequencyResponse
     coherence: Float[np.ndarray, "line output"]
     blocks: Record
-    before: Float[np.ndarray, "blow lead output"]
+    before: Float[np.ndarray, "led lead output"]
+    led: tuple[int, ...]
     rest: Float[np.ndarray, "part sample"]
     window_s: float
     blows: tuple[Blow, ...]
@@ -135,15 +137,21 @@ def average_blows(
         alike=lines_alike(size, record.sample_hz, tau),
     )
     coherence = ordinary_coherence(spectra)[kept, :, 0]
+    before, led = before_blows(y, good, blows, size)
     return ImpactTest(
         response=response,
         coherence=coherence,
         blocks=blocks,
-        before=before_blows(y, good, blows, size),
+        before=before,
+        led=led,
         rest=np.concatenate([_at_rest_under(x, window, -(-KEPT // len(good))) for x, window in struck]),
         window_s=float(tau),
         blows=blows,
-        warnings=(*_warnings(record, coherence, blows), *_of_coupling(record, tau_s)),
+        warnings=(
+            *_warnings(record, coherence, blows),
+            *_of_leads(record, [b for k, b in enumerate(good) if k not in led]),
+            *_of_coupling(record, tau_s),
+        ),
     )
 
 
@@ -151,6 +159,16 @@ def _released(record: Record, blows: Sequence[Blow]) -> tuple[Record, float]:
     """The record with the force before an AC-coupled sensor, and the sensor's time constant [s]."""
     found = released_force(record.u.reshape(len(record.u), -1), blows, record.sample_hz)
     return dataclasses.replace(record, u=found.force.reshape(record.u.shape)), found.tau_s
+
+
+def _of_leads(record: Record, bare: Sequence[Blow]) -> list[str]:
+    if not bare:
+        return []
+    at = ", ".join(f"{b.struck / record.sample_hz:.4g} s" for b in bare)
+    return [
+        f"struck too soon to tell their response from free motion before it: blows at {at}; a fit of samples "
+        "leaves them out, the average does not; record longer before a blow"
+    ]
 
 
 def _of_coupling(record: Record, tau_s: float) -> list[str]:

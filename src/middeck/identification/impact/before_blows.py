@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from middeck.identification.impact.blows import BEFORE, Blow
 
-# Share of a block that is put before it.
-LEAD = 0.25
+# Share of a block that is put before it; and the share of the longest lead below which a blow has none.
+LEAD, LED = 0.25, 0.5
 # Samples that tell rest; their variance over that of their differences, which are noise, up to which it is
 # rest; and their deviation over the rms of the response at which it is rest whatever noise there is.
 FEWEST, NOISE, NOTHING = 16, 4.0, 1e-4
@@ -24,13 +24,16 @@ FEWEST, NOISE, NOTHING = 16, 4.0, 1e-4
 
 def before_blows(
     y: Float[np.ndarray, "experiment sample output"], good: Sequence[Blow], blows: Sequence[Blow], size: int
-) -> Float[np.ndarray, "blow lead output"]:
-    """The outputs ``y`` before the blocks of the ``good`` blows, as long for each.
+) -> tuple[Float[np.ndarray, "led lead output"], tuple[int, ...]]:
+    """The outputs ``y`` before the blocks of the ``good`` blows, as long for each, and which of them have it.
 
-    A lead ends where the blow before pushed; a level goes before an experiment that begins at rest.
+    A lead ends where the blow before pushed; a level goes before an experiment that begins at rest. A blow
+    with far less than others has none: theirs would be as short.
     """
-    lead = min(_most(y[b.experiment], b, blows, int(LEAD * size)) for b in good)
-    return np.stack([_led(y[b.experiment], b, lead) for b in good])
+    most = [_most(y[b.experiment], b, blows, int(LEAD * size)) for b in good]
+    led = tuple(k for k, lead in enumerate(most) if lead >= LED * max(most))
+    lead = min(most[k] for k in led)
+    return np.stack([_led(y[good[k].experiment], good[k], lead) for k in led]), led
 
 
 def _led(y: Float[np.ndarray, "sample output"], blow: Blow, lead: int) -> Float[np.ndarray, "lead output"]:

@@ -50,7 +50,7 @@ def fit_impact(
         # However far a blow reaches, its force is not held from sample to sample.
         options.setdefault("sampled", False)
         record = _with_what_was_before(test)
-        noise = _led(test.rest[..., None], test.before.shape[1])
+        noise = _with_lead(test.rest[..., None], test.before.shape[1])
         return fit_record(record, band_hz=(first, last), input_noise=noise, **options)
     if np.isfinite(test.window_s) and not {"direct", "relative_degree"} & set(options):
         # No terms for modes outside the band but a constant: a window makes others of 1/s^2.
@@ -60,13 +60,15 @@ def fit_impact(
 
 
 def _with_what_was_before(test: ImpactTest) -> Record:
-    """The blocks, each with the outputs before it; the force is zero there."""
-    blocks, lead = test.blocks, test.before.shape[1]
-    y = np.concatenate([test.before[:, None], blocks.y], axis=2)
-    return dataclasses.replace(blocks, u=_led(blocks.u, lead), y=y)
+    """The blocks that have outputs before them, each with these; the force is zero there."""
+    blocks, led = test.blocks, list(test.led)
+    y = np.concatenate([test.before[:, None], blocks.y[led]], axis=2)
+    return dataclasses.replace(blocks, u=_with_lead(blocks.u[led], test.before.shape[1]), y=y)
 
 
-def _led(x: Float[np.ndarray, "... sample channel"], lead: int) -> Float[np.ndarray, "... longer channel"]:
+def _with_lead(
+    x: Float[np.ndarray, "... sample channel"], lead: int
+) -> Float[np.ndarray, "... longer channel"]:
     return np.pad(x, (*((0, 0),) * (x.ndim - 2), (lead, 0), (0, 0)))
 
 

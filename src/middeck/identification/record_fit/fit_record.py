@@ -455,7 +455,8 @@ def _result(
     wrong = [*residual_growth.warnings_on_growth(record, score), *_undamped(lines, model, fit)]
     wrong += warnings_on_two(fit)
     if model.sample_hz is None:
-        wrong += folded_blows.warnings_on_folding(record)
+        ends = float(lines.frequency_hz[0]), float(lines.frequency_hz[-1])
+        wrong += folded_blows.warnings_on_folding(record, covariance, ends)
     leads = (fitted.delay_s < 0.0) & (uncertainty.delay_s > 0.0)
     lead = np.divide(-fitted.delay_s, uncertainty.delay_s, out=np.zeros(len(leads)), where=leads)
     phase = _pairs_for_a_delay(model, covariance, data, run)
