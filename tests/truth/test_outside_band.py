@@ -137,23 +137,43 @@ def distorted(seed, cubic, samples=2048, rate_hz=256.0):
     return Record(sample_hz=rate_hz, u=u, y=y, inputs=PORTS[0], outputs=PORTS[1], periodic=True)
 
 
-# The order of complex constants hangs on rounding: eight, fourteen, or sixteen by one kernel of one machine.
+@pytest.mark.kernels
 @pytest.mark.parametrize(
-    ("cubic", "constants", "most"),
-    [pytest.param(0.03, "real", 8, marks=pytest.mark.kernels), (0.1, "complex", 14)],
+    ("seed", "cubic", "constants"),
+    repeats([(1, 0.1, "complex"), (1, 0.03, "real"), (37, 0.12, "complex"), (40, 0.08, "real")], 2),
 )
-def test_an_order_does_not_grow_with_lines_that_distortion_moves(cubic, constants, most):
-    """Six states are in the article; distortion, 3 and 8 % of each line, is not to be fitted line by line.
+def test_an_order_does_not_grow_with_lines_that_distortion_moves(seed, cubic, constants):
+    """Six states are in the article; distortion, 3 to 10 % of each line, is not to be fitted line by line.
 
-    Complex constants follow single lines as no noise would; there a search that rounding sends another way
-    may find a model that is better by a third: of eight states, or of fourteen.
+    A few lines at peaks are most of the error: single poles followed those, and rounding led the search to
+    6, 8, 14 or 16 states.
     """
-    fitted = fit_response(estimate_response(distorted(1, cubic)), constants=constants)
-    assert fitted.model.states <= most
+    measured = estimate_response(distorted(seed, cubic))
+    fitted = fit_response(measured, constants=constants)
+    assert fitted.model.states == 6
     assert "states are the fewest" in fitted.order_reason
     held_out = float(fitted.order_reason.split("met to ")[-1].split("%")[0]) / 100.0
     # What is said of lines kept out is what the fit leaves, and what rounding makes of the search on some.
     assert fitted.error[0] < held_out < 2.0 * fitted.error[0]
+
+
+def test_an_order_is_bettered_by_one_that_gains_on_all_lines_of_a_mode_or_beyond_chance():
+    """By half of the error each: on two lines of a mode, on two lines with losses on others, on all lines."""
+    rng = np.random.default_rng(3)
+    noise = rng.exponential(size=200) / 200.0
+
+    def states_of(smaller, larger):
+        tried = [
+            TriedOrder(n, -n, float(np.sqrt(d.sum())), False, lines=d)
+            for n, d in ((4, smaller), (6, larger), (8, larger))
+        ]
+        return choose(tried).states
+
+    peak = np.zeros(200)
+    peak[[60, 61]] = 1.5
+    assert states_of(noise + peak, noise) == 6
+    assert states_of(noise + peak, noise * rng.uniform(0.5, 1.5, size=200)) == 4
+    assert states_of(4.0 * noise, noise * rng.uniform(0.0, 2.0, size=200)) == 6
 
 
 @pytest.mark.kernels

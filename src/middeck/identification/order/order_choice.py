@@ -1,8 +1,10 @@
 """Number of states for a response: the description length of each size, and lines kept out of the fit."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.values import record
 
@@ -11,11 +13,13 @@ PATIENCE = 3
 # Sizes after one that must not meet lines kept out better: several modes may be found only together.
 FURTHER = 5
 MOST_STATES = 60
-
-
 # Held-out errors within this share of each other are equal: searches that rounding sends other ways end a
 # tenth apart.
 EQUAL = 0.2
+# A few lines at peaks, narrower than lines are apart, may be most of a held-out error, and how a larger order
+# meets those is chance. It is better by so many deviations of the ratio of both errors, or if what lines gain
+# is so many times what others lose: modes that lack gain on all of their lines and lose on none.
+CLEAR, ONE_SIDED = 4.0, 25.0
 # Lengths that differ by less say little of which order is right (2 ln of a Bayes factor, Kass and Raftery
 # 1995).
 ALIKE = 6.0
@@ -30,12 +34,14 @@ class TriedOrder:
 
     ``noise``: what it leaves may be noise alone. Only where some order does so do lengths decide: elsewhere
     (distortion, modes without end) each order shortens the description, and by how much is chance.
+    ``lines``: the square of ``held_out`` shared out among the lines, if known.
     """
 
     states: int
     length: float
     held_out: float
     noise: bool = True
+    lines: Float[np.ndarray, " line"] | None = dataclasses.field(default=None, kw_only=True)
 
 
 @record
@@ -100,7 +106,7 @@ def choose(tried: Sequence[TriedOrder]) -> OrderChoice:
     If some order leaves noise alone, it is the order of minimum description length (MDL), or the smallest
     that is nearly as short, among orders that meet the held-out lines no worse than smaller ones do.
     Otherwise, or if the largest order tried is the shortest, no order is the true one (a real structure has
-    modes without end): it is the smallest that meets the held-out lines as well as the next few larger ones.
+    modes without end): it is the smallest that the next few larger ones do not better beyond chance.
     """
     trusted = [
         t for k, t in enumerate(tried) if t.held_out <= WORSE * min(o.held_out for o in tried[: k + 1])
@@ -135,12 +141,27 @@ def _by_lines_kept_out(tried: Sequence[TriedOrder]) -> OrderChoice:
 
 
 def _first_to_meet(tried: Sequence[TriedOrder]) -> TriedOrder:
-    """The smallest order that none of the `FURTHER` next ones betters by more than `EQUAL`."""
+    """The smallest order that none of the `FURTHER` next ones betters."""
     return next(
-        t
-        for k, t in enumerate(tried)
-        if all(t.held_out <= (1.0 + EQUAL) * o.held_out for o in tried[k + 1 : k + 1 + FURTHER])
+        t for k, t in enumerate(tried) if not any(_betters(o, t) for o in tried[k + 1 : k + 1 + FURTHER])
     )
+
+
+def _betters(larger: TriedOrder, smaller: TriedOrder) -> bool:
+    """Whether the held-out error is lower by more than `EQUAL`, and not by the chance of a few lines.
+
+    A sum of squares counts as one of sum(d)^2 / sum(d^2) equal lines (Kish 1965); its logarithm has the
+    variance of one over that.
+    """
+    if smaller.held_out <= (1.0 + EQUAL) * larger.held_out:
+        return False
+    if smaller.lines is None or larger.lines is None:
+        return True
+    gain = smaller.lines - larger.lines
+    if np.sum(np.maximum(gain, 0.0)) >= ONE_SIDED * np.sum(np.maximum(-gain, 0.0)):
+        return True
+    squares = [np.sum(t.lines**2) / np.sum(t.lines) ** 2 for t in (smaller, larger)]
+    return bool(2.0 * np.log(smaller.held_out / larger.held_out) > CLEAR * np.sqrt(sum(squares)))
 
 
 def _span(tried: Sequence[TriedOrder]) -> str:

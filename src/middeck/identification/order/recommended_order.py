@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterable
 
 import numpy as np
+from jaxtyping import Float
 
 from middeck.errors import DataError, FitError
 from middeck.identification.model.fit_options import FitOptions
@@ -59,11 +60,10 @@ def recommend_states(
         length = description_length(run.likelihood, unknowns, 2 * part.H.size, some.alike)
         # Without a measured variance noise and missing modes cannot be distinguished.
         noise = measured.variance is None or leaves_noise(run, some)
-        runs[states] = (
-            TriedOrder(states, length, _held_out(data, spread, part, some, run), noise),
-            run,
-        )
-        return runs[states][0]
+        lines = _held_out(data, spread, part, some, run)
+        tried = TriedOrder(states, length, float(np.sqrt(np.sum(lines))), noise, lines=lines)
+        runs[states] = tried, run
+        return tried
 
     best: Polished | None = None
     lacking, most = True, np.hypot(LACKING, float(np.sqrt(np.mean(spread.variance / spread.at(1.0)))))
@@ -148,8 +148,12 @@ def _grown(
     return None
 
 
-def _held_out(data: Data, spread: ExcessVariance, part: Data, some: ExcessVariance, best: Polished) -> float:
-    """Error on lines that the model has not seen, over the size that the fit weighs by and their noise.
+def _held_out(
+    data: Data, spread: ExcessVariance, part: Data, some: ExcessVariance, best: Polished
+) -> Float[np.ndarray, " line"]:
+    """Mean square error on lines that the model has not seen, shared out among them.
+
+    It is relative to the size that the fit weighs by and their noise.
 
     Those that were left out; where none were, on each line that of the model without it. A refit to every
     other line would not do: it keeps poles that follow single lines, and how many depends on where rounding
@@ -161,7 +165,7 @@ def _held_out(data: Data, spread: ExcessVariance, part: Data, some: ExcessVarian
         r, v = r[:, unseen], v[:, unseen]
     else:
         r = r / (1.0 - np.minimum(leverage(part, best, some.at(best.share)), MOST_LEVERAGE))
-    return float(np.sqrt(np.mean(np.abs(r) ** 2 / v)))
+    return np.sum(np.abs(r) ** 2 / v, axis=(0, 2)) / r.size
 
 
 def count_unknowns(measured: FrequencyResponse, options: FitOptions) -> int:
