@@ -94,6 +94,39 @@ def test_one_mode_has_the_closed_form():
     assert expected.uncertainty.damping[0] == pytest.approx(np.sqrt(2.0 * variance) / w, rel=0.03)
 
 
+def test_what_a_hold_takes_from_the_inputs_is_not_counted():
+    """The bound by differences of the samples themselves: one mode at 0.43 of the rate, held exactly."""
+    rate, N, sigma_y = 100.0, 800, 1e-3
+    made = design_multisine((0.5, 49.0), N / rate, rate, Limits(rms=1.0), RNG(1))
+    turn = np.exp(2j * np.pi * np.arange(N // 2 + 1) / N)
+    U = np.fft.rfft(made.u[0, :, 0])
+
+    def held(x):
+        """Steady samples behind the hold, each pole's step response exact."""
+        s = x[0] * (-x[1] + 1j * np.sqrt(1.0 - x[1] ** 2))
+        z, b = np.exp(s / rate), x[2] / (2j * s.imag)
+        H = sum(c * (p - 1.0) / q / (turn - p) for c, p, q in ((b, z, s), (b.conj(), z.conj(), s.conj())))
+        return np.fft.irfft(H * U, N)
+
+    true = np.array([2.0 * np.pi * 43.0, 0.01, 5.0])
+    steps = 1e-5 * np.diag(true)
+    slopes = np.array([(held(true + h) - held(true - h)) / (2.0 * h.sum()) for h in steps])
+    bound = np.sqrt(np.diag(np.linalg.inv(2.0 * slopes @ slopes.T / sigma_y**2)))
+    w, zeta, K = true
+    modal = ModalSystem(omega=[w], zeta=[zeta], psi=[[K]], phi=[[1.0]], phi_rate=[[0.0]], names=("one",))
+    plant = Plant(dynamics=modal, inputs=gimbal_record.INPUTS[:1], outputs=gimbal_record.OUTPUTS[:1])
+    model = dataclasses.replace(model_of_plant(plant), hold_s=1.0 / rate)
+    structure = dataclasses.replace(structure_of(model), with_delay=False)
+    record = gimbal_record.multisine(0)
+    u = made.u[:, None]
+    record = dataclasses.replace(record, sample_hz=rate, u=u, y=np.zeros_like(u), held=True)
+    for behind, command in ((plant, made), (model, made), (model, record)):
+        known = expected_accuracy(behind, command, sigma_y, periods=2, structure=structure).uncertainty
+        # What folds back from beyond half the rate adds little.
+        found = np.array([2.0 * np.pi * known.natural_hz[0], known.damping[0]])
+        np.testing.assert_allclose(found, bound[:2], rtol=0.02)
+
+
 def maximum_likelihood(measured, start, structure, variance):
     """Gauss-Newton from the truth with the true variance: three steps end far below a deviation."""
     s, x = 2j * np.pi * measured.frequency_hz, unknowns_of(start, structure)

@@ -77,7 +77,9 @@ def expected_accuracy(
     Args:
         model: The assumed truth: a plant of a structure (with the delay ``delay_s`` of the test), or a model
             of an earlier record.
-        command: A designed excitation, or a record whose inputs are to be used again.
+        command: A designed excitation, or a record whose inputs are to be used again. What a hold takes from
+            held samples (those of a design, and of a record that says so) counts for a plant, and for a model
+            that is of what is behind a hold (``hold_s``); any other has it in its constants.
         noise_rms: Rms of the white noise on each output's samples.
         periods: Steady periods of each experiment; one for a signal that does not repeat, whose transient is
             then taken as known (it costs as many unknowns as states, of all lines).
@@ -89,15 +91,18 @@ def expected_accuracy(
     Raises `ConfigError` for a number of inputs or noises that does not fit, a noise that is not positive, no
     period, or a test that leaves an unknown undetermined.
     """
+    behind_hold = isinstance(model, Plant) or model.hold_s is not None
     if isinstance(model, Plant):
         model = model_of_plant(model, delay_s=delay_s)
     structure = structure_of(model) if structure is None else structure
-    u, lines, sample_hz = _samples(command)
+    u, lines, sample_hz, held = _samples(command)
     outputs, inputs = model.direct.shape
     noise = np.broadcast_to(np.asarray(noise_rms, dtype=float), (outputs,))
     _check(u, inputs, noise, periods)
     samples = u.shape[1]
     U = np.moveaxis(np.fft.rfft(u, axis=1)[:, lines], 1, 0)
+    if held and behind_hold:
+        U = U * np.sinc(lines / samples)[:, None, None]
     s = 2j * np.pi * lines * sample_hz / samples
     F = factor_of(_blocks(model, structure, s, U, samples * noise**2 / periods))
     root, inflation = _inverse(F)
@@ -129,14 +134,18 @@ def structure_of(model: MeasurementModel) -> ModelStructure:
     )
 
 
-def _samples(command: Excitation | Record) -> tuple[np.ndarray, np.ndarray, float]:
-    """One period of each experiment, excited lines and rate; zero and Nyquist have no phase."""
+def _samples(command: Excitation | Record) -> tuple[np.ndarray, np.ndarray, float, bool]:
+    """One period of each experiment, excited lines, rate, and whether samples are held until the next.
+
+    Zero and Nyquist have no phase.
+    """
+    held = isinstance(command, Excitation) or bool(command.held)
     if isinstance(command, Excitation):
         u, lines = command.u, command.lines
     else:
         u = command.u.mean(axis=1)
         lines = recognise_excitation(command).lines if command.periodic else np.arange(u.shape[1] // 2)
-    return u, lines[(lines > 0) & (2 * lines < u.shape[1])], command.sample_hz
+    return u, lines[(lines > 0) & (2 * lines < u.shape[1])], command.sample_hz, held
 
 
 def _check(u: np.ndarray, inputs: int, noise: np.ndarray, periods: int) -> None:
