@@ -1,6 +1,7 @@
 """Headings, sentences and tables of Figures 10 to 12."""
 
 from middeck.plot.port_words import port_words
+from middeck.study.chapters.two_sensor_control.half_planes import EITHER, half_plane
 from middeck.study.measured_loop.text import (
     changed,
     decibels,
@@ -12,8 +13,6 @@ from middeck.study.measured_loop.text import (
     rig_table,
 )
 from middeck.study.words import Line, Numbers, Table, cells, deviation, fixed, percent, signed
-
-CERTAIN = 3.0  # standard deviations from the axis beyond which the half-plane of a zero is certain
 
 
 def title_10(figures: Numbers, entry: str) -> str:
@@ -40,20 +39,12 @@ def figure_10(figures: Numbers, entry: str) -> str:
     )
 
 
-def half_plane(zero: Numbers) -> str:
-    """The half-plane of a zero; both where its deviation allows either."""
-    deviation = zero["damping_deviation"]
-    if deviation is None or abs(zero["damping"]) < CERTAIN * deviation:
-        return "left or right"
-    return "right" if zero["nonminimum_phase"] else "left"
-
-
 def _on_the_right(zeros: list[Numbers]) -> str:
     """Zeros in the right half-plane, and those that may lie there."""
     clauses: list[str] = []
     for side, words in (
         ("right", "non-minimum-phase zeros"),
-        ("left or right", "zeros that may lie in either half-plane"),
+        (EITHER, "zeros that may lie in either half-plane"),
     ):
         there = [z for z in zeros if half_plane(z) == side]
         listed = " and ".join(
