@@ -583,7 +583,7 @@ def _refuse_noise(data: Data, run: RecordRun) -> None:
     model = 2.0 * negative_log_likelihood(r, noise_variance(r)) + unknowns * np.log(2.0 * H.size)
     if model >= alone:
         raise FitError(
-            "a model of noise alone describes the outputs as well: the inputs explain nothing of them",
+            "a model of noise alone describes the outputs as well as this one, which the inputs drive",
             hint="check which channels are which, and that no delay is longer than the record; more states, "
             "a longer record or a larger excitation",
         )
